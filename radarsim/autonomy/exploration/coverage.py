@@ -34,7 +34,7 @@ from radarsim.autonomy.navigation.control import (
     distance,
 )
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
+from radarsim.autonomy.navigation.wall_following import WallFollower
 from radarsim.geometry import Point, wrap_angle
 
 FULL_TURN: Final = 2 * math.pi
@@ -154,8 +154,9 @@ class ContourStrategy(Strategy):
         super().__init__(settings)
         self.activity = "seeking"
         self.contours = 0
-        self._wall_follower = WallFollower(settings.bumpers, settings.speed_limits)
-        self._mode = FollowMode(wall_on_left=settings.wall_on_left)
+        self._wall_follower = WallFollower(
+            settings.bumpers, settings.speed_limits, wall_on_left=settings.wall_on_left
+        )
         self._coverage = coverage_strategy(settings)
         self._track: list[Point] = []
         self._circuit: _Circuit | None = None
@@ -213,10 +214,10 @@ class ContourStrategy(Strategy):
     def _align(self, observation: Observation) -> Twist:
         bearing = bearing_of(observation.pose, *self._wall)
         wall_follower = self._wall_follower
-        twist, aligned = wall_follower.align(observation, self._mode, bearing)
+        twist, aligned = wall_follower.align(observation, bearing)
         if aligned:
             self.activity = "following"
-            direction = wall_follower.tangent(observation, self._mode)
+            direction = wall_follower.tangent(observation)
             self._circuit = _Circuit(
                 observation, direction, wall_follower.target_distance
             )
@@ -224,7 +225,7 @@ class ContourStrategy(Strategy):
         return twist
 
     def _follow(self, observation: Observation) -> Twist:
-        twist, found = self._wall_follower.step(observation, self._mode)
+        twist, found = self._wall_follower.step(observation)
         assert self._circuit is not None
         self._circuit.add(observation, found=found)
         if distance(observation.pose, *self._track[-1]) > TRACK_STEP:
@@ -233,7 +234,7 @@ class ContourStrategy(Strategy):
             self.contours += 1
             # Round a room it has turned to one side in total, round an island to the
             # other: that wall was not the room's.
-            is_inside = (self._circuit.turn < 0) == self._mode.wall_on_left
+            is_inside = (self._circuit.turn < 0) == self._settings.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._circuit.lost > self._max_lost:
             self.activity = "seeking"
