@@ -203,12 +203,8 @@ class ContourStrategy(Strategy):
         self.activity = "aligning"
         # As a place on the map: while the robot turns, another beam may be the nearest.
         nearest = int(observation.ranges.argmin())
-        range_ = float(observation.ranges[nearest])
-        angle = float(observation.bearings[nearest]) + observation.pose.yaw
-        self._wall = (
-            observation.pose.x + range_ * math.cos(angle),
-            observation.pose.y + range_ * math.sin(angle),
-        )
+        bearing = float(observation.bearings[nearest])
+        self._wall = observation.pose.point(bearing, float(observation.ranges[nearest]))
         return STOP
 
     def _align(self, observation: Observation) -> Twist:
@@ -307,12 +303,7 @@ class SpiralCoverage(Strategy):
 
     def _point(self) -> Point:
         assert self._start is not None
-        radius = SPACING * self._angle / (2 * math.pi)
-        angle = self._start.yaw + self._angle
-        return (
-            self._start.x + radius * math.cos(angle),
-            self._start.y + radius * math.sin(angle),
-        )
+        return self._start.point(self._angle, SPACING * self._angle / (2 * math.pi))
 
     def _advance(self) -> float:
         """Go on to the next point on the spiral; return the angle to it, rad."""

@@ -235,7 +235,7 @@ class Mapper:
         return f"pose from {self.slam.motion_source}"
 
     @property
-    def cure(self) -> str:
+    def hint(self) -> str:
         """The motion sources that are left, if poses of the wanted one are missing."""
         if self.missing != self._missing_pose:
             return ""

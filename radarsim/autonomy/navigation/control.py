@@ -146,7 +146,7 @@ class ObservationSource(Protocol):
         """The report that it waits for, for messages."""
 
     @property
-    def cure(self) -> str:
+    def hint(self) -> str:
         """What to expect instead of what is missing, for messages; may be empty."""
 
     def take(self, report: Report) -> Observation | None:
@@ -213,5 +213,5 @@ class ControlLoop:
         names = ", ".join(sorted(received))
         came = f"what came: {names}" if received else "nothing came"
         missing = f"no {self._source.missing} within {self._timeout:g} s"
-        cure = f"; {self._source.cure}" * bool(self._source.cure)
-        raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{cure}")
+        hint = f"; {self._source.hint}" * bool(self._source.hint)
+        raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{hint}")

@@ -84,7 +84,7 @@ def run_mission(
         wall_on_left=mission.side == "left",
         give_up=mission.give_up,
         tolerance=mission.tolerance,
-        hull=hull_for(info, mission),
+        footprint=footprint_for(info, mission),
     )
     controller = controller_class(mission.algorithm)(mission.goals, settings)
     if mission.echoes:
@@ -127,7 +127,9 @@ def safety_distance_for(
     return wanted
 
 
-def hull_for(robot_info: RobotInfo, mission: Mission) -> tuple[float, float] | None:
+def footprint_for(
+    robot_info: RobotInfo, mission: Mission
+) -> tuple[float, float] | None:
     """Return the length and the width of what paths have to be wide enough for, m.
 
     None if it is not known how far before the ends of beams that is which blocks.

@@ -221,7 +221,7 @@ class ObservationBuilder:
         self.missing = f"pose from {needed.value}"
 
     @property
-    def cure(self) -> str:
+    def hint(self) -> str:
         """The other sources of poses, if the wanted one has sent none."""
         names = [source.value for source in PoseSource if source in self._others]
         if self._pose is not None or not names:

@@ -50,7 +50,7 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.open_directions import leads_too_near
-from radarsim.geometry import Floats, Point, Pose2, wrap_angle
+from radarsim.geometry import Floats, Point, wrap_angle
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
 MAX_TURN = 0.8  # rad
@@ -196,7 +196,7 @@ class WallFollower:
         if boundary is None:
             return None
         bearing, distance = boundary
-        return _point(observation.pose, self._bearing(bearing), distance), distance
+        return observation.pose.point(self._bearing(bearing), distance), distance
 
     def hit_point(self, observation: Observation, obstacle: float) -> Point:
         """Return the nearest point of an obstacle that is hit, m, map frame.
@@ -206,8 +206,9 @@ class WallFollower:
         heading = self._abeam_heading(self._view(observation), obstacle)
         bearing = self._bearing(heading + ABEAM)
         distance = self.bumpers.towards(observation, bearing).distance
-        distance = min(distance, self.bumpers.pressed_below)
-        return _point(observation.pose, bearing, distance)
+        return observation.pose.point(
+            bearing, min(distance, self.bumpers.pressed_below)
+        )
 
     def leads_into_boundary(self, observation: Observation, bearing: float) -> bool:
         """Return whether a direction leads into the boundary that is followed.
@@ -309,12 +310,6 @@ class WallFollower:
             if not self.bumpers.towards(view, other).too_near:
                 return other
         return heading - ABEAM
-
-
-def _point(pose: Pose2, bearing: float, distance: float) -> Point:
-    """Return a point seen from a pose, m, map frame."""
-    angle = pose.yaw + bearing
-    return pose.x + distance * math.cos(angle), pose.y + distance * math.sin(angle)
 
 
 def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:

@@ -255,14 +255,14 @@ def test_slam_needs_the_motion_of_an_ins(empty_room: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lines", "cure"),
+    ("lines", "hint"),
     [
         pytest.param(b"nothing", "; expected poses from ins or ground_truth", id="two"),
         pytest.param(b"{Type INS}", "; expected poses from ground_truth", id="one"),
     ],
 )
 def test_robot_without_odometry_is_told_with_what_it_has(
-    empty_room: Scene, lines: bytes, cure: str
+    empty_room: Scene, lines: bytes, hint: str
 ) -> None:
     host = Host(empty_room, config=SimulationConfig(UDK))
     link = FaultyTransport(host, lines, since=ALWAYS)
@@ -270,7 +270,7 @@ def test_robot_without_odometry_is_told_with_what_it_has(
         go(link, pose_source=PoseSource.ODOMETRY, drive_unit="rev_per_s")
     text = str(error.value)
     assert text.startswith("no pose from odometry within 2 s, what came: ")
-    assert text.endswith(cure)
+    assert text.endswith(hint)
     assert all(drive.left == drive.right == 0 for _, drive in link.drive_commands)
 
 
