@@ -149,7 +149,7 @@ def test_nothing_that_is_seen_is_driven_into() -> None:
     assert follower.is_blocked(beside)
 
 
-def test_what_is_seen_within_the_hull_is_in_error(flatland: World) -> None:
+def test_what_is_seen_within_the_footprint_is_in_error(flatland: World) -> None:
     world = flatland(*gate(0.66), at=Pose2(-2.5, 0.0))
     planned = planning((2.5, 0.0))
     for _ in range(400):

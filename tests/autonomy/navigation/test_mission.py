@@ -171,7 +171,7 @@ def test_robot_turns_the_boundary_to_the_chosen_side(
         ),
     ],
 )
-def test_hull_is_as_large_as_what_is_not_seen_asks_for(
+def test_footprint_is_as_large_as_what_is_not_seen_asks_for(
     foliage_room: Scene,
     overrides: dict[str, Any],
     footprint: tuple[float, float] | None,

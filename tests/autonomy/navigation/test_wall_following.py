@@ -63,7 +63,13 @@ def test_follower_settles_in_the_middle_of_the_band(
     assert world.nearest > S
 
 
-@FOLLOWERS
+@pytest.mark.parametrize(
+    "follow",
+    [
+        pytest.param(follower(), id="left, forward"),
+        pytest.param(follower(wall_on_left=False, forward=False), id="right, backward"),
+    ],
+)
 @pytest.mark.parametrize(
     "shape",
     [
