@@ -8,9 +8,9 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
-from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.observation import Observation, ScanReader
 from radarsim.client import Client, RobotInfo
 from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2, wrap_angle
@@ -138,21 +138,6 @@ class StandstillDetector:
             )
 
 
-class ObservationSource(Protocol):
-    """Combines reports into observations."""
-
-    @property
-    def missing(self) -> str:
-        """The report that it waits for, for messages."""
-
-    @property
-    def hint(self) -> str:
-        """What to expect instead of what is missing, for messages; may be empty."""
-
-    def take(self, report: Report) -> Observation | None:
-        """Process a report; return the observation that it completes, if any."""
-
-
 class ControlLoop:
     """Drives one robot: yields observations, and sends wheel speeds."""
 
@@ -160,7 +145,7 @@ class ControlLoop:
         self,
         client: Client,
         robot_info: RobotInfo,
-        source: ObservationSource,
+        source: ScanReader,
         *,
         timeout: float,
     ) -> None:
