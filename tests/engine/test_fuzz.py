@@ -18,7 +18,7 @@ import radarsim
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid, distance_field
 from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
 from radarsim.autonomy.mapping.scan_matching import ScanPoints, best_start, fit
-from radarsim.autonomy.navigation.footprint_planning import Hull, plan_footprint
+from radarsim.autonomy.navigation.footprint_planning import Footprint, plan_footprint
 from radarsim.autonomy.navigation.grid_search import shortest_path
 from radarsim.engine import engine
 from radarsim.engine.library import Packed
@@ -197,7 +197,7 @@ def plan() -> None:
     targets[5, 4] = True
     shortest_path(cost, (0, 0), targets)
     around = np.array([[-2.0, -1], [2, -1], [2, 1], [-2, 1], [0, 1]])
-    plan_footprint(Hull(0.5, 0.4), around, Pose2(-1.0, 0.0, 0.0), (1.0, 0.0))
+    plan_footprint(Footprint(0.5, 0.4), around, Pose2(-1.0, 0.0, 0.0), (1.0, 0.0))
 
 
 class Mutator:
