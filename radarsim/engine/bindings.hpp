@@ -80,10 +80,11 @@ class Arguments {
     // Read an array whose first axes have names, and whose others have given lengths.
     NumpyArray next_array(bool is_written, int named, const int64_t* others, int axes) {
         auto head = static_cast<const char*>(next().address) + table_[0].integer;
-        const NumpyArray& array = *reinterpret_cast<const NumpyArray*>(head);
+        // Other objects are shorter: nothing behind their heads is read.
+        bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address;
+        NumpyArray array = fits ? *reinterpret_cast<const NumpyArray*>(head) : NumpyArray{};
         int flags = NumpyArray::CONTIGUOUS | NumpyArray::ALIGNED | (is_written ? NumpyArray::WRITEABLE : 0);
-        bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address &&
-                    array.dtype == dtype_->address && (array.flags & flags) == flags && array.axes == axes;
+        fits = fits && array.dtype == dtype_->address && (array.flags & flags) == flags && array.axes == axes;
         for (int i = 0; i < axes && fits; i++) {
             int64_t length = i < named ? length_named(length_[i], array.lengths[i]) : others[i - named];
             fits = array.lengths[i] == length;
