@@ -4,24 +4,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from parts import layer, rays_ahead
 
 from radarsim.errors import EngineError
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part
-from radarsim.scene.shapes import box
 
-WALL = box(1, 9, 9)
-TRACER = Tracer([Part("wall", Material("wall"), WALL[0] + [3.5, 0, 0], WALL[1])])
+TRACER = Tracer([layer("wall", Material("wall"), 3, 4)])
 
 
 def rays(**changed: Any) -> Rays:
     """Return three rays ahead, some columns changed."""
-    ahead = np.tile([1.0, 0, 0], (3, 1))
-    return replace(
-        Rays.uniform(np.zeros((3, 3)), ahead, max_range=9.0, power=1.0), **changed
-    )
+    return replace(rays_ahead(3, max_range=9.0, power=1.0), **changed)
 
 
 @pytest.mark.parametrize(
@@ -32,12 +27,6 @@ def rays(**changed: Any) -> Rays:
             "RaySource.directions is an array float64[2, 3],"
             " expected an array f8[o,3] where o = 3",
             id="too few directions",
-        ),
-        pytest.param(
-            {"class_index": np.zeros(3, np.int64)},
-            "RaySource.class_index is an array int64[3],"
-            " expected an array u1[r] where r = 3",
-            id="wide medium",
         ),
         pytest.param(
             {"origins": np.zeros((2, 3)), "directions": np.zeros((2, 3))},

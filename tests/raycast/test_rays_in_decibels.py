@@ -1,14 +1,12 @@
 """Rays of a radar that counts in decibels, against sums of decibels."""
 
 import math
-from dataclasses import replace
 
-import numpy as np
 import pytest
-from parts import layer
+from parts import layer, rays_ahead
 
 from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, Traces
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
@@ -25,8 +23,7 @@ SOIL = Material("soil", absorption_db=math.inf, backscatter_db=-25.0)
 
 
 def trace(ray_class: RayClass, *parts: Part) -> Traces:
-    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=20.0, power=3.0)
-    rays = replace(rays, class_index=rays.class_index * 0, ray_classes=(ray_class,))
+    rays = rays_ahead(power=3.0, ray_classes=(ray_class,))
     return Tracer(parts).trace(rays, incidence=True)
 
 
