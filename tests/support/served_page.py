@@ -32,16 +32,6 @@ def serve(*words: str) -> Iterator[Served]:
 
 
 @contextmanager
-def serve_robots(
-    *words: str, port: int = 0
-) -> Iterator[tuple[subprocess.Popen[bytes], tuple[str, int]]]:
-    """Serve a map without a page, and return the process, and host and port."""
-    words = ("serve", *words, "--port", str(port))
-    with _run("listening on", *words) as (process, told):
-        yield process, _read_address(told)
-
-
-@contextmanager
 def show(address: tuple[str, int], *words: str) -> Iterator[Served]:
     """Serve the page of a server that runs already."""
     server = f"{address[0]}:{address[1]}"
