@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from parts import layer, rays_ahead
 
 from radarsim.raycast.attenuation import EventKind, Outcome
+from radarsim.raycast.rays import DEFAULT_CLASSES, RADAR, RayClass
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
@@ -40,13 +41,28 @@ def expected_end(
 
 
 @settings(max_examples=25)
-@given(layers=LAYERS, power=st.floats(0.01, 10), wall=st.floats(0.5, 40))
+@given(
+    layers=LAYERS,
+    power=st.floats(0.01, 10),
+    wall=st.floats(0.5, 40),
+    scale=st.floats(0.01, 1) | st.none(),
+)
 def test_random_stacks_of_layers_match_a_direct_sum(
-    layers: list[tuple[float, float, float]], power: float, wall: float
+    layers: list[tuple[float, float, float]],
+    power: float,
+    wall: float,
+    scale: float | None,
 ) -> None:
-    stack = [layer("leaf", Material("leaf", density=r), a, a + d) for a, d, r in layers]
+    """Layers take units of power, or decibels, which take ``scale`` units each."""
+    stack = []
+    for start, depth, loss in layers:
+        leaf = Material("leaf", density=loss)
+        if scale:
+            leaf = Material("leaf", density=0.0, radar_db=(0, 0, loss / scale))
+        stack.append(layer("leaf", leaf, start, start + depth))
+    classes = (RayClass(RADAR, power_per_db=scale),) if scale else DEFAULT_CLASSES
     tracer = Tracer([*stack, layer("wall", Material("wall"), wall, wall + 1.0)])
-    found = tracer.trace(rays_ahead(power=power))
+    found = tracer.trace(rays_ahead(power=power, ray_classes=classes))
     t, outcome, left = expected_end(layers, power, wall)
     if found.outcomes[0] != outcome:  # spent at the very last, or just not
         assert abs(found.power[0] - left) < 1e-7

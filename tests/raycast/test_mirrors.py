@@ -328,41 +328,6 @@ def test_rays_of_several_classes_are_traced_together() -> None:
     assert len(Rays.concatenate(batches).ray_classes) == 3
 
 
-@settings(max_examples=25)
-@given(
-    st.lists(
-        st.tuples(st.floats(0.01, 2), st.floats(0.01, 3), st.floats(0, 8)),
-        min_size=1,
-        max_size=7,
-    ),
-    st.floats(1, 120),
-    st.floats(0.01, 30),
-)
-def test_wall_is_hit_exactly_if_the_margin_covers_the_two_way_attenuation(
-    stack: list[tuple[float, float, float]], margin: float, power: float
-) -> None:
-    """Whatever the scale: power is s M / 2, and a dB in one direction costs s."""
-    at, parts, lost, spent_at = 0.5, [], 0.0, math.inf
-    for gap, depth, decibels in stack:
-        material = Material("leaf", density=0.0, radar_db=(0, 0, decibels))
-        at += gap
-        parts.append(brick(material, (depth, 4, 4), (at + depth / 2, 0, 0)))
-        if lost + decibels * depth >= margin / 2 and math.isinf(spent_at):
-            spent_at = at + (margin / 2 - lost) / decibels
-        lost += decibels * depth
-        at += depth
-    parts.append(brick(WALL, (1, 4, 4), (at + 1.5, 0, 0)))
-    scale = power / (margin / 2)
-    traces = Tracer(parts).trace(cast(AHEAD, power=power, power_per_db=scale))
-    if abs(lost - margin / 2) < 1e-7:
-        return
-    shows = lost < margin / 2
-    assert (traces.outcomes[0] == Outcome.HIT) == shows
-    assert traces.ranges[0] == pytest.approx(at + 1.0 if shows else spent_at, abs=1e-8)
-    left = power * (1 - lost / (margin / 2)) if shows else 0.0
-    assert traces.power[0] == pytest.approx(left, abs=1e-9 * max(power, 1))
-
-
 # Air.
 
 

@@ -311,14 +311,8 @@ def test_tracer_is_freed_with_its_scene() -> None:
 def test_unexpected_result_of_the_engine_check_is_rejected(
     t: float, power: float
 ) -> None:
-    wrong = Traces(
-        np.array([t]),
-        np.zeros(1, np.uint8),
-        np.zeros(1, np.int64),
-        np.array([power]),
-        np.zeros(0),
-        np.zeros(0, EVENT),
-    )
+    end = np.array([t]), np.zeros(1, np.uint8), np.zeros(1, np.int64), np.array([power])
+    wrong = Traces(*end, np.zeros(0), np.zeros(0, EVENT))
     with pytest.raises(EngineError) as caught:
         check_known_end(wrong)
     assert str(caught.value) == (
