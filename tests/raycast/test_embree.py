@@ -10,16 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.first_hits import FirstHits
 from radarsim.errors import EngineError
-from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.embree import EmbreeScene, Mesh
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.tracer import Tracer
-from radarsim.scene import shapes
-from radarsim.scene.material import Material
-from radarsim.scene.scene import Part
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 FACE = np.array([[0, 1, 2]])
@@ -67,23 +60,6 @@ def test_meshes_are_copied() -> None:
     scene = EmbreeScene([Mesh(vertices, FACE)])
     vertices += 50
     assert scene.triangles.tolist() == [TRIANGLE.ravel().tolist()]
-
-
-def test_first_hits_match_those_of_embreex() -> None:
-    rng = np.random.Generator(np.random.PCG64(2))
-    solids = [shapes.sphere(0.7), shapes.box(1, 2, 0.5), shapes.cylinder(0.4, 2.0)] * 8
-    solids = [(vertices + rng.uniform(-3, 3, 3), faces) for vertices, faces in solids]
-    meshes, wall = [Mesh(*each) for each in solids], Material("wall")
-    parts = [Part(str(i), wall, *each) for i, each in enumerate(solids)]
-    origins = rng.uniform(-8, 8, (3000, 3))
-    ray_directions: Floats = rng.uniform(-6, 6, (3000, 3)) - origins
-    ray_directions /= np.linalg.norm(ray_directions, axis=1, keepdims=True)
-    other = FirstHits(meshes, (origins, ray_directions)).everything()
-    found = Tracer(parts).trace(Rays.uniform(origins, ray_directions, max_range=1e3))
-    hit = found.parts >= 0
-    assert hit.sum() > 500
-    assert found.parts.tolist() == other["geomID"].tolist()
-    np.testing.assert_allclose(found.ranges[hit], other["tfar"][hit], atol=2e-5)
 
 
 @pytest.mark.parametrize("names", [[], ["libembree4.so.4", "libembree4.so.5"]])

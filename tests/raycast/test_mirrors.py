@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from parts import brick
 
@@ -99,33 +99,22 @@ def test_ray_into_a_mirror_is_the_straight_ray_into_the_mirrored_scene(
         Part("ball", LEAF, ball + middle, ball_faces),
         Part("room", WALL, room, room_faces),
     ]
-    images = [
-        Part(
-            p.object_name,
-            p.material,
-            mirrored(p.vertices, place, normal),
-            p.faces[:, ::-1],
-        )
-        for p in parts
-    ]
-    a, e = math.radians(az), math.radians(el)
-    ray_direction = np.array(
-        [[math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]]
-    )
-    ahead = float(ray_direction[0] @ normal)
-    if abs(ahead) < 0.05:
-        return
+    images = []
+    for p in parts:
+        vertices = mirrored(p.vertices, place, normal)
+        images.append(Part(p.object_name, p.material, vertices, p.faces[:, ::-1]))
+    direction = rotation_matrix(0, math.radians(-el), math.radians(az))[:, 0]
+    ahead = float(direction @ normal)
+    assume(abs(ahead) >= 0.05)
     hit = float(place @ normal) / ahead
-    at = hit * ray_direction[0]
+    at = hit * direction
     on_plate = np.abs((at - place) @ turn)[1:].max() < 29.9
-    if hit <= 0 or hit > 40 or not on_plate:
-        return
-    if np.linalg.norm(middle) < 1.6 or np.linalg.norm(at - middle) < 1.6:
-        return
-    straight = np.linalg.norm(np.cross(middle, ray_direction[0]))
-    if straight < 1.6 and 0 < middle @ ray_direction[0] < hit:
-        return  # the ball hides its own image
-    rays = cast(ray_direction, bounces=1, max_range=500.0)
+    assume(0 < hit <= 40 and on_plate)
+    assume(np.linalg.norm(middle) >= 1.6 <= np.linalg.norm(at - middle))
+    straight = np.linalg.norm(np.cross(middle, direction))
+    # Otherwise the ball hides its own image.
+    assume(straight >= 1.6 or not 0 < middle @ direction < hit)
+    rays = cast(direction[None], bounces=1, max_range=500.0)
     seen = Tracer([mirror, *parts]).trace(rays)
     wanted = Tracer(images).trace(rays)
     assert seen.ranges == pytest.approx(wanted.ranges, abs=1e-6)

@@ -19,6 +19,7 @@ LEAVES = Material("leaves", density=0.7, attenuation_db=(2.0, 3.0, 4.0))
 LEAF = Material(
     "leaf", density=0.0, sheet_loss=0.4, sheet_attenuation_db=(0.1, 0.2, 0.3)
 )
+BUSH = Material("bush", density=0.3, radar_db=(0.0, 1.0, 0.0))
 SOIL = Material("soil", absorption_db=math.inf, backscatter_db=-25.0)
 
 
@@ -30,22 +31,13 @@ def trace(ray_class: RayClass, *parts: Part) -> Traces:
 @pytest.mark.parametrize(
     ("ray_class", "material", "lost"),
     [
-        pytest.param(IN_DECIBELS, LEAVES, 2 * 3.0, id="3 dB/m for 2 m"),
-        pytest.param(IN_UNITS, LEAVES, 2 * 0.7 * 25, id="0.7 per metre"),
-        pytest.param(IN_DECIBELS, LEAF, 2 * 0.2, id="two sheets of 0.2 dB"),
-        pytest.param(IN_UNITS, LEAF, 2 * 0.4 * 25, id="two sheets of 0.4"),
-        pytest.param(
-            IN_DECIBELS,
-            Material("bush", density=0.3, radar_db=(0.0, 1.0, 0.0)),
-            2 * (0.3 * 25 + 1.0),
-            id="units where there are no decibels",
-        ),
-        pytest.param(
-            IN_DECIBELS,
-            Material("leaf", density=0.0, sheet_loss=0.1),
-            2 * 0.1 * 25,
-            id="sheets in units where there are no decibels",
-        ),
+        (IN_DECIBELS, LEAVES, 2 * 3.0),
+        (IN_UNITS, LEAVES, 2 * 0.7 * 25),
+        (IN_DECIBELS, LEAF, 2 * 0.2),
+        (IN_UNITS, LEAF, 2 * 0.4 * 25),
+        # units where there are no decibels
+        (IN_DECIBELS, BUSH, 2 * (0.3 * 25 + 1.0)),
+        (IN_DECIBELS, Material("leaf", density=0.0, sheet_loss=0.1), 2 * 0.1 * 25),
     ],
 )
 def test_decibels_of_a_material_apply_instead_of_its_units(

@@ -41,17 +41,15 @@ def test_box_is_hit_at_its_face(
 @pytest.mark.parametrize(
     ("rows", "text"),
     [
-        pytest.param(
-            np.zeros((2, 7)), "boxes of shape (2, 7), expected (n, 8)", id="short rows"
-        ),
-        pytest.param(np.zeros(8), "boxes of shape (8,), expected (n, 8)", id="one row"),
-        pytest.param(
+        (np.zeros((2, 7)), "boxes of shape (2, 7), expected (n, 8)"),
+        (np.zeros(8), "boxes of shape (8,), expected (n, 8)"),
+        (
             np.array([ROW, [*ROW[:7], math.nan]]),
             "boxes[1] is [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, nan],"
             " expected finite numbers",
-            id="nan",
         ),
     ],
+    ids=["short rows", "one row", "nan"],
 )
 def test_invalid_boxes_are_rejected(rows: np.ndarray, text: str) -> None:
     with pytest.raises(EngineError) as caught:

@@ -289,11 +289,7 @@ def slanted_edge(angle: float) -> Scene:
 
 @pytest.mark.parametrize(
     ("rays", "worst", "middle"),
-    [
-        pytest.param(3, 1 / 3, 0.11, id="three rays"),
-        pytest.param(16, 0.2, 0.06, id="a grid of sixteen"),
-        pytest.param(49, 0.16, 0.05, id="a grid of forty-nine"),
-    ],
+    [(3, 1 / 3, 0.11), (16, 0.2, 0.06), (49, 0.16, 0.05)],  # grids but for three
 )
 def test_quadrature_error_over_a_slanted_edge_is_within_its_bound(
     rays: int, worst: float, middle: float
@@ -454,21 +450,17 @@ def test_with_all_echoes_is_itself_unless_last_echoes_are_kept(mode: str) -> Non
 @pytest.mark.parametrize(
     "settings",
     [
-        pytest.param({}, id="drawn"),
-        pytest.param({"range_noise": 0.1}, id="noise"),
-        pytest.param({"incidence_weights": True}, id="chosen"),
-        pytest.param(
-            {"side_mode": "cone", "beamwidth_az_deg": 5, "cone_sampling": "random"},
-            id="random cone",
-        ),
+        *({}, {"range_noise": 0.1}, {"incidence_weights": True}),
+        {"side_mode": "cone", "beamwidth_az_deg": 5, "cone_sampling": "random"},
     ],
+    ids=["drawn", "noise", "chosen", "random cone"],
 )
 def test_second_robot_does_not_change_the_first_ones_scans(
     settings: dict[str, Any], foliage_room: Scene
 ) -> None:
     """The second one drives before the first, which draws the same all the same."""
     config = radarsim.SimulationConfig(item_settings={"lms200": settings})
-    ranges: list[list[str]] = []
+    ranges: list[list[bytes]] = []
     model = load_robot("P3AT")
     for others in (0, 1):
         simulation = Simulation(foliage_room, config=config, seed=3)
@@ -476,13 +468,11 @@ def test_second_robot_does_not_change_the_first_ones_scans(
         assert first is not None
         if others:
             assert simulation.spawn("R2", model, Pose2(-5, 3)) is not None
-        lines: list[str] = []
+        ranges.append([])
         for _ in range(50):
             simulation.step()
-            output = simulation.collect_reports().get(first.number)
-            scans_ = output.scans if output else ()
-            lines += [str(scan.ranges[:80].tolist()) for scan in scans_]
-        ranges.append(lines)
+            if output := simulation.collect_reports().get(first.number):
+                ranges[-1] += [scan.ranges[:80].tobytes() for scan in output.scans]
     assert len(ranges[0]) == 5
     assert ranges[0] == ranges[1]
 
