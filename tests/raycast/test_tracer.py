@@ -151,18 +151,16 @@ def sheets(count: int) -> Part:
     leaf = np.array([[0.0, -1, -1], [0, 1, -1], [0, 0, 1]])
     vertices = np.vstack([leaf + np.array([1 + i / 100, 0, 0]) for i in range(count)])
     faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
-    return Part(
-        "leaves", Material("leaf", density=0.0, sheet_loss=1e-4), vertices, faces
-    )
+    leaf = Material("leaf", density=0.0, sheet_loss=1e-4)
+    return Part("leaves", leaf, vertices, faces)
 
 
 def test_capacity_for_surfaces_ahead_grows() -> None:
     count = 3 * INITIAL_CAPACITY
     tracer = Tracer([sheets(count)])
     for _ in range(2):  # the second call has the room from the start
-        assert tracer.trace(rays([(0, 0, 0)])).power[0] == pytest.approx(
-            1 - count * 1e-4
-        )
+        power = tracer.trace(rays([(0, 0, 0)])).power
+        assert power == pytest.approx([1 - count * 1e-4])
 
 
 def test_capacity_for_surfaces_behind_grows() -> None:
@@ -184,25 +182,21 @@ def test_explain_returns_events_in_order() -> None:
         brick(foliage(0.2), (1, 2, 2), (3, 0, 0)),
         brick(CONCRETE, (1, 2, 2), (6, 0, 0)),
     ]
+    start = [(0.0, EventKind.START_INSIDE, 0, 1.0), (1.0, EventKind.LEAVE, 0, 0.9)]
+    ahead = [
+        (2.5, EventKind.ENTER, 1, 0.9),
+        (3.5, EventKind.LEAVE, 1, 0.7),
+        (5.5, EventKind.HIT, 2, 0.7),
+    ]
+    behind = [(80.0, EventKind.OUT_OF_RANGE, -1, 0.9)]
     cast = rays([(0, 0, 0), (0, 0, 0)], np.array([AHEAD, (-1.0, 0, 0)]))
-    reported = [
-        [(event.t, event.kind, event.part, round(event.power, 9)) for event in events]
-        for events in Tracer(parts).explain(cast)
-    ]
-    assert reported == [
-        [
-            (0.0, EventKind.START_INSIDE, 0, 1.0),
-            (1.0, EventKind.LEAVE, 0, 0.9),
-            (2.5, EventKind.ENTER, 1, 0.9),
-            (3.5, EventKind.LEAVE, 1, 0.7),
-            (5.5, EventKind.HIT, 2, 0.7),
-        ],
-        [
-            (0.0, EventKind.START_INSIDE, 0, 1.0),
-            (1.0, EventKind.LEAVE, 0, 0.9),
-            (80.0, EventKind.OUT_OF_RANGE, -1, 0.9),
-        ],
-    ]
+    for events, wanted in zip(
+        Tracer(parts).explain(cast), (ahead, behind), strict=True
+    ):
+        found = [
+            (each.t, each.kind, each.part, round(each.power, 9)) for each in events
+        ]
+        assert found == start + wanted
 
 
 ENDS = {
@@ -243,11 +237,8 @@ def test_explain_ends_where_trace_ends() -> None:
         assert [a.power >= b.power for a, b in pairwise(events)].count(False) == 0
         last = events[-1]
         assert ENDS[last.kind] == traces.outcomes[i]
-        assert (last.t, last.part, last.power) == (
-            traces.ranges[i],
-            traces.parts[i],
-            traces.power[i],
-        )
+        end = traces.ranges[i], traces.parts[i], traces.power[i]
+        assert (last.t, last.part, last.power) == end
 
 
 @pytest.mark.parametrize(
@@ -293,15 +284,11 @@ def test_part_may_have_no_faces(material: Material) -> None:
     assert one([nothing, wall]) == (2.5, Outcome.HIT, 1, 1.0)
 
 
-def test_scene_has_one_tracer() -> None:
+def test_scene_has_one_tracer_which_is_freed_with_it() -> None:
     scene, other = Scene("one", "DM-One"), Scene("one", "DM-One")
-    assert tracer_of(scene) is tracer_of(scene)
-    assert tracer_of(scene) is not tracer_of(other)
-
-
-def test_tracer_is_freed_with_its_scene() -> None:
-    scene = Scene("one", "DM-One")
     tracer = weakref.ref(tracer_of(scene))
+    assert tracer_of(scene) is tracer()
+    assert tracer_of(other) is not tracer()
     del scene
     gc.collect()
     assert tracer() is None

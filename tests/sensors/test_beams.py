@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles.gaussian_beam import side_ray_angle
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import (
@@ -197,7 +196,9 @@ def test_three_divergent_rays_can_equal_a_cone_of_three() -> None:
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": 3}
     three = {
         "side_mode": "divergent",
-        "side_offset_uu": offset_units(side_ray_angle(width), distance),
+        "side_offset_uu": offset_units(
+            math.sqrt(3) * two_way_deviation(width), distance
+        ),
         "divergence_distance": distance,
         "ray_weights": (1, 4, 1),
     }

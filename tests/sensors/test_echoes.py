@@ -11,7 +11,6 @@ from parts import block
 import radarsim
 from radarsim import Echoes, Material, Part, Pose3, Scan, Scene
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
@@ -59,33 +58,6 @@ def test_two_partly_hidden_poles_are_two_echoes_of_one_beam() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("weights", "kept"),
-    [((1, 1, 3), "near"), ((1, 3, 1), "far"), ((1, 1, 1), "near")],
-)
-def test_strongest_mode_keeps_the_echo_of_most_weight(
-    weights: tuple[float, float, float], kept: str
-) -> None:
-    scan = take(POLES, return_mode="strongest", ray_weights=weights)
-    assert objects(scan.echoes, 1) == [kept]
-    assert scan.ranges[1] == scan.echoes.ranges[scan.echoes.beams == 1][0]
-
-
-def test_each_return_mode_keeps_its_echoes() -> None:
-    thin = Material("thin leaf", density=0.05)  # 2.5 dB out and back
-    bush, wall = block("bush", thin, (1, 4, 4), (3, 0, 0)), pole("pole", 7, 0.0, 0.5)
-    kept = {
-        mode: objects(take(scene(bush, wall), return_mode=mode).echoes, 1)
-        for mode in ("last", "first", "strongest")
-    }
-    assert kept == {"last": ["pole"], "first": ["bush"], "strongest": ["pole"]}
-    every = take(
-        scene(bush, wall), return_mode="all", side_offset_uu=0, ray_choice="drawn"
-    )
-    assert objects(every.echoes, 1) == ["bush", "bush", "pole"]
-    assert every.ranges[1] == pytest.approx(6.5, abs=1e-3)
-
-
 def test_smoke_is_neither_first_nor_strongest_echo() -> None:
     world = scene(block("cloud", SMOKE, (2, 4, 4), (3, 0, 0)), pole("pole", 7, 0, 0.5))
     for mode in ("first", "strongest"):
@@ -129,16 +101,6 @@ def test_transparency_is_the_share_passed_by_one_metre(
     target = Target.of("it", material, settings)
     assert target.density == density
     assert target.transparency == pytest.approx(transparency)
-
-
-def test_spent_beam_has_its_own_echo_kind() -> None:
-    bush = block("bush", LEAF, (4, 0.2, 4), (4, 0.0, 0))
-    wall = block("wall", WALL, (1, 9, 4), (7, 0, 0))
-    scan = take(scene(bush, wall), side_offset_uu=0)
-    assert [EventKind(kind) for kind in scan.echoes.kinds.tolist()] == [
-        *(EventKind.HIT, EventKind.SPENT, EventKind.HIT)
-    ]
-    assert scan.echoes.power[1] == 0.0
 
 
 def test_robot_is_a_target() -> None:

@@ -4,6 +4,7 @@ import json
 import random
 import struct
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -31,9 +32,9 @@ def hostile_maps() -> dict[str, Callable[[], Files]]:
     cases = {name: files for family in families for name, files in family()}
     for name in sorted(good_meshes()):
         for number in range(9):
-            cases[f"broken {name} {number}"] = _Broken(name, number)
+            cases[f"broken {name} {number}"] = partial(_broken, name, number)
     for number in range(28):
-        cases[f"broken map {number}"] = _Broken("m.yaml", number)
+        cases[f"broken map {number}"] = partial(_broken, "m.yaml", number)
     return cases
 
 
@@ -327,37 +328,29 @@ def good_meshes() -> dict[str, bytes]:
     return meshes
 
 
-class _Broken:
-    """A good map whose file, or whose mesh, is cut, changed, doubled or shuffled."""
-
-    def __init__(self, name: str, number: int) -> None:
-        self._name = name
-        self._number = number
-
-    def __call__(self) -> Files:
-        draw = random.Random(f"{self._name} {self._number}")
-        files = of_mesh("a.glb", good_meshes()["a.glb"], "leaf")
-        if self._name != "m.yaml":
-            files = of_mesh(self._name, good_meshes()[self._name], "leaf")
-        else:
-            more = [f"name: o{i}, {BOX}, position: [{i}, 0, 0]" for i in range(20)]
-            files["m.yaml"] = str(objects(more)["m.yaml"]) + "air: fog\n"
-        content = files[self._name]
-        data = bytearray(content.encode() if isinstance(content, str) else content)
-        kind = self._number % 4
-        if kind == 0:
+def _broken(name: str, number: int) -> Files:
+    """Cut, change, double or shuffle the file of a good map, or its mesh."""
+    draw = random.Random(f"{name} {number}")
+    mesh = "a.glb" if name == "m.yaml" else name
+    files = of_mesh(mesh, good_meshes()[mesh], "leaf")
+    if name == "m.yaml":
+        more = [f"name: o{i}, {BOX}, position: [{i}, 0, 0]" for i in range(20)]
+        files["m.yaml"] = str(objects(more)["m.yaml"]) + "air: fog\n"
+    content = files[name]
+    data = bytearray(content.encode() if isinstance(content, str) else content)
+    match number % 4:
+        case 0:
             del data[draw.randrange(len(data)) :]
-        elif kind == 1:
+        case 1:
             for _ in range(draw.choice((1, 10, 300))):
                 data[draw.randrange(min(len(data), 600))] = draw.randrange(256)
-        elif kind == 2:
+        case 2:
             at = draw.randrange(len(data))
             data[at:at] = data[: draw.randrange(len(data))]
-        else:
+        case _:
             at, size = draw.randrange(len(data)), draw.randrange(2000)
             data[at : at + size] = draw.randbytes(draw.randrange(2000))
-        files[self._name] = bytes(data)
-        return files
+    return files | {name: bytes(data)}
 
 
 def write_files(folder: Path, files: Files) -> Path:
