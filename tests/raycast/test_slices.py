@@ -99,13 +99,6 @@ def test_traces_are_the_same_bytes_with_and_without_a_slice(seed: int) -> None:
     assert check_slices(rng, forest(rng), RAYS_AT_ONCE) > RAYS_AT_ONCE
 
 
-@pytest.mark.slow("alone")
-def test_a_million_rays_give_the_same_bytes_with_and_without_a_slice() -> None:
-    rng = np.random.Generator(np.random.PCG64(99))
-    for _ in range(8):  # of five heights each
-        assert check_slices(rng, forest(rng), 25_000) > 12_500
-
-
 def test_tilted_rays_search_the_whole_scene() -> None:
     floor = brick(Material("concrete"), (20.0, 20.0, 1.0), (0.0, 0.0, -5.0))
     tracer = Tracer([floor, brick(Material("wood"), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))])

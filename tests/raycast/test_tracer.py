@@ -151,8 +151,8 @@ def sheets(count: int) -> Part:
     leaf = np.array([[0.0, -1, -1], [0, 1, -1], [0, 0, 1]])
     vertices = np.vstack([leaf + np.array([1 + i / 100, 0, 0]) for i in range(count)])
     faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
-    leaf = Material("leaf", density=0.0, sheet_loss=1e-4)
-    return Part("leaves", leaf, vertices, faces)
+    green = Material("leaf", density=0.0, sheet_loss=1e-4)
+    return Part("leaves", green, vertices, faces)
 
 
 def test_capacity_for_surfaces_ahead_grows() -> None:

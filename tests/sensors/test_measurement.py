@@ -87,16 +87,12 @@ def test_larger_offset_makes_more_beams_uncertain(foliage_room: Scene) -> None:
 # The law of weights by incidence: ray weight times cosine of the angle to the normal.
 
 
-def test_weights_decide_among_rays_that_met_nothing() -> None:
-    found = scans(radar(**AHEAD, incidence_weights=True), scene(), 3000)
+def test_ray_that_met_nothing_is_only_selected_among_such_rays() -> None:
+    scanner, post = radar(**AHEAD, incidence_weights=True), EDGE.parts[0]
     wanted, error = 1 / 3, math.sqrt(2 / 9 / 3000)
-    assert shares(found, 1) == pytest.approx([wanted] * 3, abs=4 * error)
-
-
-def test_ray_that_met_nothing_is_not_selected_beside_a_hit() -> None:
-    world = scene(board("post", (1, 4, 4), (5.5, 2.05, 0)))
-    found = scans(radar(**AHEAD, incidence_weights=True), world, 300)
-    assert shares(found, 1) == [0, 0, 1]
+    found = shares(scans(scanner, scene(), 3000), 1)
+    assert found == pytest.approx([wanted] * 3, abs=4 * error)
+    assert shares(scans(scanner, scene(post), 300), 1) == [0, 0, 1]
 
 
 @pytest.mark.parametrize("weights", [(1, 1, 1), (1, 2, 0), (0, 1, 3)])
@@ -410,7 +406,7 @@ def test_ray_without_weight_does_not_blind() -> None:
     """The centre ray is spent in a twig, the side rays see nothing."""
     leaf = Material("twig", density=9.0)
     twig = board("twig", (1, 0.1, 4), (5, 0, 0), of=leaf)
-    settings = {"ray_weights": (1, 0, 1), "ray_choice": "together"}
+    settings: dict[str, Any] = {"ray_weights": (1, 0, 1), "ray_choice": "together"}
     settings |= {"side_offset_uu": 50, "spent_reads": "zero"}
     for mode in ("last", "first", "strongest", "all"):
         scanner = radar(**AHEAD, **settings, return_mode=mode)
@@ -498,17 +494,19 @@ def test_every_preset_scans(name: str, foliage_room: Scene) -> None:
 DUST = Material("dust", density=0.0, laser_density=0.0, solid=False, laser_db=1.0)
 
 
-def dusty(depth: float) -> Scene:
-    cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), of=DUST)
+def cloudy(depth: float, smoke: Material) -> Scene:
+    cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), of=smoke)
     return scene(cloud, board("back", (1, 90, 9), (40.5, 0, 0)))
 
 
 @pytest.mark.parametrize("mode", ["last", "all", "strongest"])
 def test_light_absorbed_in_a_cloud_gives_no_range(mode: str) -> None:
     laser = radarsim.load_sensor("physical", **AHEAD, return_mode=mode)
-    inside = laser.scan(dusty(30), Pose3(8, 0, 0))
+    inside = laser.scan(cloudy(30, DUST), Pose3(8, 0, 0))
     assert np.isinf(inside.ranges).all()
-    assert laser.scan(dusty(30), Pose3(20, 0, 0)).ranges[1] == pytest.approx(20.0)
+    assert laser.scan(cloudy(30, DUST), Pose3(20, 0, 0)).ranges[1] == pytest.approx(
+        20.0
+    )
     if mode != "all":
         assert len(inside.echoes) == 0
     assert np.isinf(laser.scan(scene(), HERE).ranges).all()
@@ -517,14 +515,10 @@ def test_light_absorbed_in_a_cloud_gives_no_range(mode: str) -> None:
 def test_usarsim_hokuyo_is_blinded_by_its_depth_of_smoke() -> None:
     """A budget of 0.00575 in a density of 0.001 ends after 5.75 m."""
     fog = Material("fog", density=0.0, laser_density=0.001, solid=False)
-    back = board("back", (1, 90, 9), (40.5, 0, 0))
+    hokuyo = radarsim.load_sensor("hokuyo", **AHEAD, max_range=80)
     for near, blind in ((0.001, True), (-0.001, False)):
-        depth = 5.75 + near
-        cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), of=fog)
-        settings = {**AHEAD, "max_range": 80}
-        hokuyo = radarsim.load_sensor("hokuyo", **settings)
-        scan = hokuyo.scan(scene(cloud, back), HERE)
-        assert (scan.ranges[1] == 0.0) == blind
-        echo = radarsim.load_sensor("hokuyo", **settings, spent_reads="range")
-        end = echo.scan(scene(cloud, back), HERE).ranges[1]
+        world = cloudy(5.75 + near, fog)
+        assert (hokuyo.scan(world, HERE).ranges[1] == 0.0) == blind
+        echo = hokuyo.with_settings(spent_reads="range")
+        end = echo.scan(world, HERE).ranges[1]
         assert end == pytest.approx(10.75 if blind else 40.0)
