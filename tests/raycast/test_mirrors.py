@@ -206,7 +206,9 @@ def test_robot_sees_itself_in_a_mirror_and_not_otherwise() -> None:
 def test_events_have_positions_and_the_incidence_of_the_last_segment() -> None:
     tracer, rays = Tracer([ACROSS, brick(WALL, (40, 1, 9), (4, 6.5, 0))]), cast(AHEAD)
     (events,) = tracer.explain(rays)
-    assert tracer.trace(rays, incidence=True).incidence == pytest.approx([1.0])
+    slanted = Tracer([ACROSS, brick(WALL, (20, 1, 9), (4, 6.5, 0), 30)])
+    found = slanted.trace(rays, incidence=True).incidence
+    assert found == pytest.approx([math.cos(math.radians(30))])
     mirror, hit = events
     assert mirror.position[1:] == pytest.approx((0, 0))
     assert mirror.position[0] == pytest.approx(mirror.t)
@@ -408,6 +410,14 @@ def test_number_of_panes_on_a_rays_way_is_bounded(bounces: int) -> None:
     traces = tracer.trace(rays)
     assert traces.outcomes.tolist() == [Outcome.HIT]
     assert traces.parts.tolist() == [bounces]
+
+
+def test_what_is_between_panes_counts_as_without_them() -> None:
+    behind = [brick(LEAF, (2, 4, 4), (5, 0, 0)), brick(WALL, (1, 40, 4), (9.5, 0, 0))]
+    rays = cast(AHEAD, band=1, power_per_db=PER_DB)
+    plain, glazed = (Tracer([*panes, *behind]).trace(rays) for panes in ([], [pane(2)]))
+    assert glazed.ranges == pytest.approx(plain.ranges)
+    assert glazed.power == pytest.approx(plain.power - 6.5 / 25)
 
 
 def test_ray_that_starts_inside_a_pane_leaves_it() -> None:

@@ -68,17 +68,13 @@ def test_parallel_side_ray_starts_n_units_off(side: int, mode: str) -> None:
     assert beside.origins - middle.origins == pytest.approx(side * 0.2 * left)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        pytest.param({"ray_weights": (1, 2, 5)}, id="three rays"),
-        pytest.param({"ray_weights": (0, 1, 0)}, id="no side rays"),
-        pytest.param(CONE, id="a cone"),
-    ],
-)
-def test_rays_are_drawn_by_their_weights(settings: dict[str, Any]) -> None:
+@pytest.mark.parametrize("weights", [(1, 2, 5), (0, 1, 0), None], ids=str)
+def test_rays_are_drawn_by_their_weights(weights: tuple[int, ...] | None) -> None:
+    settings = {"ray_weights": weights} if weights else CONE
     wide = load_settings("radar", fov_deg=359, resolution_deg=0.01, **settings)
     pattern = BeamPattern(wide)
+    if weights:
+        assert pattern.weights == pytest.approx(np.array(weights) / sum(weights))
     drawn: Nodes = trace(pattern, 1).nodes
     for node, wanted in enumerate(pattern.weights.tolist()):
         error = math.sqrt(wanted * (1 - wanted) / len(drawn))
@@ -165,13 +161,15 @@ def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
     assert np.corrcoef(offsets.T)[0, 1] == pytest.approx(0, abs=4 / math.sqrt(n))
 
 
-def test_side_of_a_cone_ray_follows_its_offset() -> None:
-    pattern = BeamPattern(load_settings("radar", **CONE, cone_rays=9))
+@pytest.mark.parametrize("sampling", ["quadrature", "random"])
+def test_side_of_a_cone_ray_follows_its_offset(sampling: str) -> None:
+    cone = {**CONE, "cone_rays": 9, "cone_sampling": sampling}
+    pattern = BeamPattern(load_settings("radar", **cone))
     batch = trace(pattern)
     ahead = batch.all_rays(0).directions
     turned = np.arctan2(ahead[:, 1], ahead[:, 0]) - pattern.angles
     assert sides_of(batch).tolist() == np.sign(turned.round(9)).tolist()
-    assert set(sides_of(batch).tolist()) == {-1, 0, 1}
+    assert {-1, 1} <= set(sides_of(batch).tolist())
 
 
 @settings(max_examples=15)

@@ -129,6 +129,12 @@ def test_same_seed_gives_the_same_rain_and_lasers_see_none() -> None:
     assert laser.scan(WALLED, Pose3(0, 0, 0)).ranges.min() > 9
 
 
+def test_rain_requires_an_rng() -> None:
+    still = radarsim.load_sensor("radar", ray_choice="together")
+    with pytest.raises(ValueError, match="no rng, expected a Generator"):
+        still.scan(rainy_scene(), Pose3(0, 0, 0))
+
+
 def test_rain_shows_for_every_arrangement_of_rays() -> None:
     for settings in (
         {"incidence_weights": True},
