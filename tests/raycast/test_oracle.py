@@ -64,11 +64,12 @@ def part(material: Material, solid: Solid) -> Part:
 
 
 class Answer(NamedTuple):
-    """End of one ray: range, outcome and remaining power."""
+    """End of one ray: range, outcome, remaining power, and the parts of walls there."""
 
     t: float
     outcome: Outcome
     power: float
+    walls: frozenset[int] = frozenset()
 
 
 class Oracle:
@@ -147,7 +148,10 @@ class Oracle:
             if cost * (until - start) >= power:
                 return Answer(float(start + power / cost), Outcome.SPENT, 0.0)
             power -= float(cost * (until - start))
-        return Answer(stop, Outcome.HIT if end <= max_range else Outcome.NOTHING, power)
+        if end > max_range:
+            return Answer(stop, Outcome.NOTHING, power)
+        met = self.owner[hit & opaque & (t <= end + EXACT)]
+        return Answer(stop, Outcome.HIT, power, frozenset(met.tolist()))
 
 
 def compare(
@@ -170,6 +174,7 @@ def compare(
         t = wanted.t if wanted.outcome != Outcome.NOTHING else math.inf
         story = f"ray {i} from {origins[i].tolist()} along {directions[i].tolist()}"
         assert traces.outcomes[i] == wanted.outcome, story
+        assert not wanted.walls or traces.parts[i] in wanted.walls, story
         assert traces.ranges[i] == pytest.approx(t, abs=EXACT), story
         assert traces.power[i] == pytest.approx(wanted.power, abs=EXACT), story
 
