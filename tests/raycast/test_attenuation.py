@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from parts import layer, rays_ahead
 
 from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import Rays
+from radarsim.raycast.rays import DEFAULT_CLASSES, RADAR, RayClass
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import box
 
 LAYERS = st.lists(
     st.tuples(
@@ -21,12 +21,6 @@ LAYERS = st.lists(
     ),
     max_size=12,
 )
-
-
-def layer(material: Material, start: float, thickness: float) -> Part:
-    vertices, faces = box(thickness, 4, 4)
-    middle = np.array([start + thickness / 2, 0.3, 0.2])
-    return Part(material.name, material, vertices + middle, faces)
 
 
 def expected_end(
@@ -47,14 +41,28 @@ def expected_end(
 
 
 @settings(max_examples=25)
-@given(layers=LAYERS, power=st.floats(0.01, 10), wall=st.floats(0.5, 40))
+@given(
+    layers=LAYERS,
+    power=st.floats(0.01, 10),
+    wall=st.floats(0.5, 40),
+    scale=st.floats(0.01, 1) | st.none(),
+)
 def test_random_stacks_of_layers_match_a_direct_sum(
-    layers: list[tuple[float, float, float]], power: float, wall: float
+    layers: list[tuple[float, float, float]],
+    power: float,
+    wall: float,
+    scale: float | None,
 ) -> None:
-    stack = [layer(Material("leaf", density=r), a, d) for a, d, r in layers]
-    tracer = Tracer([*stack, layer(Material("wall"), wall, 1.0)])
-    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=50.0, power=power)
-    found = tracer.trace(rays)
+    """Layers take units of power, or decibels, which take ``scale`` units each."""
+    stack = []
+    for start, depth, loss in layers:
+        leaf = Material("leaf", density=loss)
+        if scale:
+            leaf = Material("leaf", density=0.0, radar_db=(0, 0, loss / scale))
+        stack.append(layer("leaf", leaf, start, start + depth))
+    classes = (RayClass(RADAR, power_per_db=scale),) if scale else DEFAULT_CLASSES
+    tracer = Tracer([*stack, layer("wall", Material("wall"), wall, wall + 1.0)])
+    found = tracer.trace(rays_ahead(power=power, ray_classes=classes))
     t, outcome, left = expected_end(layers, power, wall)
     if found.outcomes[0] != outcome:  # spent at the very last, or just not
         assert abs(found.power[0] - left) < 1e-7
@@ -82,18 +90,16 @@ def test_surfaces_are_crossed_by_distance_and_then_by_part(
         faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
         sheet = Material("leaf", density=0.0, sheet_loss=0.01)
         parts.append(Part("leaves", sheet, vertices, faces))
-    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=9.0)
-    events = Tracer(parts).trace(rays, events=True).events[:-1]
+    events = Tracer(parts).trace(rays_ahead(), events=True).events[:-1]
     found = [(round(float(t), 9), int(part)) for t, part in events[["t", "part"]]]
     assert found == sorted(crossings)
 
 
 def test_volume_is_entered_before_another_of_the_same_part_is_left() -> None:
-    near, far = (layer(Material("leaf", density=0.1), x, 1.0) for x in (1.0, 2.0))
+    leaf = Material("leaf", density=0.1)
+    near, far = (layer("leaf", leaf, x, x + 1.0) for x in (1.0, 2.0))
     vertices = np.vstack([near.vertices, far.vertices])
     faces = np.vstack([near.faces, far.faces + len(near.vertices)])
-    both = Part("leaves", near.material, vertices, faces)
-    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=9.0)
-    events = Tracer([both]).explain(rays)[0]
+    events = Tracer([Part("leaves", leaf, vertices, faces)]).explain(rays_ahead())[0]
     found = [(event.kind, round(event.t, 9)) for event in events[:-1]]
     assert found == [(EventKind.ENTER, 1.0), (EventKind.LEAVE, 3.0)]

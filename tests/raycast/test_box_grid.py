@@ -99,7 +99,7 @@ def places_around(rng: np.random.Generator, boxes: Boxes, spread: float) -> Floa
     return places
 
 
-@settings(max_examples=25)
+@settings(max_examples=50)
 @given(
     seed=st.integers(0, 2**32),
     count=st.sampled_from([1, 7, 8, 40, 150]),
@@ -107,12 +107,25 @@ def places_around(rng: np.random.Generator, boxes: Boxes, spread: float) -> Floa
     far=st.sampled_from([0.0, 0.0, 50.0, 9e4, 1e9, 1e200]),
     apart=st.sampled_from([0.0, 0.05, 2.0]),
     reach=st.sampled_from([0.5, 30.0, 1e6, 1e13]),
+    shape=st.sampled_from([[1.0, 1.0], [0.0, 1.0], [1.0, 0.01]]),
+    largest=st.sampled_from([None, 0.0, 2.0, 50.0]),
 )
 def test_nearest_box_is_that_of_all_boxes_in_turn(
-    seed: int, count: int, spread: float, far: float, apart: float, reach: float
+    *,
+    seed: int,
+    count: int,
+    spread: float,
+    far: float,
+    apart: float,
+    reach: float,
+    shape: list[float],
+    largest: float | None,
 ) -> None:
     rng = np.random.Generator(np.random.PCG64(seed))
     boxes = random_boxes(rng, count, spread, far)
+    boxes.rows[:, :2] *= shape
+    if largest is not None:
+        boxes.rows[:, 5:7] = rng.uniform(0.0, 1.0, (count, 2)) ** 8 * largest
     rays = rays_from(rng, places_around(rng, boxes, spread), apart, 20)
     rays.max_range[:] = reach
     rays.max_range[::13] = 0.0
@@ -149,25 +162,6 @@ def test_rays_along_the_borders_of_cells_meet_what_is_there(
     rays = Rays.uniform(both, np.vstack([ways, -ways, up]), max_range=20.0)
     rays.origins[-count:, 1] = borders  # upwards from where borders cross
     assert_equal(Rays.concatenate([rays, rays]), boxes)
-
-
-@settings(max_examples=25)
-@given(
-    seed=st.integers(0, 2**32),
-    count=st.integers(8, 200),
-    spread=st.sampled_from([0.0, 0.1, 3.0, 30.0]),
-    shape=st.sampled_from([[1.0, 1.0], [0.0, 1.0], [1.0, 0.01]]),
-    largest=st.sampled_from([0.0, 2.0, 50.0]),
-)
-def test_boxes_of_all_sizes_are_met(
-    seed: int, count: int, spread: float, shape: list[float], largest: float
-) -> None:
-    rng = np.random.Generator(np.random.PCG64(seed))
-    rows = random_boxes(rng, count, spread).rows
-    rows[:, :2] *= shape
-    rows[:, 5:7] = rng.uniform(0.0, 1.0, (count, 2)) ** 8 * largest
-    places = rng.uniform(-1.5 * spread, 1.5 * spread, (6, 3)) * [1.0, 1.0, 0.2]
-    assert_equal(rays_from(rng, places, 0.5, 12), Boxes(rows))
 
 
 @pytest.mark.parametrize("turn", np.linspace(0.0, 2 * np.pi, 33).tolist())

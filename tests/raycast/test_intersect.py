@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from parts import brick, rays_ahead
 
 from radarsim.engine import engine
 from radarsim.errors import EngineError
@@ -10,11 +11,9 @@ from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part
-from radarsim.scene.shapes import box
 
 WALL, LEAF = Material("wall"), Material("leaf", density=1.0)
-ROOM = Part("room", WALL, *box(10, 10, 10))
+ROOM = brick(WALL, (10, 10, 10), (0, 0, 0))
 
 
 def is_hidden(
@@ -33,8 +32,7 @@ def is_hidden(
         edges=np.zeros(2),
         sides=np.array([-1, 0, 1], np.int8),
     )
-    ray = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=9.0)
-    fields = ray.pack().fields | {"table": nodes, "radius": radius}
+    fields = rays_ahead().pack().fields | {"table": nodes, "radius": radius}
     fields |= {"origins": np.zeros((0, 3)), "directions": np.zeros((0, 3))}
     source = engine.structures["RaySource"].pack(**fields)
     places = np.array([[*place, 0.0, 0.0, 0.0, carrier_id]])
@@ -44,11 +42,6 @@ def is_hidden(
     assert drawn.tolist() == [1 + side for side in sides.tolist()]
     assert sides[1] == 0
     return [sides[0] == 0, sides[2] == 0]
-
-
-def bush(x: float) -> Part:
-    vertices, faces = box(1, 1, 1)
-    return Part("bush", LEAF, vertices + np.array([x, 0, 0]), faces)
 
 
 @settings(max_examples=40)
@@ -65,7 +58,7 @@ def test_ray_is_replaced_if_a_wall_is_before_its_start(
 
 @pytest.mark.parametrize(("medium", "hidden"), [(RADAR, False), (LASER, True)])
 def test_foliage_is_opaque_only_to_lasers(medium: int, hidden: bool) -> None:
-    tracer = Tracer([ROOM, bush(1)])
+    tracer = Tracer([ROOM, brick(LEAF, (1, 1, 1), (1, 0, 0))])
     place = np.array([1.0, -0.6, 0.0])
     assert is_hidden(tracer, place, 0.2, medium) == [False, hidden]
 

@@ -1,14 +1,12 @@
 """Rays of a radar that counts in decibels, against sums of decibels."""
 
 import math
-from dataclasses import replace
 
-import numpy as np
 import pytest
-from parts import layer
+from parts import layer, rays_ahead
 
 from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, Traces
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
@@ -21,34 +19,25 @@ LEAVES = Material("leaves", density=0.7, attenuation_db=(2.0, 3.0, 4.0))
 LEAF = Material(
     "leaf", density=0.0, sheet_loss=0.4, sheet_attenuation_db=(0.1, 0.2, 0.3)
 )
+BUSH = Material("bush", density=0.3, radar_db=(0.0, 1.0, 0.0))
 SOIL = Material("soil", absorption_db=math.inf, backscatter_db=-25.0)
 
 
 def trace(ray_class: RayClass, *parts: Part) -> Traces:
-    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=20.0, power=3.0)
-    rays = replace(rays, class_index=rays.class_index * 0, ray_classes=(ray_class,))
+    rays = rays_ahead(power=3.0, ray_classes=(ray_class,))
     return Tracer(parts).trace(rays, incidence=True)
 
 
 @pytest.mark.parametrize(
     ("ray_class", "material", "lost"),
     [
-        pytest.param(IN_DECIBELS, LEAVES, 2 * 3.0, id="3 dB/m for 2 m"),
-        pytest.param(IN_UNITS, LEAVES, 2 * 0.7 * 25, id="0.7 per metre"),
-        pytest.param(IN_DECIBELS, LEAF, 2 * 0.2, id="two sheets of 0.2 dB"),
-        pytest.param(IN_UNITS, LEAF, 2 * 0.4 * 25, id="two sheets of 0.4"),
-        pytest.param(
-            IN_DECIBELS,
-            Material("bush", density=0.3, radar_db=(0.0, 1.0, 0.0)),
-            2 * (0.3 * 25 + 1.0),
-            id="units where there are no decibels",
-        ),
-        pytest.param(
-            IN_DECIBELS,
-            Material("leaf", density=0.0, sheet_loss=0.1),
-            2 * 0.1 * 25,
-            id="sheets in units where there are no decibels",
-        ),
+        (IN_DECIBELS, LEAVES, 2 * 3.0),
+        (IN_UNITS, LEAVES, 2 * 0.7 * 25),
+        (IN_DECIBELS, LEAF, 2 * 0.2),
+        (IN_UNITS, LEAF, 2 * 0.4 * 25),
+        # units where there are no decibels
+        (IN_DECIBELS, BUSH, 2 * (0.3 * 25 + 1.0)),
+        (IN_DECIBELS, Material("leaf", density=0.0, sheet_loss=0.1), 2 * 0.1 * 25),
     ],
 )
 def test_decibels_of_a_material_apply_instead_of_its_units(

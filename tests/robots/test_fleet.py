@@ -44,10 +44,7 @@ def add(fleet: Fleet, around: Obstacles, pose: Pose2, model: int = 0) -> Robot:
 
 
 def references(fleet: Fleet, around: Obstacles) -> tuple[ReferenceRobot, ...]:
-    return tuple(
-        ReferenceRobot(each.model, each.pose, around, top_speed=each.top_speed)
-        for each in fleet.robots
-    )
+    return tuple(ReferenceRobot(each.model, each.pose, around) for each in fleet.robots)
 
 
 @settings(deadline=None, max_examples=15)

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles.gaussian_beam import side_ray_angle
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import (
@@ -20,6 +19,7 @@ from radarsim.rng import generator_for
 from radarsim.sensors.beams import BeamPattern, beam_angles
 from radarsim.sensors.scan_batch import ScanBatch
 
+CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
 ORIGIN, HERE = Pose3(0.0, 0.0, 0.0), Pose3(1.0, -2.0, 0.5)
 
 
@@ -47,43 +47,38 @@ def sides_of(batch: ScanBatch) -> Sides:
 
 
 def test_beams_run_counter_clockwise_from_the_right() -> None:
-    angles = beam_angles(load_settings("radar"))
-    assert np.degrees(angles) == pytest.approx(np.arange(-90, 91))
-
-
-def test_first_beam_points_right_and_last_left() -> None:
     settings = load_settings("radar")
+    assert np.degrees(beam_angles(settings)) == pytest.approx(np.arange(-90, 91))
     rays = aim(settings, HERE, 0)
     assert rays.directions[0] == pytest.approx([0, -1, 0])
     assert rays.directions[180] == pytest.approx([0, 1, 0])
     assert rays.origins == pytest.approx(np.tile(HERE.position(), (181, 1)))
 
 
+@pytest.mark.parametrize("mode", ["perpendicular", "lateral"])
 @pytest.mark.parametrize("side", [-1, 1])
-def test_perpendicular_ray_is_parallel_and_n_units_off(side: int) -> None:
-    settings = load_settings("radar", side_offset_uu=50)
-    middle = aim(settings, HERE, 0)
-    beside = aim(settings, HERE, side)
-    offset = beside.origins - middle.origins
-    across = np.cross([0, 0, 1], middle.directions)  # to the left of each beam
-    assert beside.directions == pytest.approx(middle.directions)
-    assert np.linalg.norm(offset, axis=1) == pytest.approx(np.full(181, 0.2))
-    assert np.einsum("ij,ij->i", offset, across) == pytest.approx(
-        np.full(181, side * 0.2)
-    )
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-def test_lateral_ray_starts_on_the_left_right_axis(side: int) -> None:
-    settings = load_settings("radar", side_offset_uu=100, side_mode="lateral")
+def test_parallel_side_ray_starts_n_units_off(side: int, mode: str) -> None:
+    settings = load_settings("radar", side_offset_uu=50, side_mode=mode)
     pose = Pose3(1, 2, 3, 0, 0, math.pi / 2)
-    middle = aim(settings, pose, 0)
-    beside = aim(settings, pose, side)
+    middle, beside = aim(settings, pose, 0), aim(settings, pose, side)
+    left = np.cross([0, 0, 1], middle.directions)  # of each beam
+    if mode == "lateral":
+        left[:] = [-1.0, 0.0, 0.0]  # of the sensor, which looks north
     assert beside.directions == pytest.approx(middle.directions)
-    left_of_north = np.array([-1.0, 0.0, 0.0])
-    assert beside.origins - middle.origins == pytest.approx(
-        np.tile(side * 0.4 * left_of_north, (181, 1))
-    )
+    assert beside.origins - middle.origins == pytest.approx(side * 0.2 * left)
+
+
+@pytest.mark.parametrize("weights", [(1, 2, 5), (0, 1, 0), None], ids=str)
+def test_rays_are_drawn_by_their_weights(weights: tuple[int, ...] | None) -> None:
+    settings = {"ray_weights": weights} if weights else CONE
+    wide = load_settings("radar", fov_deg=359, resolution_deg=0.01, **settings)
+    pattern = BeamPattern(wide)
+    if weights:
+        assert pattern.weights == pytest.approx(np.array(weights) / sum(weights))
+    drawn: Nodes = trace(pattern, 1).nodes
+    for node, wanted in enumerate(pattern.weights.tolist()):
+        error = math.sqrt(wanted * (1 - wanted) / len(drawn))
+        assert abs(np.mean(drawn == node) - wanted) <= 4 * error
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -91,31 +86,13 @@ def test_divergent_ray_is_n_units_off_at_its_distance(side: int) -> None:
     settings = load_settings(
         "radar", side_offset_uu=100, side_mode="divergent", divergence_distance=5
     )
-    middle = aim(settings, HERE, 0)
-    beside = aim(settings, HERE, side)
+    middle, beside = aim(settings, HERE, 0), aim(settings, HERE, side)
     assert beside.origins == pytest.approx(middle.origins)
     turn = np.cross(middle.directions, beside.directions)[:, 2]
     assert np.arcsin(turn) == pytest.approx(np.full(181, side * math.atan(0.4 / 5)))
 
 
-def test_rays_are_drawn_by_their_weights() -> None:
-    settings = load_settings(
-        "radar", fov_deg=359, resolution_deg=0.01, ray_weights=(1, 2, 5)
-    )
-    drawn = sides_of(trace(BeamPattern(settings), 1))
-    shares = [np.mean(drawn == side) for side in (-1, 0, 1)]
-    for share, wanted in zip(shares, (1 / 8, 2 / 8, 5 / 8), strict=True):
-        error = math.sqrt(wanted * (1 - wanted) / len(drawn))
-        assert share == pytest.approx(wanted, abs=3 * error)
-
-
-def test_ray_of_weight_zero_is_never_drawn() -> None:
-    settings = load_settings("radar", ray_weights=(0, 1, 0))
-    pattern = BeamPattern(settings)
-    assert not any(sides_of(trace(pattern, seed)).any() for seed in range(50))
-
-
-CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
+UPRIGHT = {"beamwidth_az_deg": 0, "beamwidth_el_deg": 2.0}
 
 
 def cone_offsets(pattern: BeamPattern, drawn: Rays, beam: int) -> Floats:
@@ -128,27 +105,24 @@ def cone_offsets(pattern: BeamPattern, drawn: Rays, beam: int) -> Floats:
 @pytest.mark.parametrize(
     ("count", "nodes", "weights"),
     [
-        pytest.param(1, [0], [1], id="one"),
-        pytest.param(3, [-0.5201, 0, 0.5201], [0.1667, 0.6667, 0.1667], id="three"),
-        pytest.param(
-            5,
-            [-0.8579, -0.4071, 0, 0.4071, 0.8579],
-            [0.0113, 0.2221, 0.5333, 0.2221, 0.0113],
-            id="five",
-        ),
-        pytest.param(
+        (1, [0], [1]),
+        (3, [-0.5201, 0, 0.5201], [0.1667, 0.6667, 0.1667]),
+        (
             7,
             [-1.1262, -0.7107, -0.3466, 0, 0.3466, 0.7107, 1.1262],
             [0.0005, 0.0308, 0.2401, 0.4571, 0.2401, 0.0308, 0.0005],
-            id="seven",
         ),
     ],
+    ids=["one", "three", "seven"],
 )
 def test_nodes_across_are_those_of_gauss_hermite_quadrature(
     count: int, nodes: list[float], weights: list[float]
 ) -> None:
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": count}
-    pattern = BeamPattern(load_settings("radar", **cone, ray_choice="together"))
+    settings = load_settings("radar", **cone, ray_choice="together")
+    tall = load_settings("radar", **{**cone, **UPRIGHT})
+    assert (settings.cone_grid, tall.cone_grid) == ((count, 1), (1, count))
+    pattern = BeamPattern(settings)
     offsets = cone_offsets(pattern, sample(pattern), 40) / math.radians(4)
     assert offsets[:, 0] == pytest.approx(nodes, abs=6e-5)
     assert offsets[:, 1] == pytest.approx(np.zeros(count))
@@ -169,12 +143,6 @@ def test_cone_with_two_widths_has_a_grid_of_nodes() -> None:
     assert pattern.weights.sum() == pytest.approx(1.0)
 
 
-def test_cone_with_one_width_has_nodes_in_one_direction() -> None:
-    flat = load_settings("radar", **{**CONE, "beamwidth_el_deg": 0}, cone_rays=5)
-    tall = load_settings("radar", **{**CONE, "beamwidth_az_deg": 0}, cone_rays=5)
-    assert (flat.cone_grid, tall.cone_grid) == ((5, 1), (1, 5))
-
-
 def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
     settings = load_settings(
         "radar", **CONE, cone_rays=500, cone_sampling="random", ray_choice="together"
@@ -193,31 +161,15 @@ def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
     assert np.corrcoef(offsets.T)[0, 1] == pytest.approx(0, abs=4 / math.sqrt(n))
 
 
-def test_random_cone_draws_one_ray_per_beam() -> None:
-    settings = load_settings("radar", **CONE, cone_rays=500, cone_sampling="random")
-    pattern = BeamPattern(settings)
-    drawn = trace(pattern, 3)
-    assert pattern.rays == 1
-    assert drawn.all_rays(0).directions.shape == (181, 3)
-    assert set(sides_of(drawn).tolist()) == {-1, 1}
-
-
-def test_side_of_a_cone_ray_follows_its_offset() -> None:
-    pattern = BeamPattern(load_settings("radar", **CONE, cone_rays=9))
+@pytest.mark.parametrize("sampling", ["quadrature", "random"])
+def test_side_of_a_cone_ray_follows_its_offset(sampling: str) -> None:
+    cone = {**CONE, "cone_rays": 9, "cone_sampling": sampling}
+    pattern = BeamPattern(load_settings("radar", **cone))
     batch = trace(pattern)
     ahead = batch.all_rays(0).directions
     turned = np.arctan2(ahead[:, 1], ahead[:, 0]) - pattern.angles
     assert sides_of(batch).tolist() == np.sign(turned.round(9)).tolist()
-    assert set(sides_of(batch).tolist()) == {-1, 0, 1}
-
-
-def test_cone_nodes_are_drawn_by_their_weights() -> None:
-    settings = load_settings("radar", fov_deg=359, resolution_deg=0.01, **CONE)
-    pattern = BeamPattern(settings)
-    nodes: Nodes = trace(pattern, 1).nodes
-    for node, wanted in enumerate(pattern.weights.tolist()):
-        error = math.sqrt(wanted * (1 - wanted) / len(nodes))
-        assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
+    assert {-1, 1} <= set(sides_of(batch).tolist())
 
 
 @settings(max_examples=15)
@@ -242,7 +194,9 @@ def test_three_divergent_rays_can_equal_a_cone_of_three() -> None:
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": 3}
     three = {
         "side_mode": "divergent",
-        "side_offset_uu": offset_units(side_ray_angle(width), distance),
+        "side_offset_uu": offset_units(
+            math.sqrt(3) * two_way_deviation(width), distance
+        ),
         "divergence_distance": distance,
         "ray_weights": (1, 4, 1),
     }

@@ -10,12 +10,7 @@ from hypothesis import strategies as st
 
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import EventKind
-from radarsim.sensors.echo_extraction import (
-    ECHO,
-    EchoTable,
-    merge_echoes,
-    select_echoes,
-)
+from radarsim.sensors import echo_extraction as extraction
 
 ENTER, HIT, SPENT = EventKind.ENTER, EventKind.HIT, EventKind.SPENT
 
@@ -34,8 +29,8 @@ class Row(NamedTuple):
     front: float = 0.0
 
 
-def table_of(rows: list[Row]) -> EchoTable:
-    table = np.zeros(len(rows), ECHO)
+def table_of(rows: list[Row]) -> extraction.EchoTable:
+    table = np.zeros(len(rows), extraction.ECHO)
     for name in Row._fields:
         table[name] = [getattr(row, name) for row in rows]
     return table
@@ -86,7 +81,7 @@ def test_echoes_within_the_resolution_merge_from_the_nearest_on(
     for _, group in groupby(rows, key=lambda row: row.beam):
         beam = list(group)
         wanted += merge_in_python(beam, cell) if cell else beam
-    found = merge_echoes(table_of(rows), cell)
+    found = extraction.merge_echoes(table_of(rows), cell)
     for name in Row._fields:
         assert found[name].tolist() == pytest.approx(
             [getattr(row, name) for row in wanted]
@@ -96,7 +91,7 @@ def test_echoes_within_the_resolution_merge_from_the_nearest_on(
 def test_merging_does_not_change_its_input() -> None:
     rows = [Row(0, i, 1 + i / 10, HIT, i, 1.0, 0.5, 1) for i in range(3)]
     given_ = table_of(rows)
-    merge_echoes(given_, 1.0)
+    extraction.merge_echoes(given_, 1.0)
     assert given_["t"].tolist() == pytest.approx([1.0, 1.1, 1.2])
 
 
@@ -109,7 +104,7 @@ def test_each_mode_selects_its_echo(
 ) -> None:
     settings = load_settings("radar", return_mode=mode, spent_reads=spent_reads)
     ranges, rays = np.full(3, np.inf), np.full(3, -1)
-    found = select_echoes(table_of(rows), settings, ranges, rays).tolist()
+    found = extraction.select_echoes(table_of(rows), settings, ranges, rays).tolist()
     for beam in range(3):
         mine = [(i, row) for i, row in enumerate(rows) if row.beam == beam]
         ends = [i for i, row in mine if row.ends]

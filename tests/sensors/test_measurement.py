@@ -24,13 +24,9 @@ SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
 
 
 def board(
-    name: str,
-    size: Triple,
-    place: Triple,
-    yaw_deg: float = 0.0,
-    material: Material = WALL,
+    name: str, size: Triple, place: Triple, yaw_deg: float = 0.0, of: Material = WALL
 ) -> Part:
-    return block(name, material, size, place, yaw_deg)
+    return block(name, of, size, place, yaw_deg)
 
 
 def scene(*parts: Part) -> Scene:
@@ -52,12 +48,14 @@ def shares(found: ScanArrays, beam: int) -> list[float]:
     return [float(np.mean(found.rays[:, beam] == side)) for side in (-1, 0, 1)]
 
 
+BACK = board("back", (1, 400, 4), (8.5, 0, 0))  # from 8 m on
+WALL_AT_8 = scene(BACK)
 # Ahead of beam 1 of three, 10 cm apart: the left ray meets an edge at 3 m, the others
 # the wall at 8 m behind it.
-EDGE = scene(
-    board("edge", (1, 4, 4), (3.5, 2.05, 0)), board("back", (1, 40, 4), (8.5, 0, 0))
-)
+EDGE = scene(board("edge", (1, 4, 4), (3.5, 2.05, 0)), BACK)
+HERE = Pose3(0, 0, 0)
 AHEAD = {"fov_deg": 4, "resolution_deg": 2}
+NARROW = {**AHEAD, "side_offset_uu": 0}
 
 
 def test_scan_without_offset_is_deterministic(foliage_room: Scene) -> None:
@@ -89,24 +87,12 @@ def test_larger_offset_makes_more_beams_uncertain(foliage_room: Scene) -> None:
 # The law of weights by incidence: ray weight times cosine of the angle to the normal.
 
 
-def test_grazing_ray_is_hardly_ever_selected() -> None:
-    grazed = board("grazed", (20, 0.04, 4), (6, 0.12, 0), yaw_deg=-0.3)
-    world = scene(grazed, board("back", (1, 0.15, 4), (12.5, 0.0, 0)))
-    found = scans(radar(**AHEAD, incidence_weights=True), world, 500)
-    assert shares(found, 1)[0] == 0
-    assert shares(found, 1)[2] < 0.02  # it weighs as the sine of 0.3 degrees, 0.005
-
-
-def test_weights_decide_among_rays_that_met_nothing() -> None:
-    found = scans(radar(**AHEAD, incidence_weights=True), scene(), 3000)
+def test_ray_that_met_nothing_is_only_selected_among_such_rays() -> None:
+    scanner, post = radar(**AHEAD, incidence_weights=True), EDGE.parts[0]
     wanted, error = 1 / 3, math.sqrt(2 / 9 / 3000)
-    assert shares(found, 1) == pytest.approx([wanted] * 3, abs=4 * error)
-
-
-def test_ray_that_met_nothing_is_not_selected_beside_a_hit() -> None:
-    world = scene(board("post", (1, 4, 4), (5.5, 2.05, 0)))
-    found = scans(radar(**AHEAD, incidence_weights=True), world, 300)
-    assert shares(found, 1) == [0, 0, 1]
+    found = shares(scans(scanner, scene(), 3000), 1)
+    assert found == pytest.approx([wanted] * 3, abs=4 * error)
+    assert shares(scans(scanner, scene(post), 300), 1) == [0, 0, 1]
 
 
 @pytest.mark.parametrize("weights", [(1, 1, 1), (1, 2, 0), (0, 1, 3)])
@@ -114,18 +100,13 @@ def test_surface_at_60_degrees_weighs_half(
     weights: tuple[float, float, float],
 ) -> None:
     slanted = board("slanted", (0.01, 0.16, 4), (4, 0.08 + 0.02, 0), yaw_deg=60)
-    world = scene(slanted, board("back", (1, 40, 4), (8.5, 0, 0)))
+    world = scene(slanted, BACK)
     scanner = radar(**AHEAD, incidence_weights=True, ray_weights=weights)
     found = scans(scanner, world, 6000)
     chances = np.array(weights) * [1, 1, 0.5]
     wanted = chances / chances.sum()
     error = np.sqrt(wanted * (1 - wanted) / 6000)
     assert (np.abs(np.array(shares(found, 1)) - wanted) <= 4 * error).all()
-
-
-def test_ray_of_weight_zero_is_never_selected_by_incidence() -> None:
-    scanner = radar(**AHEAD, incidence_weights=True, ray_weights=(0, 0, 1))
-    assert shares(scans(scanner, EDGE, 200), 1) == [0, 0, 1]
 
 
 def lambert_over_area(yaw: float, width: float) -> float:
@@ -155,7 +136,7 @@ def test_mean_power_over_a_slanted_wall_is_that_of_its_area(yaw_deg: float) -> N
     scanner = radar(
         **AHEAD, **cone, cone_rays=81, incidence_weights=True, return_mode="all"
     )
-    echoes = scanner.scan(scene(wall), Pose3(0, 0, 0)).echoes
+    echoes = scanner.scan(scene(wall), HERE).echoes
     found = echoes.strength[echoes.beams == 1].sum()
     assert found == pytest.approx(
         lambert_over_area(math.radians(yaw_deg), math.radians(2)), rel=2e-3
@@ -168,41 +149,26 @@ def test_leaves_that_face_all_directions_return_two_thirds() -> None:
     normals = np.random.default_rng(1).standard_normal((200_000, 3))
     cosines = np.abs(normals[:, 0]) / np.linalg.norm(normals, axis=1)
     wanted = (cosines**2).sum() / cosines.sum()  # a leaf is met as often as it is wide
-    bush = board("bush", (9, 9, 9), (8, 0, 0), material=Material("leaf", density=0.5))
+    bush = board("bush", (9, 9, 9), (8, 0, 0), of=Material("leaf", density=0.5))
     scanner = radar(
         **AHEAD, incidence_weights=True, return_mode="all", side_offset_uu=0
     )
-    echoes = scanner.scan(scene(bush), Pose3(0, 0, 0)).echoes
+    echoes = scanner.scan(scene(bush), HERE).echoes
     assert echoes.strength[echoes.beams == 1].sum() == pytest.approx(wanted, rel=5e-3)
-
-
-@pytest.mark.parametrize("distance", [5.0, 12.0, 27.0, 39.9])
-def test_pole_of_10_cm_is_seen_at_every_offset_from_the_beams(distance: float) -> None:
-    vertices, faces = cylinder(0.05, 2.0)
-    pole = Part("pole", WALL, vertices + np.array([distance, 0, 0.3]), faces)
-    scanner = radarsim.load_sensor("hss94_marulan", fov_deg=8)
-    offsets = np.radians(np.arange(0, 2, 0.02))
-    poses = [Pose3(0, 0, 0, yaw=float(offset)) for offset in offsets]
-    ranges = scanner.scan_many(scene(pole), poses, generator_for(3)).ranges
-    assert np.isfinite(ranges).any(axis=1).all()
-    nearest = np.where(np.isfinite(ranges), ranges, np.inf).min(axis=1)
-    assert np.abs(nearest - (distance - 0.05)).max() < 0.6  # noise of 0.1 m
 
 
 @pytest.mark.parametrize("share", [0.06, 0.5, 0.97])
 @pytest.mark.parametrize(
     "preset",
     [
-        "navtech_cts350x",
-        "navtech_cts350x_radiate",
-        "navtech_cir204h",
-        "navtech_cir304h",
+        *("hss94_marulan", "navtech_cts350x", "navtech_cts350x_radiate"),
+        *("navtech_cir204h", "navtech_cir304h"),
     ],
 )
 def test_pole_on_the_ground_is_seen_by_real_radars_at_every_offset(
     preset: str, share: float
 ) -> None:
-    scanner = radarsim.load_sensor(preset, fov_deg=5.4)
+    scanner = radarsim.load_sensor(preset, fov_deg=8)
     settings = scanner.settings
     distance = share * settings.max_range
     vertices, faces = cylinder(0.05, 2.0)
@@ -214,7 +180,8 @@ def test_pole_on_the_ground_is_seen_by_real_radars_at_every_offset(
     ]
     ranges = scanner.scan_many(scene(pole), poses, generator_for(3)).ranges
     nearest = np.where(np.isfinite(ranges), ranges, np.inf).min(axis=1)
-    assert nearest == pytest.approx(distance - 0.05, abs=settings.range_resolution)
+    accuracy = settings.range_resolution + 5 * settings.range_noise
+    assert nearest == pytest.approx(distance - 0.05, abs=accuracy)
 
 
 @pytest.mark.parametrize("count", [1, 2, 19])
@@ -240,7 +207,7 @@ def test_combined_rays_have_farthest_last_and_nearest_first_echo() -> None:
         scanner = radar(
             **AHEAD, return_mode=mode, ray_choice="together", range_resolution=0.1
         )
-        scan = scanner.scan(EDGE, Pose3(0, 0, 0))
+        scan = scanner.scan(EDGE, HERE)
         assert scan.ranges[1] == pytest.approx(wanted), mode
     assert scan.echoes.strength[scan.echoes.beams == 1] == pytest.approx([2 / 3])
     assert scan.rays is not None
@@ -248,9 +215,9 @@ def test_combined_rays_have_farthest_last_and_nearest_first_echo() -> None:
 
 
 def test_rng_is_required_only_for_random_settings() -> None:
-    world, here = EDGE, Pose3(0, 0, 0)
+    world = EDGE
     cone = {"side_mode": "cone", "beamwidth_az_deg": 2, "ray_choice": "together"}
-    radar(**cone).scan(world, here)
+    radar(**cone).scan(world, HERE)
     for settings in (
         {},
         {**cone, "cone_sampling": "random"},
@@ -258,9 +225,9 @@ def test_rng_is_required_only_for_random_settings() -> None:
         {"incidence_weights": True},
     ):
         with pytest.raises(ValueError, match="no rng, expected a Generator"):
-            radar(**settings).scan(world, here)
+            radar(**settings).scan(world, HERE)
     with pytest.raises(ValueError, match="no rng, expected a Generator"):
-        radarsim.load_sensor("laser", range_noise=0.1).scan(world, here)
+        radarsim.load_sensor("laser", range_noise=0.1).scan(world, HERE)
 
 
 # The quadrature.
@@ -272,7 +239,7 @@ def slanted_wall() -> Scene:
 
 def mean_range(scanner: RangeScanner, world: Scene) -> tuple[float, float]:
     """Return the mean range of a beam's echoes by strength, and their deviation."""
-    echoes = scanner.scan(world, Pose3(0, 0, 0), generator_for(5, "mean")).echoes
+    echoes = scanner.scan(world, HERE, generator_for(5, "mean")).echoes
     mine = echoes.beams == 1
     weights, ranges = echoes.strength[mine], echoes.ranges[mine]
     mean = float(weights @ ranges / weights.sum())
@@ -298,7 +265,7 @@ def test_three_quadrature_rays_measure_a_slanted_wall_like_a_thousand(
 
 def near_share(scanner: RangeScanner, world: Scene) -> float:
     """Return the share of a beam that the nearest part gives back."""
-    echoes = scanner.scan(world, Pose3(0, 0, 0), generator_for(5, "share")).echoes
+    echoes = scanner.scan(world, HERE, generator_for(5, "share")).echoes
     mine = (echoes.beams == 1) & (echoes.parts == 0)
     return float(echoes.strength[mine].sum())
 
@@ -318,11 +285,7 @@ def slanted_edge(angle: float) -> Scene:
 
 @pytest.mark.parametrize(
     ("rays", "worst", "middle"),
-    [
-        pytest.param(3, 1 / 3, 0.11, id="three rays"),
-        pytest.param(16, 0.2, 0.06, id="a grid of sixteen"),
-        pytest.param(49, 0.16, 0.05, id="a grid of forty-nine"),
-    ],
+    [(3, 1 / 3, 0.11), (16, 0.2, 0.06), (49, 0.16, 0.05)],  # grids but for three
 )
 def test_quadrature_error_over_a_slanted_edge_is_within_its_bound(
     rays: int, worst: float, middle: float
@@ -351,13 +314,8 @@ def test_quadrature_error_over_a_slanted_edge_is_within_its_bound(
 
 
 def test_noise_has_its_deviation_and_is_independent_per_beam() -> None:
-    world = scene(board("back", (1, 400, 4), (8.5, 0, 0)))
-    noisy = radar(**AHEAD, side_offset_uu=0, range_noise=0.05)
-    found = scans(noisy, world, 4000).ranges
-    plain = radar(**AHEAD, side_offset_uu=0).scan(
-        world, Pose3(0, 0, 0), generator_for(0)
-    )
-    error = found - plain.ranges
+    found = scans(radar(**NARROW, range_noise=0.05), WALL_AT_8, 4000).ranges
+    error = found - radar(**NARROW).scan(WALL_AT_8, HERE, generator_for(0)).ranges
     assert error.mean() == pytest.approx(0, abs=4 * 0.05 / math.sqrt(error.size))
     assert error.std() == pytest.approx(0.05, abs=4 * 0.05 / math.sqrt(2 * error.size))
     correlation = np.corrcoef(error.T)
@@ -365,12 +323,10 @@ def test_noise_has_its_deviation_and_is_independent_per_beam() -> None:
 
 
 def test_larger_of_two_deviations_applies() -> None:
-    world = scene(board("back", (1, 400, 4), (8.5, 0, 0)))
-    laser = radarsim.load_sensor(
-        "laser", **AHEAD, range_noise=0.01, range_noise_share=0.01
-    )
-    poses = [Pose3(0, 0, 0)] * 3000 + [Pose3(7.5, 0, 0)] * 3000
-    far, near = np.split(laser.scan_many(world, poses, 3).ranges[:, 1], 2)
+    noise = {"range_noise": 0.01, "range_noise_share": 0.01}
+    laser = radarsim.load_sensor("laser", **AHEAD, **noise)
+    poses = [HERE] * 3000 + [Pose3(7.5, 0, 0)] * 3000
+    far, near = np.split(laser.scan_many(WALL_AT_8, poses, 3).ranges[:, 1], 2)
     for found, mean, deviation in ((far, 8.0, 0.08), (near, 0.5, 0.01)):
         assert np.mean(found) == pytest.approx(
             mean, abs=4 * deviation / math.sqrt(3000)
@@ -380,20 +336,17 @@ def test_larger_of_two_deviations_applies() -> None:
 
 def test_noise_keeps_ranges_within_limits_and_adds_none() -> None:
     world = scene(board("back", (1, 0.5, 4), (8.5, 0, 0)))
-    noisy = radar(**AHEAD, side_offset_uu=0, range_noise=50, max_range=9)
-    found = scans(noisy, world, 300).ranges
+    found = scans(radar(**NARROW, range_noise=50, max_range=9), world, 300).ranges
     assert np.isinf(found[:, 0]).all()
     assert (found[:, 1].min(), found[:, 1].max()) == (0.0, 9.0)
 
 
 def test_echoes_of_a_beam_share_one_range_error() -> None:
     leaf = Material("leaf", density=0.1)
-    bush = board("bush", (1, 9, 4), (3, 0, 0), material=leaf)
-    world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
-    settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all", "range_noise": 0.3}
-    scan = radar(**settings, ray_choice="drawn").scan(
-        world, Pose3(0, 0, 0), generator_for(1)
-    )
+    bush = board("bush", (1, 9, 4), (3, 0, 0), of=leaf)
+    world = scene(bush, BACK)
+    settings = {**NARROW, "return_mode": "all", "range_noise": 0.3}
+    scan = radar(**settings, ray_choice="drawn").scan(world, HERE, generator_for(1))
     mine = scan.echoes.beams == 1
     assert np.diff(scan.echoes.fronts[mine]) == pytest.approx([1.0, 4.5])
     # 5 dB out and back: half has come back where (1 + 10^-0.5) / 2 would
@@ -416,7 +369,7 @@ def test_ranges_are_multiples_of_the_quantum(mode: str, foliage_room: Scene) -> 
 def test_quantised_range_does_not_exceed_the_maximum() -> None:
     world = scene(board("back", (1, 40, 4), (19.9, 0, 0)))  # its face is at 19.4 m
     laser = radarsim.load_sensor("laser", **AHEAD, range_quantum=0.7, max_range=19.5)
-    assert laser.scan(world, Pose3(0, 0, 0)).ranges[1] == pytest.approx(18.9)
+    assert laser.scan(world, HERE).ranges[1] == pytest.approx(18.9)
 
 
 # A bush that begins at 6.9 m takes 10 dB out and back in a metre; half of the nine
@@ -426,13 +379,13 @@ BUSH_RANGE = 6.9 - math.log10(0.55)
 
 def test_objects_within_the_resolution_merge() -> None:
     leaf = Material("leaf", density=0.2)
-    bush = board("bush", (1, 9, 4), (7.4, 0, 0), material=leaf)
-    world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
-    settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all"}
+    bush = board("bush", (1, 9, 4), (7.4, 0, 0), of=leaf)
+    world = scene(bush, BACK)
+    settings = {**NARROW, "return_mode": "all"}
     counts = {}
     for cell in (0.0, 0.5, 2.0):
         scan = radar(**settings, range_resolution=cell).scan(
-            world, Pose3(0, 0, 0), generator_for(0)
+            world, HERE, generator_for(0)
         )
         echoes = scan.echoes
         counts[cell] = int(np.count_nonzero(echoes.beams == 1))
@@ -443,50 +396,22 @@ def test_objects_within_the_resolution_merge() -> None:
 
 @pytest.mark.parametrize("mode", ["last", "first", "strongest", "all"])
 def test_blinded_laser_reads_zero_in_every_mode(mode: str) -> None:
-    cloud = board("cloud", (2, 9, 4), (3, 0, 0), material=SMOKE)
-    world = scene(cloud, board("back", (1, 40, 4), (8.5, 0, 0)))
+    cloud = board("cloud", (2, 9, 4), (3, 0, 0), of=SMOKE)
+    world = scene(cloud, BACK)
     hokuyo = radarsim.load_sensor("hokuyo", return_mode=mode, max_range=20, **AHEAD)
-    assert hokuyo.scan(world, Pose3(0, 0, 0)).ranges.tolist() == [0.0] * 3
+    assert hokuyo.scan(world, HERE).ranges.tolist() == [0.0] * 3
 
 
 def test_ray_without_weight_does_not_blind() -> None:
     """The centre ray is spent in a twig, the side rays see nothing."""
     leaf = Material("twig", density=9.0)
-    twig = board("twig", (1, 0.1, 4), (5, 0, 0), material=leaf)
+    twig = board("twig", (1, 0.1, 4), (5, 0, 0), of=leaf)
+    settings: dict[str, Any] = {"ray_weights": (1, 0, 1), "ray_choice": "together"}
+    settings |= {"side_offset_uu": 50, "spent_reads": "zero"}
     for mode in ("last", "first", "strongest", "all"):
-        scanner = radar(
-            **AHEAD,
-            ray_weights=(1, 0, 1),
-            spent_reads="zero",
-            side_offset_uu=50,
-            ray_choice="together",
-            return_mode=mode,
-        )
-        scan = scanner.scan(scene(twig), Pose3(0, 0, 0))
+        scanner = radar(**AHEAD, **settings, return_mode=mode)
+        scan = scanner.scan(scene(twig), HERE)
         assert math.isinf(scan.ranges[1]), mode
-
-
-def test_merged_echo_keeps_the_kind_of_the_ray_end() -> None:
-    leaf = Material("leaf", density=2.0)
-    bush = board("bush", (3, 9, 4), (4.5, 0, 0), material=leaf)
-    settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all"}
-    scan = radar(**settings, range_resolution=1.5).scan(scene(bush), Pose3(0, 0, 0))
-    lists = scan.to_dict()["echoes"]
-    assert [[echo["kind"] for echo in beam] for beam in lists] == [["spent"]] * 3
-    assert lists[1][0]["strength"] == pytest.approx(1.0)
-    assert lists[1][0]["object"] == "bush"
-
-
-def test_echo_without_strength_starts_no_merge() -> None:
-    pole = board("pole", (0.04, 0.3, 4), (5.17, 0.2, 0))
-    world = [pole, board("wall", (1, 40, 4), (5.75, 0, 0))]
-    cloud = board("cloud", (3, 40, 4), (6.5, 0, 0), material=SMOKE)
-    settings = {**AHEAD, "side_offset_uu": 20, "return_mode": "all"}
-    coarse = radar(**settings, range_resolution=0.2)
-    for parts in (world, [*world, cloud]):
-        lists = coarse.scan(scene(*parts), Pose3(0, 0, 0)).to_dict()["echoes"]
-        assert [echo["kind"] for echo in lists[1]] == ["hit"]
-        assert lists[1][0]["strength"] == pytest.approx(1.0)
 
 
 # What scans share.
@@ -521,36 +446,29 @@ def test_with_all_echoes_is_itself_unless_last_echoes_are_kept(mode: str) -> Non
 @pytest.mark.parametrize(
     "settings",
     [
-        pytest.param({}, id="drawn"),
-        pytest.param({"range_noise": 0.1}, id="noise"),
-        pytest.param({"incidence_weights": True}, id="chosen"),
-        pytest.param(
-            {"side_mode": "cone", "beamwidth_az_deg": 5, "cone_sampling": "random"},
-            id="random cone",
-        ),
+        *({}, {"range_noise": 0.1}, {"incidence_weights": True}),
+        {"side_mode": "cone", "beamwidth_az_deg": 5, "cone_sampling": "random"},
     ],
+    ids=["drawn", "noise", "chosen", "random cone"],
 )
 def test_second_robot_does_not_change_the_first_ones_scans(
     settings: dict[str, Any], foliage_room: Scene
 ) -> None:
     """The second one drives before the first, which draws the same all the same."""
     config = radarsim.SimulationConfig(item_settings={"lms200": settings})
-    ranges: list[list[str]] = []
+    ranges: list[list[bytes]] = []
     model = load_robot("P3AT")
     for others in (0, 1):
         simulation = Simulation(foliage_room, config=config, seed=3)
         first = simulation.spawn("R1", model, Pose2(-8, 0))
         assert first is not None
-        for i in range(others):
-            other = simulation.spawn(f"R{i + 2}", model, Pose2(-5, 3))
-            assert other is not None
-        lines: list[str] = []
+        if others:
+            assert simulation.spawn("R2", model, Pose2(-5, 3)) is not None
+        ranges.append([])
         for _ in range(50):
             simulation.step()
-            output = simulation.collect_reports().get(first.number)
-            scans_ = output.scans if output else ()
-            lines += [str(scan.ranges[:80].tolist()) for scan in scans_]
-        ranges.append(lines)
+            if output := simulation.collect_reports().get(first.number):
+                ranges[-1] += [scan.ranges[:80].tobytes() for scan in output.scans]
     assert len(ranges[0]) == 5
     assert ranges[0] == ranges[1]
 
@@ -576,43 +494,31 @@ def test_every_preset_scans(name: str, foliage_room: Scene) -> None:
 DUST = Material("dust", density=0.0, laser_density=0.0, solid=False, laser_db=1.0)
 
 
-def dusty(depth: float) -> Scene:
-    cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=DUST)
+def cloudy(depth: float, smoke: Material) -> Scene:
+    cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), of=smoke)
     return scene(cloud, board("back", (1, 90, 9), (40.5, 0, 0)))
 
 
 @pytest.mark.parametrize("mode", ["last", "all", "strongest"])
 def test_light_absorbed_in_a_cloud_gives_no_range(mode: str) -> None:
     laser = radarsim.load_sensor("physical", **AHEAD, return_mode=mode)
-    inside = laser.scan(dusty(30), Pose3(8, 0, 0))
+    inside = laser.scan(cloudy(30, DUST), Pose3(8, 0, 0))
     assert np.isinf(inside.ranges).all()
-    assert laser.scan(dusty(30), Pose3(20, 0, 0)).ranges[1] == pytest.approx(20.0)
+    assert laser.scan(cloudy(30, DUST), Pose3(20, 0, 0)).ranges[1] == pytest.approx(
+        20.0
+    )
     if mode != "all":
         assert len(inside.echoes) == 0
-    assert np.isinf(laser.scan(scene(), Pose3(0, 0, 0)).ranges).all()
+    assert np.isinf(laser.scan(scene(), HERE).ranges).all()
 
 
 def test_usarsim_hokuyo_is_blinded_by_its_depth_of_smoke() -> None:
     """A budget of 0.00575 in a density of 0.001 ends after 5.75 m."""
     fog = Material("fog", density=0.0, laser_density=0.001, solid=False)
-    back = board("back", (1, 90, 9), (40.5, 0, 0))
+    hokuyo = radarsim.load_sensor("hokuyo", **AHEAD, max_range=80)
     for near, blind in ((0.001, True), (-0.001, False)):
-        depth = 5.75 + near
-        cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=fog)
-        settings = {**AHEAD, "max_range": 80}
-        hokuyo = radarsim.load_sensor("hokuyo", **settings)
-        scan = hokuyo.scan(scene(cloud, back), Pose3(0, 0, 0))
-        assert (scan.ranges[1] == 0.0) == blind
-        echo = radarsim.load_sensor("hokuyo", **settings, spent_reads="range")
-        end = echo.scan(scene(cloud, back), Pose3(0, 0, 0)).ranges[1]
+        world = cloudy(5.75 + near, fog)
+        assert (hokuyo.scan(world, HERE).ranges[1] == 0.0) == blind
+        echo = hokuyo.with_settings(spent_reads="range")
+        end = echo.scan(world, HERE).ranges[1]
         assert end == pytest.approx(10.75 if blind else 40.0)
-
-
-def test_side_ray_behind_an_absorber_is_replaced_by_the_centre_ray() -> None:
-    black = Material("black", absorption_db=math.inf)
-    screen = board("screen", (4, 0.02, 2), (1, 0.1, 0), material=black)
-    pole = board("pole", (0.2, 0.2, 2), (6, 0.2, 0))
-    world = scene(screen, pole, board("back", (1, 40, 4), (9.5, 0, 0)))
-    found = scans(radar(**AHEAD, side_offset_uu=50, ray_weights=(0, 0, 1)), world, 5)
-    assert shares(found, 1) == [0, 1, 0]
-    assert found.ranges[:, 1] == pytest.approx([9.0] * 5)

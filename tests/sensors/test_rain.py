@@ -12,11 +12,7 @@ from radarsim import Material, Part, Pose3, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
-from radarsim.scene.material import (
-    RAIN_RATES,
-    RAIN_REFLECTIVITY_DB,
-    rain_reflectivity,
-)
+from radarsim.scene.material import RAIN_RATES, RAIN_REFLECTIVITY_DB, rain_reflectivity
 from radarsim.sensors.rain import contrast
 
 WALL = Material("wall")
@@ -31,6 +27,9 @@ def take(world: Scene, seed: int = 0, **settings: Any) -> Scan:
 
 def rainy_scene(*parts: Part) -> Scene:
     return Scene("rain", "Rain", parts, air=POURING)
+
+
+WALLED = rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0)))
 
 
 def chances(q: float, cell: float, max_range: float, from_: float = 1.0) -> Floats:
@@ -56,14 +55,9 @@ def test_reflectivity_interpolates_its_table_by_power_laws() -> None:
 
 def test_contrast_follows_the_volume_of_the_cell() -> None:
     """At 77 GHz, 25 mm/h, 1.8 by 1.8 degrees and 0.25 m: -47.5 dBsm at 10 m."""
-    settings = load_settings(
-        "radar",
-        band_ghz=77,
-        beamwidth_az_deg=1.8,
-        beamwidth_el_deg=1.8,
-        range_resolution=0.25,
-        least_rcs_dbsm=-30,
-    )
+    beam = {"band_ghz": 77, "beamwidth_az_deg": 1.8, "beamwidth_el_deg": 1.8}
+    cell = {"range_resolution": 0.25, "least_rcs_dbsm": -30}
+    settings = load_settings("radar", **beam, **cell)
     q = contrast(settings, 25) / 10**2
     assert 10 * math.log10(q) == pytest.approx(-47.5 + 30, abs=0.05)
     further = contrast(settings, 25) / 50**2
@@ -88,17 +82,16 @@ def test_distance_of_the_nearest_cell_has_the_expected_distribution(
 
 
 def test_wall_is_stronger_and_farther_than_rain() -> None:
-    world = rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0)))
-    clear = Scene("clear", "Clear", world.parts)
+    clear = Scene("clear", "Clear", WALLED.parts)
     for mode in ("last", "strongest"):
-        wet = take(world, return_mode=mode)
+        wet = take(WALLED, return_mode=mode)
         assert wet.ranges.tolist() == take(clear, return_mode=mode).ranges.tolist()
-    first = take(world, return_mode="first").ranges
+    first = take(WALLED, return_mode="first").ranges
     assert 0.05 < np.mean(first < 9) < 0.95
 
 
 def test_rain_is_an_echo_from_the_air() -> None:
-    scan = take(rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0))), return_mode="all")
+    scan = take(WALLED, return_mode="all")
     lists = scan.to_dict()["echoes"]
     drops = [echo for beam in lists for echo in beam if echo["kind"] == "rain"]
     assert len(drops) > 20
@@ -126,15 +119,14 @@ def test_shower_shows_only_where_it_is() -> None:
 
 
 def test_same_seed_gives_the_same_rain_and_lasers_see_none() -> None:
-    world = rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0)))
     one, again, other = (
-        take(world, seed, return_mode="first").ranges for seed in (1, 1, 2)
+        take(WALLED, seed, return_mode="first").ranges for seed in (1, 1, 2)
     )
     assert one.tolist() == again.tolist()
     assert one.tolist() != other.tolist()
     laser = radarsim.load_sensor("laser", return_mode="first")
-    assert np.isfinite(laser.scan(world, Pose3(0, 0, 0)).ranges).all()
-    assert laser.scan(world, Pose3(0, 0, 0)).ranges.min() > 9
+    assert np.isfinite(laser.scan(WALLED, Pose3(0, 0, 0)).ranges).all()
+    assert laser.scan(WALLED, Pose3(0, 0, 0)).ranges.min() > 9
 
 
 def test_rain_requires_an_rng() -> None:
@@ -144,13 +136,12 @@ def test_rain_requires_an_rng() -> None:
 
 
 def test_rain_shows_for_every_arrangement_of_rays() -> None:
-    world = rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0)))
     for settings in (
         {"incidence_weights": True},
         {"side_mode": "cone", "beamwidth_az_deg": 2, "cone_rays": 3},
         {"ray_choice": "together", "range_noise": 0.1, "range_quantum": 0.2},
     ):
-        scan = take(world, return_mode="first", resolution_deg=1, **settings)
+        scan = take(WALLED, return_mode="first", resolution_deg=1, **settings)
         assert 0.02 < np.mean(scan.ranges < 8) < 0.98, settings
 
 

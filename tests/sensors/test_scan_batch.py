@@ -14,22 +14,15 @@ from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors import scan_batch as scan_batch_module
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-from radarsim.sensors.scan_batch import (
-    ScanBatch,
-    ScanRequest,
-    scan_batch,
-    scan_ranges,
-)
+from radarsim.sensors.scan_batch import ScanBatch, ScanRequest, scan_batch, scan_ranges
 
+APART = {"side_mode": "perpendicular", "side_offset_uu": 100}
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "radar": ("radar", {}),
     "laser": ("laser", {}),
     "noisy": ("radar", {"range_noise": 0.1, "return_mode": "strongest"}),
     "chosen by incidence": ("radar", {"incidence_weights": True}),
-    "rays that start apart": (
-        "radar",
-        {"side_mode": "perpendicular", "side_offset_uu": 100},
-    ),
+    "rays that start apart": ("radar", APART),
 }
 
 
@@ -117,17 +110,22 @@ def test_no_pose_gives_empty_arrays(empty_room: Scene) -> None:
     assert none.rays.shape == (0, 181)
 
 
-def test_invalid_pose_is_named(empty_room: Scene) -> None:
-    poses = [(0.0, 0.0, 0.0), (0.0, float("nan"), 0.0)]
-    with pytest.raises(ValueError, match=r"poses\[1\]: pose \[0\.0, nan, 0\.0\]"):
-        load_sensor("laser").scan_many(empty_room, poses)
-
-
-@pytest.mark.parametrize("poses", [np.zeros(3), [None]], ids=["one pose", "None"])
+@pytest.mark.parametrize(
+    ("poses", "named"),
+    [
+        (np.zeros(3), r"poses\[0\]: "),
+        ([None], r"poses\[0\]: "),
+        (
+            [(0.0, 0.0, 0.0), (0.0, np.nan, 0.0)],
+            r"poses\[1\]: pose \[0\.0, nan, 0\.0\]",
+        ),
+    ],
+    ids=["one pose", "None", "nan"],
+)
 def test_what_is_no_pose_is_an_error_that_names_it(
-    empty_room: Scene, poses: Any
+    empty_room: Scene, poses: Any, named: str
 ) -> None:
-    with pytest.raises(ValueError, match=r"^poses\[0\]: "):
+    with pytest.raises(ValueError, match=f"^{named}"):
         load_sensor("laser").scan_many(empty_room, poses)
 
 
@@ -136,12 +134,8 @@ def crowd(count: int) -> tuple[list[Pose3], Boxes]:
     rng = np.random.Generator(np.random.PCG64(2))
     places, yaws = rng.uniform([-8, -4], [8, 4], (count, 2)), rng.uniform(-3, 3, count)
     tilts = np.where(np.arange(count) % 5 == 0, 0.1, 0.0)
-    poses = [
-        Pose3(x, y, 0.346, tilt, -tilt, yaw)
-        for (x, y), tilt, yaw in zip(
-            places.tolist(), tilts.tolist(), yaws.tolist(), strict=True
-        )
-    ]
+    columns = zip(places.tolist(), tilts.tolist(), yaws.tolist(), strict=True)
+    poses = [Pose3(x, y, 0.346, tilt, -tilt, yaw) for (x, y), tilt, yaw in columns]
     rows = np.zeros((3 * count, 8))
     rows[:count, :2] = places - 0.1
     rows[count : 2 * count, :2] = places + np.array([0.45, 0.0])
@@ -179,7 +173,7 @@ LASTS: dict[str, dict[str, Any]] = {
     "laser": {},
     "blinded": {"spent_reads": "zero", "max_range": 9.0},
     "noisy": {"range_noise": 0.1, "range_quantum": 0.01},
-    "beside": {"side_mode": "perpendicular", "side_offset_uu": 100},
+    "beside": APART,
     "all echoes": {"return_mode": "all"},
 }
 
@@ -206,8 +200,8 @@ def test_ranges_of_a_crowd_are_the_same_on_one_thread_and_on_five(
 ) -> None:
     tracer, (poses, boxes) = tracer_of(foliage_room), crowd(13)
     sensors = [load_sensor("radar", **settings)]
-    each = requests(sensors, poses)
-    alone = [scan_ranges(tracer, [one], boxes)[0][0] for one in each]
+    requested = requests(sensors, poses)
+    alone = [scan_ranges(tracer, [one], boxes)[0][0] for one in requested]
     monkeypatch.setattr(tracer_module, "THREAD_RAYS", 0)
     monkeypatch.setattr(tracer_module, "thread_count", lambda: 5)
     together = scan_ranges(tracer, requests(sensors, poses), boxes)[0]

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from radar_odometry import Turn
+from radar_odometry import Turn, is_beyond, unroll
 from scipy.spatial import cKDTree
 
 from radarsim.geometry import Floats, Pose2
@@ -70,17 +70,6 @@ def strongest_bins(
     angles = -settings.step * rows
     places = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     return places, rows / settings.azimuths
-
-
-def unroll(places: Floats, shares: Floats, motion: Pose2) -> Floats:
-    """Return places as seen from the end of a turn that had an even motion."""
-    left = shares - 1.0
-    angle = motion.yaw * left
-    c, s = np.cos(angle), np.sin(angle)
-    back = Pose2(0.0, 0.0).relative_to(motion)
-    x, y = places.T
-    turned = np.column_stack([c * x - s * y, s * x + c * y])
-    return np.asarray(turned - np.outer(left, (back.x, back.y)))
 
 
 def surface_points(places: Floats) -> Surface:
@@ -168,14 +157,9 @@ class Cfear:
             maps = [kept for _, kept in self._keyframes]
             self.pose = register(surface, maps, last.compose(self._motion))
             self._motion = self.pose.relative_to(last)
-        if self._is_keyframe():
+        if not self._keyframes or is_beyond(
+            self.pose, self._keyframes[-1][0], KEYFRAME_DISTANCE, KEYFRAME_ANGLE
+        ):
             own = surface_points(unroll(places, shares, self._motion))
             self._keyframes.append((self.pose, own.moved(self.pose)))
         return self.pose
-
-    def _is_keyframe(self) -> bool:
-        if not self._keyframes:
-            return True
-        moved = self.pose.relative_to(self._keyframes[-1][0])
-        far = math.hypot(moved.x, moved.y) > KEYFRAME_DISTANCE
-        return far or abs(moved.yaw) > KEYFRAME_ANGLE

@@ -58,6 +58,13 @@ def flag(text: str) -> bool:
     return text == "True"
 
 
+def degrees_of(text: str) -> tuple[int, float, str]:
+    """Parse a latitude or a longitude: degrees, minutes, side."""
+    degrees, minutes, side = text.split(",")
+    assert len(side) == 1
+    return int(degrees), float(minutes), side
+
+
 def groups_of(line: str) -> list[str]:
     """Return the texts in braces, which do not nest."""
     return re.findall(r"\{([^{}]*)\}", line)

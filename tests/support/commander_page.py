@@ -2,10 +2,11 @@
 
 import json
 import math
-import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
+
+from web_pages import read_frame
 
 if TYPE_CHECKING:  # tests that need it are skipped where it is missing
     from playwright.sync_api import Page, WebSocket
@@ -151,15 +152,9 @@ class CommanderPage:
             elif message["op"] == "path":
                 self.paths[message["robot"]] = message
             return
-        (length,) = struct.unpack_from("<I", payload)
-        frame = json.loads(payload[4 : 4 + length])
-        numbers = memoryview(payload)[4 + length :]
-        for robot in frame["robots"]:
+        frame = read_frame(payload)
+        for robot in frame.header["robots"]:
             for scan in robot["scans"]:
-                start = 2 * scan["offset"]
-                raw = bytes(numbers[start : start + 2 * scan["count"]])
-                scan["ranges"] = [
-                    math.inf if cm == 65535 else cm / 100
-                    for (cm,) in struct.iter_unpack("<H", raw)
-                ]
-        self.frames = [*self.frames[-20:], frame]
+                own = frame.scan(robot["name"], scan["scanner"]).tolist()
+                scan["ranges"] = [math.inf if cm == 65535 else cm / 100 for cm in own]
+        self.frames = [*self.frames[-20:], frame.header]

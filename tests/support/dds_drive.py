@@ -27,6 +27,12 @@ LOCAL = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/
 </Discovery></Domain></CycloneDDS>"""
 
 
+RELIABLE = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(100))
+LATCHED = Qos(
+    Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=RELIABLE
+)
+
+
 @dataclass
 class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
     sec: int32
@@ -120,16 +126,12 @@ def main() -> None:
     domain, count = int(sys.argv[1]), int(sys.argv[2])
     kept = Domain(domain, LOCAL)
     participant = DomainParticipant(domain)
-    quality = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(10))
     scans = Topic(participant, "rt/R1/lms200/scan", LaserScan)
-    reader = DataReader(participant, scans, quality)
+    reader = DataReader(participant, scans, RELIABLE)
     wheels = Topic(participant, "rt/R1/cmd_vel", Twist)
-    writer = DataWriter(participant, wheels, quality)
-    latched = Qos(
-        Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=quality
-    )
+    writer = DataWriter(participant, wheels, RELIABLE)
     grids = DataReader(
-        participant, Topic(participant, "rt/map", OccupancyGrid), latched
+        participant, Topic(participant, "rt/map", OccupancyGrid), LATCHED
     )
     heard: list[dict[str, Any]] = []
     found: dict[str, Any] | None = None

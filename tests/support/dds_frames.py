@@ -12,14 +12,13 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import sequence
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
-from dds_drive import LOCAL, Header, Quaternion, Time, Vector3
+from dds_drive import LATCHED, LOCAL, RELIABLE, Header, Quaternion, Time, Vector3
 
 INTERVAL = 0.05  # s
 
@@ -48,16 +47,12 @@ def main() -> None:
     domain, localises = int(sys.argv[1]), "map" in sys.argv
     kept = Domain(domain, LOCAL)
     participant = DomainParticipant(domain)
-    quality = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(100))
-    latched = Qos(
-        Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=quality
-    )
     moving = Topic(participant, "rt/tf", TFMessage)
-    writer = DataWriter(participant, moving, quality)
+    writer = DataWriter(participant, moving, RELIABLE)
     static = Topic(participant, "rt/tf_static", TFMessage)
     readers = [
-        DataReader(participant, moving, quality),
-        DataReader(participant, static, latched),
+        DataReader(participant, moving, RELIABLE),
+        DataReader(participant, static, LATCHED),
     ]
     place = Transform(Vector3(0.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
     own = TransformStamped(Header(Time(1, 0), "map"), "R1/odom", place)

@@ -13,13 +13,13 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from cyclonedds.core import Policy, Qos
+import dds_drive
+from cyclonedds.core import Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
-from dds_drive import LOCAL, Header, OccupancyGrid, Point, Pose, Vector3, as_json
 
 INTERVAL = 0.05  # s
 
@@ -45,7 +45,7 @@ class Duration(IdlStruct, typename="builtin_interfaces::msg::dds_::Duration_"):
 
 @dataclass
 class CompressedImage(IdlStruct, typename="sensor_msgs::msg::dds_::CompressedImage_"):
-    header: Header
+    header: dds_drive.Header
     format: str
     data: sequence[uint8]  # type: ignore[type-arg]
 
@@ -64,17 +64,17 @@ class MeshFile(IdlStruct, typename="visualization_msgs::msg::dds_::MeshFile_"):
 
 @dataclass
 class Marker(IdlStruct, typename="visualization_msgs::msg::dds_::Marker_"):
-    header: Header
+    header: dds_drive.Header
     ns: str
     id: int32
     type: int32
     action: int32
-    pose: Pose
-    scale: Vector3
+    pose: dds_drive.Pose
+    scale: dds_drive.Vector3
     color: ColorRGBA
     lifetime: Duration
     frame_locked: bool
-    points: sequence[Point]  # type: ignore[type-arg]
+    points: sequence[dds_drive.Point]  # type: ignore[type-arg]
     colors: sequence[ColorRGBA]  # type: ignore[type-arg]
     texture_resource: str
     texture: CompressedImage
@@ -101,7 +101,7 @@ class RegionOfInterest(IdlStruct, typename="sensor_msgs::msg::dds_::RegionOfInte
 
 @dataclass
 class CameraInfo(IdlStruct, typename="sensor_msgs::msg::dds_::CameraInfo_"):
-    header: Header
+    header: dds_drive.Header
     height: uint32
     width: uint32
     distortion_model: str
@@ -123,8 +123,8 @@ def summary(message: Any) -> Any:
                 {"ns": each.ns, "alpha": each.color.a, "points": len(each.points)}
                 for each in markers
             ]
-        case OccupancyGrid():
-            return as_json(message)
+        case dds_drive.OccupancyGrid():
+            return dds_drive.as_json(message)
         case CompressedImage():
             data: Any = message.data
             return {
@@ -140,18 +140,14 @@ def summary(message: Any) -> Any:
 
 def main() -> None:
     domain, robot = int(sys.argv[1]), sys.argv[2]
-    kept = Domain(domain, LOCAL)
+    kept = Domain(domain, dds_drive.LOCAL)
     participant = DomainParticipant(domain)
-    quality = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(10))
-    latched = Qos(
-        Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=quality
-    )
     wanted: dict[str, tuple[type[IdlStruct], Qos]] = {
-        "scene": (MarkerArray, latched),
-        "map": (OccupancyGrid, latched),
-        f"{robot}/robot_description": (String, latched),
-        f"{robot}/camera/image/compressed": (CompressedImage, quality),
-        f"{robot}/camera/camera_info": (CameraInfo, quality),
+        "scene": (MarkerArray, dds_drive.LATCHED),
+        "map": (dds_drive.OccupancyGrid, dds_drive.LATCHED),
+        f"{robot}/robot_description": (String, dds_drive.LATCHED),
+        f"{robot}/camera/image/compressed": (CompressedImage, dds_drive.RELIABLE),
+        f"{robot}/camera/camera_info": (CameraInfo, dds_drive.RELIABLE),
     }
     readers = {
         name: DataReader(participant, Topic(participant, f"rt/{name}", type_), how)

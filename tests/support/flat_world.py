@@ -29,9 +29,11 @@ CORRIDOR: Floats = np.array([[[-99, -1], [99, -1]], [[-99, 1], [99, 1]]], np.flo
 EMPTY_WORLD: Floats = np.zeros((0, 2, 2))
 
 
-def ranges_of(walls: Floats, pose: Pose2) -> Floats:
-    """Return the ranges of beams all around, (360,) m; the maximum range for a miss."""
-    directions = np.column_stack([np.cos(ANGLES + pose.yaw), np.sin(ANGLES + pose.yaw)])
+def ranges_of(
+    walls: Floats, pose: Pose2, angles: Floats = ANGLES, missed: float = MAX_RANGE
+) -> Floats:
+    """Return the ranges of beams at angles, m."""
+    directions = np.column_stack([np.cos(angles + pose.yaw), np.sin(angles + pose.yaw)])
     starts = walls[:, 0] - (pose.x, pose.y)
     sides = walls[:, 1] - walls[:, 0]
     across = np.outer(directions[:, 0], sides[:, 1]) - np.outer(
@@ -44,7 +46,7 @@ def ranges_of(walls: Floats, pose: Pose2) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         ranges, along = wide / across, beside / across
     is_hit = (ranges > 0) & (along >= 0) & (along <= 1)
-    nearest: Floats = np.where(is_hit, ranges, MAX_RANGE).min(axis=1, initial=MAX_RANGE)
+    nearest: Floats = np.where(is_hit, ranges, missed).min(axis=1, initial=missed)
     return nearest
 
 

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 import pytest
 import shapely
+from flat_world import ranges_of
 
 from radarsim.autonomy.navigation.control import Twist
 from radarsim.autonomy.navigation.controller import Controller
@@ -47,21 +48,7 @@ class Flatland:
 
     def scan(self) -> Observation:
         """Return an exact scan from the robot's centre."""
-        angles = self.bearings + self.pose.yaw
-        directions = np.column_stack([np.cos(angles), np.sin(angles)])
-        starts = self.walls[:, 0] - (self.pose.x, self.pose.y)
-        sides = self.walls[:, 1] - self.walls[:, 0]
-        across = np.outer(directions[:, 0], sides[:, 1]) - np.outer(
-            directions[:, 1], sides[:, 0]
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ranges = _cross(starts, sides) / across
-            along = (
-                np.outer(directions[:, 1], -starts[:, 0])
-                + np.outer(directions[:, 0], starts[:, 1])
-            ) / across
-        met = (ranges > 0) & (along <= 0) & (along >= -1)
-        nearest = np.where(met, ranges, math.inf).min(axis=1, initial=math.inf)
+        nearest = ranges_of(self.walls, self.pose, self.bearings, math.inf)
         time = len(self.track) * STEP
         return Observation(time, self.pose, self.bearings.copy(), nearest)
 
@@ -85,11 +72,6 @@ class Flatland:
             if bug.is_done:
                 return
         raise AssertionError(f"{bug.activity} after {steps} steps at {self.pose}")
-
-
-def _cross(starts: Floats, sides: Floats) -> Floats:
-    crossed: Floats = starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]
-    return crossed
 
 
 def outline(shape: shapely.Polygon) -> Floats:

@@ -4,6 +4,7 @@ import json
 import random
 import struct
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -31,9 +32,9 @@ def hostile_maps() -> dict[str, Callable[[], Files]]:
     cases = {name: files for family in families for name, files in family()}
     for name in sorted(good_meshes()):
         for number in range(9):
-            cases[f"broken {name} {number}"] = _Broken(name, number)
+            cases[f"broken {name} {number}"] = partial(_broken, name, number)
     for number in range(28):
-        cases[f"broken map {number}"] = _Broken("m.yaml", number)
+        cases[f"broken map {number}"] = partial(_broken, "m.yaml", number)
     return cases
 
 
@@ -98,7 +99,7 @@ def _texts() -> Iterator[tuple[str, Callable[[], Files]]]:
 
 def _numbers() -> Iterator[tuple[str, Callable[[], Files]]]:
     """Yield objects of impossible sizes and places."""
-    values = [
+    values = (
         "1e308",
         "-1",
         "0",
@@ -107,7 +108,7 @@ def _numbers() -> Iterator[tuple[str, Callable[[], Files]]]:
         "1e-320",
         "9" * 400,
         "0x" + "f" * 250,
-    ]
+    )
     for value in values:
         lines = [
             f"name: a, box: [{value}, 1, 1], material: stone",
@@ -249,80 +250,63 @@ def _meshes() -> Iterator[tuple[str, Callable[[], Files]]]:
     ply = "ply\nformat {} 1.0\nelement vertex {}\n{}end_header\n"
     xyz = "property float x\nproperty float y\nproperty float z\n"
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
-    makers: dict[str, tuple[str, Callable[[], str | bytes]]] = {
-        "STL: a large count": ("a.stl", lambda: bytes(80) + b"\xff" * 4 + bytes(50)),
-        "STL: 3 million triangles in one point": (
-            "a.stl",
-            lambda: bytes(80) + struct.pack("<I", 3 * 10**6) + bytes(150 * 10**6),
+    makers: dict[str, Callable[[], str | bytes]] = {
+        "STL: a large count": lambda: bytes(80) + b"\xff" * 4 + bytes(50),
+        "STL: 3 million triangles in one point": lambda: (
+            bytes(80) + struct.pack("<I", 3 * 10**6) + bytes(150 * 10**6)
         ),
-        "STL: 5 million triangles": (
-            "a.stl",
-            lambda: bytes(80) + struct.pack("<I", 5 * 10**6) + bytes(250 * 10**6),
+        "STL: 5 million triangles": lambda: (
+            bytes(80) + struct.pack("<I", 5 * 10**6) + bytes(250 * 10**6)
         ),
-        "STL: many solids": ("a.stl", lambda: "solid x\nendsolid x\n" * 200_000),
-        "STL: no numbers": ("a.stl", lambda: "solid x\n" + "vertex a b c\n" * 300_000),
-        "PLY: a large count": ("a.ply", lambda: ply.format("ascii", 10**12, xyz)),
-        "PLY: a binary count": (
-            "a.ply",
-            lambda: ply.format("binary_little_endian", 6 * 10**6, xyz),
+        "STL: many solids": lambda: "solid x\nendsolid x\n" * 200_000,
+        "STL: no numbers": lambda: "solid x\n" + "vertex a b c\n" * 300_000,
+        "PLY: a large count": lambda: ply.format("ascii", 10**12, xyz),
+        "PLY: a binary count": lambda: ply.format(
+            "binary_little_endian", 6 * 10**6, xyz
         ),
-        "PLY: nothing, often": ("a.ply", lambda: ply.format("ascii", 10**6, "")),
-        "PLY: many properties": (
-            "a.ply",
-            lambda: ply.format("ascii", 3, xyz + "property float x\n" * 10_000),
+        "PLY: nothing, often": lambda: ply.format("ascii", 10**6, ""),
+        "PLY: many properties": lambda: ply.format(
+            "ascii", 3, xyz + "property float x\n" * 10_000
         ),
-        "PLY: a list of lists": (
-            "a.ply",
-            lambda: (
-                ply.format(
-                    "binary_little_endian", 1, "property list uint uint i\n"
-                ).encode()
-                + b"\xff" * 64
-            ),
+        "PLY: a list of lists": lambda: (
+            ply.format(
+                "binary_little_endian", 1, "property list uint uint i\n"
+            ).encode()
+            + b"\xff" * 64
         ),
-        "STL: many solids with triangles": (
-            "a.stl",
-            lambda: (
-                (
-                    "solid x\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n"
-                    "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid x\n"
-                )
-                * 20_000
-            ),
+        "STL: many solids with triangles": lambda: (
+            (
+                "solid x\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n"
+                "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid x\n"
+            )
+            * 20_000
         ),
-        "OBJ: short lines": ("a.obj", lambda: corners + "f\n" * 15_000_000),
-        "OBJ: names": ("a.obj", lambda: corners + "o a\n" * 7_000_000 + "f 1 2 3"),
-        "OBJ: slashes": ("a.obj", lambda: corners + "f 1 2 3" + "/" * 30_000_000),
-        "OBJ: a long material": (
-            "a.obj",
-            lambda: f"{corners}usemtl {'x' * 30_000_000}\nf 1 2 3\n",
+        "OBJ: short lines": lambda: corners + "f\n" * 15_000_000,
+        "OBJ: names": lambda: corners + "o a\n" * 7_000_000 + "f 1 2 3",
+        "OBJ: slashes": lambda: corners + "f 1 2 3" + "/" * 30_000_000,
+        "OBJ: a long material": lambda: (
+            f"{corners}usemtl {'x' * 30_000_000}\nf 1 2 3\n"
         ),
-        "OBJ: 20000 materials": (
-            "a.obj",
-            lambda: corners + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(20_000)),
+        "OBJ: 20000 materials": lambda: (
+            corners + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(20_000))
         ),
-        "OBJ: 2000 materials": (
-            "a.obj",
-            lambda: corners + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(2000)),
+        "OBJ: 2000 materials": lambda: (
+            corners + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(2000))
         ),
-        "OBJ: two materials in turn": (
-            "a.obj",
-            lambda: corners + "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\n" * 50_000,
+        "OBJ: two materials in turn": lambda: (
+            corners + "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\n" * 50_000
         ),
-        "OBJ: a large polygon": (
-            "a.obj",
-            lambda: corners + "f" + " 1 2 3" * 300_000 + "\n",
+        "OBJ: a large polygon": lambda: corners + "f" + " 1 2 3" * 300_000 + "\n",
+        "OBJ: polygons of all sizes": lambda: (
+            corners + "".join(f"f{' 1 2 3' * (i % 40)}\n" for i in range(9000))
         ),
-        "OBJ: polygons of all sizes": (
-            "a.obj",
-            lambda: corners + "".join(f"f{' 1 2 3' * (i % 40)}\n" for i in range(9000)),
-        ),
-        "OBJ: large indices": ("a.obj", lambda: corners + "f 1 2 4000000000\n" * 1000),
-        "OBJ: empty lines": ("a.obj", lambda: "\n" * 3_000_000),
-        "OBJ: libraries": ("a.obj", lambda: "mtllib ../../x\n" * 100_000),
-        "OBJ: backslashes": ("a.obj", lambda: corners + "\\\n" * 1_000_000),
+        "OBJ: large indices": lambda: corners + "f 1 2 4000000000\n" * 1000,
+        "OBJ: empty lines": lambda: "\n" * 3_000_000,
+        "OBJ: libraries": lambda: "mtllib ../../x\n" * 100_000,
+        "OBJ: backslashes": lambda: corners + "\\\n" * 1_000_000,
     }
-    for name, (file, make) in makers.items():
+    for name, make in makers.items():
+        file = f"a.{name[:3].lower()}"
         yield name, lambda file=file, make=make: of_mesh(file, make())  # type: ignore[misc]
 
 
@@ -344,37 +328,29 @@ def good_meshes() -> dict[str, bytes]:
     return meshes
 
 
-class _Broken:
-    """A good map whose file, or whose mesh, is cut, changed, doubled or shuffled."""
-
-    def __init__(self, name: str, number: int) -> None:
-        self._name = name
-        self._number = number
-
-    def __call__(self) -> Files:
-        draw = random.Random(f"{self._name} {self._number}")
-        files = of_mesh("a.glb", good_meshes()["a.glb"], "leaf")
-        if self._name != "m.yaml":
-            files = of_mesh(self._name, good_meshes()[self._name], "leaf")
-        else:
-            more = [f"name: o{i}, {BOX}, position: [{i}, 0, 0]" for i in range(20)]
-            files["m.yaml"] = str(objects(more)["m.yaml"]) + "air: fog\n"
-        content = files[self._name]
-        data = bytearray(content.encode() if isinstance(content, str) else content)
-        kind = self._number % 4
-        if kind == 0:
+def _broken(name: str, number: int) -> Files:
+    """Cut, change, double or shuffle the file of a good map, or its mesh."""
+    draw = random.Random(f"{name} {number}")
+    mesh = "a.glb" if name == "m.yaml" else name
+    files = of_mesh(mesh, good_meshes()[mesh], "leaf")
+    if name == "m.yaml":
+        more = [f"name: o{i}, {BOX}, position: [{i}, 0, 0]" for i in range(20)]
+        files["m.yaml"] = str(objects(more)["m.yaml"]) + "air: fog\n"
+    content = files[name]
+    data = bytearray(content.encode() if isinstance(content, str) else content)
+    match number % 4:
+        case 0:
             del data[draw.randrange(len(data)) :]
-        elif kind == 1:
+        case 1:
             for _ in range(draw.choice((1, 10, 300))):
                 data[draw.randrange(min(len(data), 600))] = draw.randrange(256)
-        elif kind == 2:
+        case 2:
             at = draw.randrange(len(data))
             data[at:at] = data[: draw.randrange(len(data))]
-        else:
+        case _:
             at, size = draw.randrange(len(data)), draw.randrange(2000)
             data[at : at + size] = draw.randbytes(draw.randrange(2000))
-        files[self._name] = bytes(data)
-        return files
+    return files | {name: bytes(data)}
 
 
 def write_files(folder: Path, files: Files) -> Path:

@@ -1,10 +1,12 @@
-"""Parts of scenes: boxes of a material."""
+"""Parts of scenes: boxes of a material; and rays along x."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from radarsim.geometry import rotation_matrix
+from radarsim.raycast.rays import Rays
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
@@ -31,3 +33,11 @@ def brick(
 def layer(name: str, material: Material, near: float, far: float) -> Part:
     """Return what a ray along x crosses between two distances."""
     return block(name, material, (far - near, 4, 4), ((near + far) / 2, 0, 0))
+
+
+def rays_ahead(count: int = 1, **settings: Any) -> Rays:
+    """Return rays along x from the origin."""
+    directions = np.tile([1.0, 0.0, 0.0], (count, 1))
+    return Rays.uniform(
+        np.zeros((count, 3)), directions, **{"max_range": 50.0} | settings
+    )

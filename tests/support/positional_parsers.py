@@ -10,6 +10,7 @@ from client_parsers import (
     READ_BUFFER,
     SONARS,
     Reading,
+    degrees_of,
     flag,
     groups_of,
     named_ranges,
@@ -71,8 +72,7 @@ class MaldoParser:
         values: dict[str, Any] = {}
         if "Fix 0" not in after:
             for key, group in (("Latitude", after[1]), ("Longitude", after[2])):
-                degrees, minutes, side = group.split(",")
-                values[key] = (int(degrees.split(" ")[1]), float(minutes), side[0])
+                values[key] = degrees_of(group.split(" ")[1])
         values["Satellites"] = int(after[-1].removeprefix("Satellites "))
         return Reading("GPS", "", values)
 
@@ -234,13 +234,8 @@ class ToolboxParser:
 
     def position(self, line: str) -> dict[str, Any]:
         """Parse latitude and longitude: degrees, minutes, side; none without a fix."""
-        values: dict[str, Any] = {}
-        if self.text(line, "Fix") == "0":
-            return values
-        for key in ("Latitude", "Longitude"):
-            degrees, minutes, side = self.text(line, key).split(",")
-            values[key] = (int(degrees), float(minutes), side)
-        return values
+        keys = () if self.text(line, "Fix") == "0" else ("Latitude", "Longitude")
+        return {key: degrees_of(self.text(line, key)) for key in keys}
 
     def text(self, line: str, key: str) -> str:
         """Return the text after a key."""

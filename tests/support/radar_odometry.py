@@ -107,7 +107,7 @@ class RadarOdometry:
         last, motion = self.pose, self._motion
         if self._keyframes:
             for _ in range(self._unrollings):
-                points = _unroll(turn, motion)
+                points = _scan_points(turn, motion)
                 predicted = last.compose(motion)
                 self.pose = fit(
                     self._map.table,
@@ -118,16 +118,11 @@ class RadarOdometry:
                 ).pose
                 motion = self.pose.relative_to(last)
         self._motion = motion
-        if self._is_keyframe():
-            self._add_keyframe(_unroll(turn, motion).places)
+        if not self._keyframes or is_beyond(
+            self.pose, self._keyframes[-1][0], KEYFRAME_DISTANCE, KEYFRAME_ANGLE
+        ):
+            self._add_keyframe(unroll(turn.places, turn.shares, motion))
         return self.pose
-
-    def _is_keyframe(self) -> bool:
-        if not self._keyframes:
-            return True
-        moved = self.pose.relative_to(self._keyframes[-1][0])
-        far = math.hypot(moved.x, moved.y) > KEYFRAME_DISTANCE
-        return far or abs(moved.yaw) > KEYFRAME_ANGLE
 
     def _add_keyframe(self, places: Floats) -> None:
         c, s = math.cos(self.pose.yaw), math.sin(self.pose.yaw)
@@ -138,16 +133,27 @@ class RadarOdometry:
             self._map.add(np.ascontiguousarray(kept))
 
 
-def _unroll(turn: Turn, motion: Pose2) -> ScanPoints:
-    """Return the targets of a turn as seen from its end, if it had been of a motion."""
-    left = turn.shares - 1.0  # of the motion, backwards
+def unroll(places: Floats, shares: Floats, motion: Pose2) -> Floats:
+    """Return places as seen from the end of a turn that had an even motion."""
+    left = shares - 1.0  # of the motion, backwards
     yaw = motion.yaw * left
     c, s = np.cos(yaw), np.sin(yaw)
-    x, y = turn.places.T
+    x, y = places.T
     # Back from the end by what was left of the motion, on the axes of the end.
     back = Pose2(0.0, 0.0).relative_to(motion)
-    places = np.column_stack([c * x - s * y, s * x + c * y])
-    places -= np.outer(left, (back.x, back.y))
+    turned: Floats = np.column_stack([c * x - s * y, s * x + c * y])
+    return turned - np.outer(left, (back.x, back.y))
+
+
+def is_beyond(pose: Pose2, before: Pose2, distance: float, angle: float) -> bool:
+    """Return whether a pose is so far from another, m, or so much turned, rad."""
+    moved = pose.relative_to(before)
+    return math.hypot(moved.x, moved.y) > distance or abs(moved.yaw) > angle
+
+
+def _scan_points(turn: Turn, motion: Pose2) -> ScanPoints:
+    """Return the targets of a turn as seen from its end, if it had been of a motion."""
+    places = unroll(turn.places, turn.shares, motion)
     along = places / np.maximum(np.linalg.norm(places, axis=1), 1e-9)[:, None]
     return ScanPoints(places, along, np.zeros_like(along), SPREAD, True)
 

@@ -3,7 +3,15 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from client_parsers import VEHICLES, Reading, flag, groups_of, numbers, scanner_of
+from client_parsers import (
+    VEHICLES,
+    Reading,
+    degrees_of,
+    flag,
+    groups_of,
+    numbers,
+    scanner_of,
+)
 
 
 class UsarCommanderParser:
@@ -103,9 +111,7 @@ class UsarCommanderParser:
         values["Satellites"] = int(fields["satellites"])
         if values["Fix"] == 1:
             for key in ("Latitude", "Longitude"):
-                degrees, minutes, side = fields[key.lower()].split(",")
-                assert len(side) == 1
-                values[key] = (int(degrees), float(minutes), side)
+                values[key] = degrees_of(fields[key.lower()])
         return values
 
     def wheels(self, fields: dict[str, str]) -> dict[str, Any]:

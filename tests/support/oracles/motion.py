@@ -1,4 +1,7 @@
-"""One robot after the other in plain Python and NumPy, as the engine moves them."""
+"""One robot after the other in plain Python and NumPy, as the engine moves them.
+
+The reference measures the gap to everything near at each move; it keeps nothing.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -9,7 +12,7 @@ import shapely
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
-from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
+from radarsim.robots.footprint import MARGIN, Footprint
 from radarsim.robots.obstacles import Obstacles
 
 CONTACT_GAP = 1e-3  # m left between the robot and what it runs into
@@ -17,7 +20,7 @@ TOUCH_RANGE = 2e-3  # m; anything closer touches the robot
 MAX_DISPLACEMENT_RATIO = 2.0
 
 _MAX_SWEEP = 0.05
-_CACHE_RANGE = 0.5  # m beyond the robot's circle within which walls are cached
+_WALL_RANGE = 0.5  # m beyond the robot's circle
 _OUTLINE_RANGE = 0.1  # m between two robots' circles below which their outlines matter
 _MAX_PUSHES = 8  # out of two walls in turn; more would not get out of a wedge
 
@@ -31,23 +34,21 @@ class ReferenceRobot:
     obstacles: Obstacles
     spins: tuple[float, float] = (0.0, 0.0)  # rad/s
     angles: tuple[float, float] = (0.0, 0.0)  # rad
-    top_speed: float = 0.0
     odometry: Pose2 = field(default_factory=lambda: Pose2(0.0, 0.0))
-    footprint: Footprint = field(init=False)
-    resolver: "CollisionResolver" = field(init=False)
+    blocked: bool = False  # whether the last move did not end at the wanted pose
 
     def __post_init__(self) -> None:
         self.footprint = Footprint(self.model.length, self.model.width)
-        self.resolver = CollisionResolver(self, self.obstacles)
+        self.others: tuple[ReferenceRobot, ...] = ()
 
     @property
     def touched(self) -> bool:
-        return self.resolver.blocked or self.resolver.touching()
+        return self.blocked or self._gap(self.pose, self._lines()) <= TOUCH_RANGE
 
     def step(self, dt: float, others: "tuple[ReferenceRobot, ...]") -> None:
+        self.others = tuple(other for other in others if other is not self)
         left, right = self.spins
         if not left and not right:
-            self.resolver.rest(others)
             return
         before = self.angles
         self.angles = (before[0] + left * dt, before[1] + right * dt)
@@ -60,9 +61,11 @@ class ReferenceRobot:
             wanted = advance(
                 self.pose, left, right, track=self.model.track, dt=dt / parts
             )
-            self.pose = self.resolver.move(
-                wanted, others, sweep=sweep / parts, dt=dt / parts
-            )
+            lines = self._lines(wanted)
+            self.blocked = self._gap(wanted, lines) <= MARGIN
+            reached = self._avoid(wanted, lines, sweep / parts)
+            if not (self.blocked and _is_same(reached, self.pose)):
+                self.pose = reached
 
     def _integrate(self, left: float, right: float) -> None:
         left *= self.model.wheel_radius
@@ -77,6 +80,55 @@ class ReferenceRobot:
             self.odometry.y + chord * math.sin(heading),
             self.odometry.yaw + turn,
         )
+
+    def _lines(self, pose: Pose2 | None = None) -> Floats:
+        """Return the walls near a pose, and the outlines of the other robots there."""
+        pose = pose or self.pose
+        reach = self.footprint.radius + _WALL_RANGE
+        walls = self.obstacles.segments
+        away = shapely.distance(
+            shapely.linestrings(walls), shapely.Point(pose.x, pose.y)
+        )
+        lines = [walls[away <= reach]]
+        for other in self.others:
+            gap = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
+            if gap - other.footprint.radius - self.footprint.radius < _OUTLINE_RANGE:
+                lines.append(outline(other.footprint, other.pose))
+        return np.concatenate(lines)
+
+    def _avoid(self, wanted: Pose2, lines: Floats, sweep: float) -> Pose2:
+        """Return the pose to take instead of a wanted pose if that is not free."""
+        if not self.blocked:
+            return wanted
+        pose = self.pose
+        gap = self._gap(pose, lines)
+        # A robot nearer than ``CONTACT_GAP`` slides on; it is not pushed back first.
+        clearance = max(2 * MARGIN, min(CONTACT_GAP, gap))
+        # Without the turn second: beside a wall it may be the turn that is blocked.
+        for target in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
+            freed = self._push_out(target, lines, clearance)
+            moved = math.hypot(freed.x - pose.x, freed.y - pose.y) if freed else 0.0
+            if freed is not None and moved <= MAX_DISPLACEMENT_RATIO * sweep:
+                return freed
+        turned = Pose2(pose.x, pose.y, wanted.yaw)
+        if self._gap(turned, lines) > MARGIN:
+            return turned
+        # A robot that was placed inside an obstacle may leave it.
+        return wanted if self._gap(wanted, lines) > gap else pose
+
+    def _push_out(self, pose: Pose2, lines: Floats, clearance: float) -> Pose2 | None:
+        """Push a pose out of all obstacles; return None if that fails."""
+        for _ in range(_MAX_PUSHES):
+            contact = find_contact(self.footprint, pose, lines)
+            if contact.gap > MARGIN:
+                return pose
+            push = clearance - contact.gap
+            x, y = pose.x + push * contact.away_x, pose.y + push * contact.away_y
+            pose = Pose2(x, y, pose.yaw)
+        return None
+
+    def _gap(self, pose: Pose2, lines: Floats) -> float:
+        return find_contact(self.footprint, pose, lines).gap
 
 
 def advance(
@@ -142,165 +194,6 @@ def outline(footprint: Footprint, pose: Pose2) -> Floats:
     corners = np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
     corners = _to_local(corners, c, -s) + np.array([pose.x, pose.y])
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-
-
-class CollisionResolver:
-    """Moves one robot; keeps lower bounds of its clearance between moves.
-
-    Attributes:
-        blocked: Whether the last move did not end at the wanted pose.
-    """
-
-    def __init__(self, robot: ReferenceRobot, obstacles: Obstacles) -> None:
-        self.blocked = False
-        self._robot = robot
-        self._footprint: Footprint = robot.footprint
-        self._obstacles = obstacles
-        self._walls = NO_SEGMENTS  # those near ``_cache_centre``
-        self._cache_centre = (math.inf, math.inf)
-        self._wall_gap = 0.0  # m; no wall is closer
-        self._robot_gap = 0.0  # m; no other robot is closer
-        self._others: tuple[ReferenceRobot, ...] = ()
-        self._closing_speed = 0.0  # m/s; top speed of the fastest of the others
-        self._rejected: tuple[Pose2, Pose2] | None = None  # start and wanted pose
-
-    def move(
-        self,
-        wanted: Pose2,
-        others: tuple[ReferenceRobot, ...],
-        *,
-        sweep: float,
-        dt: float,
-    ) -> Pose2:
-        """Return the pose that the robot reaches when it moves towards another.
-
-        Args:
-            wanted: Pose to which its wheels would take it.
-            others: All robots, in any order; the robot itself may be one of them. It is
-                fastest to pass the same tuple at every move.
-            sweep: Largest distance that any point of the robot travels, m; at most a
-                fraction of its width, or it could pass through obstacles.
-            dt: Duration of the move, s.
-        """
-        self._wall_gap -= sweep
-        self._robot_gap -= sweep + self._closing_speed * dt
-        if self._robot_gap > MARGIN and others is self._others:
-            # Nothing can be in reach yet (rules 1 and 2).
-            if self._wall_gap > MARGIN:
-                self.blocked = False
-                return wanted
-            pose = self._robot.pose
-            if (pose, wanted) == self._rejected:  # still pushing against the same wall
-                self.blocked = True
-                return pose
-        return self._move_checked(wanted, others, sweep)
-
-    def rest(self, others: tuple[ReferenceRobot, ...]) -> None:
-        """Stand still for one step while others move."""
-        self._others = others
-        # Others may approach meanwhile: the next move measures the gap to them anew.
-        self._robot_gap = 0.0
-
-    def touching(self) -> bool:
-        """Return whether something solid is as close as after a contact."""
-        if min(self._wall_gap, self._robot_gap) > TOUCH_RANGE:
-            return False
-        pose = self._robot.pose
-        return self._measure(pose, self._lines_near(pose, self._others)) <= TOUCH_RANGE
-
-    def _move_checked(
-        self, wanted: Pose2, others: tuple[ReferenceRobot, ...], sweep: float
-    ) -> Pose2:
-        """Move with a check of all obstacles."""
-        self._others = others
-        lines = self._lines_near(wanted, others)
-        self.blocked = self._measure(wanted, lines) <= MARGIN
-        if not self.blocked:
-            return wanted
-        pose = self._robot.pose
-        reached = self._avoid(wanted, lines, sweep)
-        if _is_same(reached, pose):
-            reached = pose
-            # Walls stay; a robot in the way may be gone at the next move.
-            self._rejected = (pose, wanted) if lines is self._walls else None
-        self._measure(reached, lines)
-        return reached
-
-    def _measure(self, pose: Pose2, lines: Floats) -> float:
-        """Return the gap at a pose, and update the known gaps."""
-        gap = self._gap(pose, lines)
-        offset = math.dist((pose.x, pose.y), self._cache_centre)
-        # Walls that are not in the cache are at least this far away.
-        self._wall_gap = min(gap, _CACHE_RANGE - offset)
-        if lines is not self._walls:  # the lines include outlines of others
-            self._robot_gap = min(gap, self._robot_gap)
-        return gap
-
-    def _lines_near(self, pose: Pose2, others: tuple[ReferenceRobot, ...]) -> Floats:
-        """Return the lines near a pose; robots farther away set ``_robot_gap``."""
-        position = (pose.x, pose.y)
-        if math.dist(position, self._cache_centre) > _CACHE_RANGE / 2:
-            self._cache_centre = position
-            reach, walls = (
-                self._footprint.radius + _CACHE_RANGE,
-                self._obstacles.segments,
-            )
-            lines = shapely.linestrings(walls)
-            near = shapely.distance(lines, shapely.Point(position)) <= reach
-            self._walls = walls[near]
-        outlines = self._outlines_near(pose, others)
-        return np.concatenate([self._walls, *outlines]) if outlines else self._walls
-
-    def _outlines_near(
-        self, pose: Pose2, others: tuple[ReferenceRobot, ...]
-    ) -> list[Floats]:
-        """Return the outlines of the other robots that are close."""
-        self._robot_gap, self._closing_speed = math.inf, 0.0
-        outlines = []
-        for other in others:
-            if other is self._robot:
-                continue
-            self._closing_speed = max(self._closing_speed, other.top_speed)
-            footprint = other.footprint
-            gap = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
-            gap -= footprint.radius + self._footprint.radius
-            if gap < _OUTLINE_RANGE:
-                outlines.append(outline(footprint, other.pose))
-            else:
-                self._robot_gap = min(self._robot_gap, gap)
-        return outlines
-
-    def _avoid(self, wanted: Pose2, lines: Floats, sweep: float) -> Pose2:
-        """Return the pose to take instead of a wanted pose that is not free."""
-        pose = self._robot.pose
-        gap = self._gap(pose, lines)
-        # A robot nearer than ``CONTACT_GAP`` slides on; it is not pushed back first.
-        clearance = max(2 * MARGIN, min(CONTACT_GAP, gap))
-        # Without the turn second: beside a wall it may be the turn that is blocked.
-        for target in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
-            freed = self._push_out(target, lines, clearance)
-            moved = math.hypot(freed.x - pose.x, freed.y - pose.y) if freed else 0.0
-            if freed is not None and moved <= MAX_DISPLACEMENT_RATIO * sweep:
-                return freed
-        turned = Pose2(pose.x, pose.y, wanted.yaw)
-        if self._gap(turned, lines) > MARGIN:
-            return turned
-        # A robot that was placed inside an obstacle may leave it.
-        return wanted if self._gap(wanted, lines) > gap else pose
-
-    def _push_out(self, pose: Pose2, lines: Floats, clearance: float) -> Pose2 | None:
-        """Push a pose out of all obstacles; return None if that fails."""
-        for _ in range(_MAX_PUSHES):
-            contact = find_contact(self._footprint, pose, lines)
-            if contact.gap > MARGIN:
-                return pose
-            push = clearance - contact.gap
-            x, y = pose.x + push * contact.away_x, pose.y + push * contact.away_y
-            pose = Pose2(x, y, pose.yaw)
-        return None
-
-    def _gap(self, pose: Pose2, lines: Floats) -> float:
-        return find_contact(self._footprint, pose, lines).gap
 
 
 def _is_same(one: Pose2, other: Pose2) -> bool:
