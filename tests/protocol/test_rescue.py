@@ -2,20 +2,12 @@
 
 import pytest
 
-from radarsim.protocol.reports import (
-    GasDensity,
-    HumanMotion,
-    RfidTags,
-    SensorReport,
-    Sound,
-    VictimParts,
-    decode_report,
-)
+from radarsim.protocol import reports
 from radarsim.protocol.rescue import Sighting
 
 LINES = [
     pytest.param(
-        VictimParts(
+        reports.VictimParts(
             1.5,
             "VictSensor",
             (Sighting("Leg", (2.05, -0.33, -0.46)), Sighting("Arm", (2.5, -0.44, 0))),
@@ -26,29 +18,29 @@ LINES = [
         id="parts",
     ),
     pytest.param(
-        VictimParts(1.5, "VictSensor", ()),
+        reports.VictimParts(1.5, "VictSensor", ()),
         "SEN {Time 1.50} {Type VictSensor} {Name VictSensor} {Status NoVictims}",
         id="no victims",
     ),
     pytest.param(
-        RfidTags(1.5, "RFID", (Sighting("118", (-0.5, 0.25, -0.04)),)),
+        reports.RfidTags(1.5, "RFID", (Sighting("118", (-0.5, 0.25, -0.04)),)),
         "SEN {Time 1.50} {Type RFID} {Name RFID}"
         " {ID 118} {Location -0.5000,-0.2500,0.0400}",
         id="a tag",
     ),
     pytest.param(
-        HumanMotion(1.5, "HMD", 0.25),
+        reports.HumanMotion(1.5, "HMD", 0.25),
         "SEN {Time 1.50} {Type HumanMotion} {Name HMD} {Prob  0.2500}",
         id="motion",
     ),
     pytest.param(
-        Sound(1.5, "Sound", 54.0, 2.0),
+        reports.Sound(1.5, "Sound", 54.0, 2.0),
         "SEN {Time 1.50} {Type Sound} {Name Sound} {Loudness 54.0000}"
         " {Duration 2.0000}",
         id="sound",
     ),
     pytest.param(
-        GasDensity(1.5, "CO2", "CO2", 0.0),
+        reports.GasDensity(1.5, "CO2", "CO2", 0.0),
         "SEN {Time 1.50} {Type CO2Sensor} {Name CO2} {Gas CO2} {Density 0.0000}",
         id="gas",
     ),
@@ -56,8 +48,8 @@ LINES = [
 
 
 @pytest.mark.parametrize(("report", "line"), LINES)
-def test_line_is_read_as_the_report(report: SensorReport, line: str) -> None:
-    decoded = decode_report(line)
+def test_line_is_read_as_the_report(report: reports.SensorReport, line: str) -> None:
+    decoded = reports.decode_report(line)
     assert decoded is not None
     assert type(decoded) is type(report)
     for field in type(report).__dataclass_fields__:

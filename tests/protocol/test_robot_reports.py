@@ -7,15 +7,7 @@ import pytest
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
-from radarsim.protocol.reports import (
-    EncoderConf,
-    ItemGeo,
-    Report,
-    RobotConf,
-    RobotGeo,
-    ScannerConf,
-    decode_report,
-)
+from radarsim.protocol import reports
 
 MOUNTS = (("S1", Pose3(0.2, 0, 0.1)), ("S2", Pose3(-0.2, 0, 0.1, 0, 0, -3.1)))
 
@@ -46,7 +38,7 @@ MOUNTS = (("S1", Pose3(0.2, 0, 0.1)), ("S2", Pose3(-0.2, 0, 0.1, 0, 0, -3.1)))
     ],
 )
 def test_mounts_are_decoded_in_every_server_format(line: str, robot: str) -> None:
-    assert decode_report(line) == ItemGeo("RangeScanner", MOUNTS, robot)
+    assert reports.decode_report(line) == reports.ItemGeo("RangeScanner", MOUNTS, robot)
 
 
 @pytest.mark.parametrize(
@@ -55,34 +47,36 @@ def test_mounts_are_decoded_in_every_server_format(line: str, robot: str) -> Non
         pytest.param(
             "CONF {Type RangeScanner} {Name S} {MaxRange 20} {MinRange 0.1}"
             " {Resolution 0.01} {Fov 3} {ScanInterval 0.2}",
-            ScannerConf("RangeScanner", (("S", 20, 0.1, 0.01, 3),)),
+            reports.ScannerConf("RangeScanner", (("S", 20, 0.1, 0.01, 3),)),
             id="scanner",
         ),
         pytest.param(
             "CONF {Type Encoder} {Resolution 0.01} {Name A}",
-            EncoderConf("Encoder", (("A", 0.01),)),
+            reports.EncoderConf("Encoder", (("A", 0.01),)),
             id="encoder",
         ),
     ],
 )
 def test_configurations_of_other_servers_are_decoded(
-    line: str, expected: Report
+    line: str, expected: reports.Report
 ) -> None:
-    assert decode_report(line) == expected
+    assert reports.decode_report(line) == expected
 
 
 def test_optional_fields_may_be_missing() -> None:
-    robot = decode_report(
+    robot = reports.decode_report(
         "GEO {Type LeggedRobot} {Dimensions 1,2,3} {WheelRadius 1} {WheelSeparation 2}"
     )
-    assert isinstance(robot, RobotGeo)
+    assert isinstance(robot, reports.RobotGeo)
     assert all(isnan(number) for number in (*robot.cog, robot.wheel_base))
-    abilities = decode_report("CONF {Type groundvehicle} {Name P3AT} {MaxSpeed 5}")
-    assert isinstance(abilities, RobotConf)
+    abilities = reports.decode_report(
+        "CONF {Type groundvehicle} {Name P3AT} {MaxSpeed 5}"
+    )
+    assert isinstance(abilities, reports.RobotConf)
     assert isnan(abilities.mass)
     assert isnan(abilities.max_torque)
-    scanner = decode_report("CONF {Type RangeScanner} {Name S} {MaxRange 20}")
-    assert isinstance(scanner, ScannerConf)
+    scanner = reports.decode_report("CONF {Type RangeScanner} {Name S} {MaxRange 20}")
+    assert isinstance(scanner, reports.ScannerConf)
     (_, longest, shortest, *fan), *others = astuple(scanner)[1]
     assert (longest, shortest, others) == (20, 0, [])
     assert all(isnan(number) for number in fan)
@@ -115,4 +109,4 @@ def test_optional_fields_may_be_missing() -> None:
 )
 def test_missing_required_field_raises_an_error(line: str, message: str) -> None:
     with pytest.raises(MalformedMessage, match=message):
-        decode_report(line)
+        reports.decode_report(line)
