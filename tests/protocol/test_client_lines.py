@@ -21,11 +21,6 @@ def camera(*angles: float) -> commands.MovePackage:
     ("stream", "expected"),
     [
         pytest.param(
-            b"GETSTARTPOSES\r\n",
-            [commands.GetStartPoses()],
-            id="UsarCommander: start-pose probe",
-        ),
-        pytest.param(
             b"INIT {ClassName USARBot.P3AT} {Name Rob} {Location 4.5,1.9,1.8} "
             b"{Rotation 0,0,1.57} \r\n",
             [commands.Init("P3AT", "Rob", None, (4.5, -1.9, -1.8), (0.0, 0.0, -1.57))],
@@ -35,33 +30,6 @@ def camera(*angles: float) -> commands.MovePackage:
             b"GETGEO {Type Robot} {Name Rob}\r\nGETCONF {Type Robot} {Name Rob}\r\n",
             [commands.GetGeo("Robot", "Rob"), commands.GetConf("Robot", "Rob")],
             id="UsarCommander: robot first",
-        ),
-        pytest.param(
-            b"DRIVE {Flip true}\r\n",
-            [commands.Drive(flip=True)],
-            id="UsarCommander: flip",
-        ),
-        pytest.param(
-            b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0} {Link 2} {Value 0.3}\r\n",
-            [camera(0.0, 0.3)],
-            id="UsarCommander: camera tilt",
-        ),
-        pytest.param(
-            b"SET {Type Camera} {Name Camera} {Opcode ZOOM}\r\n",
-            [commands.SetItem("Camera", "Camera", "ZOOM", "")],
-            id="UsarCommander: set without params",
-        ),
-        pytest.param(
-            b"MULTIDRIVE {FRFlipper 0.1} {FLFlipper 0.1}\r\n",
-            [
-                commands.MultiDrive(
-                    (
-                        LinkOrder("FRFlipper", None, 0.1),
-                        LinkOrder("FLFlipper", None, 0.1),
-                    )
-                )
-            ],
-            id="UsarCommander: flippers",
         ),
         pytest.param(
             b"DRIVE {AltitudeVelocity 0} {LinearVelocity 1} {LateralVelocity 2} "
@@ -87,16 +55,6 @@ def camera(*angles: float) -> commands.MovePackage:
                 commands.GetGeo("RFID"),
             ],
             id="ROS node: burst at connect",
-        ),
-        pytest.param(
-            b"GETCONF {Type GroundTruth} {Name GndTruth}\r\n",
-            [commands.GetConf("GroundTruth", "GndTruth")],
-            id="ROS node: conf of a sensor",
-        ),
-        pytest.param(
-            b"Drive {Left 2.695418} {Right 2.695418}\r\n",
-            [commands.Drive(2.695418, 2.695418)],
-            id="ROS node: mixed case",
         ),
         pytest.param(
             b"INIT {Classname USARBot.P3AT} {Name R1} {Start 0,0,0.8}\r\n",
@@ -134,40 +92,14 @@ def camera(*angles: float) -> commands.MovePackage:
             id="Java controller: Spanish locale",
         ),
         pytest.param(
-            b"DRIVE {Left 1,000000} {Right 0,500000} {Normalized false}\r\n",
-            [commands.Drive(1.0, 0.5, normalized=False)],
-            id="Java controller: drive in a Spanish locale",
-        ),
-        pytest.param(
-            b"INIT {ClassName USARBot.P3AT} {Name R1} {Location 4.5,1.9,1.8} "
-            b"{Rotation 0,0,1.5708}\r\n",
-            [commands.Init("P3AT", "R1", None, (4.5, -1.9, -1.8), (0.0, 0.0, -1.5708))],
-            id="MATLAB toolbox: init",
-        ),
-        pytest.param(
             b"DRIVE {Flip True}\r\n",
             [commands.Drive(flip=True)],
             id="MATLAB toolbox: flip only",
         ),
         pytest.param(
-            b"DRIVE {Name FRFlipper} {Value 0.5}\r\n",
-            [commands.Drive(joint="FRFlipper", value=0.5)],
-            id="MATLAB toolbox: joint of another",
-        ),
-        pytest.param(
-            b"DRIVE {Speed 1} {FrontSteer 0.2} {Normalized True}\r\n",
-            [commands.Drive(normalized=True, speed=1.0, front_steer=-0.2)],
-            id="MATLAB toolbox: car",
-        ),
-        pytest.param(
             b"DRIVE {Speed 1.50} {FrontSteer 0.10} {RearSteer -0.25}\r\n",
             [commands.Drive(speed=1.5, front_steer=-0.1, rear_steer=0.25)],
             id="Iridium: car",
-        ),
-        pytest.param(
-            b"DRIVE {Speed 2.000000} {FrontSteer 0.300000} {RearSteer 0.300000}\n\r",
-            [commands.Drive(speed=2.0, front_steer=-0.3, rear_steer=-0.3)],
-            id="Player: car",
         ),
         pytest.param(
             b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0.1} {Order 0} {Link 2} "
@@ -176,40 +108,14 @@ def camera(*angles: float) -> commands.MovePackage:
             id="MATLAB toolbox: camera",
         ),
         pytest.param(
-            b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n",
-            [commands.Init("P3AT", None, "RobotStart1")],
-            id="Iridium init without a name",
-        ),
-        pytest.param(
-            b"INIT {ClassName USARBot.P3AT} {Start RobotStart2}\r\n",
-            [commands.Init("P3AT", None, "RobotStart2")],
-            id="C# init",
-        ),
-        pytest.param(
             b"DRIVE {Left -0,5} {Right 0,5}\r\n",
             [commands.Drive(-0.5, 0.5)],
             id="C# in Dutch",
         ),
         pytest.param(
-            b"INIT {ClassName USARBot.P3AT} {Name n} {Location 1,2,3} "
-            b"{Rotation 0,0,0}\n",
-            [commands.Init("P3AT", "n", None, (1.0, -2.0, -3.0), ZERO)],
-            id="C# proxy with LF",
-        ),
-        pytest.param(
-            b"DRIVE {Left 1,00} {Right 0,00}\r\n",
-            [commands.Drive(1.0, 0.0)],
-            id="C# proxy's commas",
-        ),
-        pytest.param(
             b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}\r\n",
             [commands.Init("KR6", None, None, (0.4, -0.4, -1.8))],
             id="Python client: leading points",
-        ),
-        pytest.param(
-            b"INIT {ClassName USARBot.P2DX} {Location 4.5,1.9,1.8} {Name R1}\r\n",
-            [commands.Init("P2DX", "R1", None, (4.5, -1.9, -1.8))],
-            id="Python client: name last",
         ),
         pytest.param(
             b"DRIVE {Left 20} {Right 10} {Normalized true}\r\n",

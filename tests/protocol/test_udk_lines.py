@@ -8,8 +8,6 @@ from radarsim.protocol import packages, reports
 from radarsim.protocol.dialect import UDK
 
 RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
-LASER = Pose3(0.2085, 0.0, 0.2)
-P3AT_GEO = reports.RobotGeo("P3AT", (0.552, 0.497, 0.46), (0, 0, 0), 0.098, 0.36, 0.248)
 
 
 def sick(ranges: list[float]) -> reports.RangeScan:
@@ -59,12 +57,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "accelerations",
         reports.Acceleration(1.5, "A", (0.29999, -1.5, 0)),
         "SEN {Time 1.5000} {Type Accel} {Name A} {Acceleration 0.2999,1.5000,0.0000}",
-    ),
-    (
-        "accelerations with gravity",
-        reports.ProperAcceleration(1.5, "Accelerometer", (0, 0, -9.81)),
-        "SEN {Time 1.5000} {Type AcceleroMeter} {Name Accelerometer} "
-        "{ProperAcceleration 0.0000,0.0000,9.8100}",
     ),
     (
         "links of an actuator",
@@ -120,12 +112,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "{FOV 3.1414} {Range 2.00}",
     ),
     (
-        "scan of a Hokuyo",
-        reports.RangeScan(31.2, "lms200", 0.0184086914, 4.189, np.array([4.0])),
-        "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0184} "
-        "{FOV 4.1889} {Range 4.00}",
-    ),
-    (
         "echoes, ranges cut off and shares rounded",
         reports.EchoLine(
             31.2,
@@ -152,11 +138,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "{Echoes 0,2.29,Leave,1.0000,0.0000 180,19.99,Sheet,0.5000,0.1235}",
     ),
     (
-        "no echoes",
-        reports.EchoLine(31.2, "lms200", 0, 0, None),
-        "SEN {Time 31.2000} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
-    ),
-    (
         "no targets",
         reports.RadarTargets(
             31.2, "Navtech", 0, 0, np.zeros(0, np.int64), *[np.zeros(0)] * 2
@@ -170,12 +151,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "{Location 4.500,1.900,-0.146} {Orientation 0.000,0.000,1.570}",
     ),
     (
-        "INS without time",
-        reports.Ins(31.2, "InsTest", Pose3(4.5, -1.9, 0.4, yaw=-1.57)),
-        "SEN {Type INS} {Name InsTest} {Location 4.50,1.90,-0.40} "
-        "{Orientation 0.00,0.00,1.57}",
-    ),
-    (
         "INS to the left counts on from a full turn",
         reports.Ins(31.2, "InsTest", Pose3(4.5, -1.9, 0.4, yaw=pi / 2)),
         "SEN {Type INS} {Name InsTest} {Location 4.50,1.90,-0.40} "
@@ -186,14 +161,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         reports.Odometry(31.2, "Odometer", Pose2(1.0, 2.0, -0.5)),
         "SEN {Time 31.2000} {Type Odometry} {Name Odometer} "
         "{Pose 1.0000,-2.0000,0.5000}",
-    ),
-    (
-        "tachometer",
-        reports.Tachometer(
-            31.2, "TachTest", (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
-        ),
-        "SEN {Time 31.2000} {Type Tachometer} {Name TachTest} "
-        "{Vel 0.0000,0.0000,0.0000,0.0000} {Pos 0.0000,0.0000,0.0000,0.0000}",
     ),
     (
         "encoder",
@@ -212,30 +179,9 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "{Longitude 77,15.0000,W} {Fix 1} {Satellites 11}",
     ),
     (
-        "settings of a sonar",
-        reports.SonarConf("Sonar", (("F1", 5, 0.1, radians(20), 0.2),)),
-        "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
-        "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
-        "{tracesPerCone 16} {numberOfCones 10}",
-    ),
-    (
         "touch",
         reports.Touch(31.1, "Touch", touched=False),
         "SEN {Time 31.1000} {Type Touch} {Name Touch} {Touch False}",
-    ),
-    (
-        "shape of the robot, which is its wheels",
-        P3AT_GEO,
-        "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.2480,0.3600,0.0000} "
-        "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
-        "{WheelBase 0.2480}",
-    ),
-    (
-        "abilities of the robot, name first",
-        reports.RobotConf("P3AT", 11.9, 1.3, 50000),
-        "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
-        "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} {MaxFrontSteer 0} "
-        "{MaxRearSteer 0}",
     ),
     (
         "abilities of a car",
@@ -245,12 +191,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "{MaxFrontSteer 1.0000} {MaxRearSteer 6.2800}",
     ),
     (
-        "mount, no blank before its last group",
-        reports.ItemGeo("rangescanner", (("lms200", LASER),), "P3AT"),
-        "GEO {Type rangescanner} {Name lms200} {Location 0.21,0.00,-0.20} "
-        "{Orientation 0.00,0.00,0.00}{Mount P3AT}",
-    ),
-    (
         "two mounts",
         reports.ItemGeo(
             "Encoder", (("W1", Pose3(0, 0, 0)), ("W2", Pose3(0, 0, 0))), "P3AT"
@@ -258,24 +198,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "GEO {Type Encoder} {Name W1} {Location 0.00,0.00,0.00} "
         "{Orientation 0.00,0.00,0.00}{Mount P3AT} {Name W2} "
         "{Location 0.00,0.00,0.00} {Orientation 0.00,0.00,0.00}{Mount P3AT}",
-    ),
-    (
-        "settings of a scanner",
-        reports.ScannerConf("RangeScanner", (("lms200", 20, 0.1, 0.01745, 3.14159),)),
-        "CONF {Type RangeScanner} {Name lms200} {MaxRange 20.0000} "
-        "{MinRange 0.1000} {Resolution 0.0174} {Fov 3.1414} {Panning True} "
-        "{Tilting False}",
-    ),
-    (
-        "settings of encoders",
-        reports.EncoderConf("Encoder", (("W1", 0.01745), ("W2", 0.01745))),
-        "CONF {Type Encoder} {Name W1} {Resolution 0.0174} {Name W2} "
-        "{Resolution 0.0174}",
-    ),
-    (
-        "settings of ground truth",
-        reports.IntervalConf("GroundTruth", (("GndTruth", 0.1),)),
-        "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
     ),
     (
         "settings of a camera",
@@ -291,11 +213,6 @@ UDK_LINES: list[tuple[str, reports.Report, str]] = [
         "CONF {Type Camera} {Name Camera}{TextureOffsetX 0}{TextureOffsetY 0}"
         "{TextureResolutionX 320}{TextureResolutionY 240}{CameraDefFov 80.0000}"
         "{CameraMinFov 20.0000}{CameraMaxFov 120.0000}{CameraFov 45.0000}",
-    ),
-    (
-        "settings of touch",
-        reports.TouchConf("Touch", (("Touch", 0.01),)),
-        "CONF {Type Touch} {Name Touch} {Diameter 0.0100}",
     ),
 ]
 
