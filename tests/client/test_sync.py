@@ -173,15 +173,6 @@ def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None
         client.spawn("P3AT", start="ROBOTstart2")
 
 
-def test_second_spawn_replaces_the_robot(empty_room: Scene) -> None:
-    with Client(InProcessTransport(Host(empty_room))) as client:
-        client.spawn("P3AT", pose=Pose2(1, 2))
-        client.spawn("P3AT_Radar360", pose=Pose2(3, -2, pi / 2))
-        assert client.robot_info().name == "P3AT_Radar360"
-        pose = client.wait_for(reports.GroundTruth).pose
-        assert (pose.x, pose.y, pose.yaw) == pytest.approx((3, -2, pi / 2), abs=1e-3)
-
-
 def test_refused_spawn_of_a_client_with_a_robot_raises(empty_room: Scene) -> None:
     with Client(Blind(Host(empty_room))) as client:
         client.spawn("P3AT", pose=Pose2(1, 2))

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.errors import PresetError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.reports import GroundTruth, Ins, decode_report
@@ -138,16 +137,6 @@ def test_write_is_status_replies_poses_other_readings_scan(host: Host) -> None:
         *("STA", "GEO", "NFO", "GroundTruth", "INS", "Odometry", "Tachometer"),
         *("Encoder", "Encoder", "Touch", "RangeScanner"),
     ]
-
-
-def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
-    number = spawned(host)
-    run_ticks(host, 100)
-    times = re.findall(rb"{Time ([0-9.]+)}", host.take(number))
-    assert len(times) == 9 * 10
-    assert times == sorted(times, key=float)
-    assert float(times[0]) > 0
-    assert times[-1] == b"1.00"
 
 
 VERBS = (
@@ -524,18 +513,6 @@ def test_robots_are_spawned_in_the_order_in_which_they_were_asked_for(
         assert host.has_robot(late) <= host.has_robot(patient)
 
 
-def test_diagnostic_joins_unknown_start_and_moved_pose(foliage_room: Scene) -> None:
-    host = Host(foliage_room)
-    number = connected(host)
-    diagnostics = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
-    while host.is_busy(number):
-        diagnostics += [diagnostic for _, diagnostic in host.step()]
-    (diagnostic,) = diagnostics
-    assert diagnostic.kind == "start, moved"
-    assert "'Nowhere'" in diagnostic.text
-    assert "INIT moved from (0.00, 0.00)" in diagnostic.text
-
-
 def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     first = connected(host)
     host.receive(first, INIT)
@@ -758,11 +735,6 @@ def test_set_pose_sets_the_ins_in_the_wire_frame(host: Host) -> None:
     ) in host.take(number)
 
 
-def test_settings_of_an_unknown_item_are_refused(empty_room: Scene) -> None:
-    with pytest.raises(PresetError, match="item 'lms'"):
-        Host(empty_room, config=SimulationConfig(item_settings={"lms": {}}))
-
-
 def test_poses_that_drift_beyond_the_largest_that_is_commanded_can_be_read(
     empty_room: Scene,
 ) -> None:
@@ -788,6 +760,8 @@ def test_map_without_starts_sends_zero_start_poses(empty_room: Scene) -> None:
     spawned(host, b"INIT {ClassName P3AT} {Location 1,1,0}\r\n")
 
 
-def test_settings_alone_are_no_configuration(empty_room: Scene) -> None:
+def test_configuration_is_that_of_the_simulation(empty_room: Scene) -> None:
+    config = SimulationConfig(drive_unit="rev_per_s")
+    assert Host(empty_room, config=config).config == config
     with pytest.raises(TypeError, match=r"config .*expected a Simul"):
         Host(empty_room, config={})  # type: ignore[arg-type]
