@@ -408,65 +408,50 @@ def _is_same(one: Any, other: Any) -> bool:
     return bool(abs(difference) < 0.011 + 2e-7 * abs(other))
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        pytest.param("NFO {Level }", reports.Greeting(""), id="a map without a name"),
-        pytest.param(
-            "NFO {StartPoses 2} {A 1,2,3 0,0,1.57 B 0,0,0 0,0,4}",
-            reports.StartPoses(
-                (
-                    ("A", Pose3(1, -2, -3, 0, 0, -1.57)),
-                    ("B", Pose3(0, 0, 0, 0, 0, 2 * pi - 4)),
-                )
-            ),
-            id="start poses",
+OTHERS = {
+    "a map without a name": ("NFO {Level }", reports.Greeting("")),
+    "start poses": (
+        "NFO {StartPoses 2} {A 1,2,3 0,0,1.57 B 0,0,0 0,0,4}",
+        reports.StartPoses(
+            (
+                ("A", Pose3(1, -2, -3, 0, 0, -1.57)),
+                ("B", Pose3(0, 0, 0, 0, 0, 2 * pi - 4)),
+            )
         ),
-        pytest.param(
-            "STA {Type LeggedRobot} {Time 4.5} {Battery 12.7} {LightToggle true}",
-            reports.Status(4.5, 12, True),
-            id="status",
-        ),
-        pytest.param(
-            "STA {Time 4.5}",
-            reports.Status(4.5, 0, False),
-            id="status of nothing but time",
-        ),
-        pytest.param(
-            "SEN {Time 1} {Type groundtruth} {Name G} {Location 1 2 3}"
-            " {Orientation 0, 0, 6.0}",
-            reports.GroundTruth(1, "G", Pose3(1, -2, -3, 0, 0, 2 * pi - 6)),
-            id="whole turns, blanks, any case",
-        ),
-        pytest.param(
-            "SEN {Time 2} {Type Encoder}",
-            reports.Encoder(2, ()),
-            id="no encoder at all",
-        ),
-        pytest.param(
-            "SEN {Time 2} {Type GPS} {Name G} {Latitude 39, 30, s} {Satellites 8}"
-            " {Longitude 122,15.0,W} {Fix 1}",
-            reports.Gps(2, "G", (-39.5, -122.25), 8),
-            id="GPS",
-        ),
-        pytest.param(
-            "CONF {Type Sonar} {Name F1} {MaxRange 10.668} {BeamAngle 0.35}"
-            " {ScanInterval 0.5}",
-            reports.SonarConf("Sonar", (("F1", 10.668, 0.0, 0.35, 0.5),)),
-            id="settings of a sonar without a minimum range",
-        ),
-        pytest.param(
-            "SEN {Time 2} {Type Touch} {Name T  touch  false}",
-            reports.Touch(2, "T", False),
-            id="touch in one segment",
-        ),
-        pytest.param(
-            "SEN {Time 2} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
-            reports.EchoLine(2, "lms200", 0, 0, None),
-            id="a scan without echoes",
-        ),
-    ],
-)
+    ),
+    "status": (
+        "STA {Type LeggedRobot} {Time 4.5} {Battery 12.7} {LightToggle true}",
+        reports.Status(4.5, 12, True),
+    ),
+    "status of nothing but time": ("STA {Time 4.5}", reports.Status(4.5, 0, False)),
+    "whole turns, blanks, any case": (
+        "SEN {Time 1} {Type groundtruth} {Name G} {Location 1 2 3}"
+        " {Orientation 0, 0, 6.0}",
+        reports.GroundTruth(1, "G", Pose3(1, -2, -3, 0, 0, 2 * pi - 6)),
+    ),
+    "no encoder at all": ("SEN {Time 2} {Type Encoder}", reports.Encoder(2, ())),
+    "GPS": (
+        "SEN {Time 2} {Type GPS} {Name G} {Latitude 39, 30, s} {Satellites 8}"
+        " {Longitude 122,15.0,W} {Fix 1}",
+        reports.Gps(2, "G", (-39.5, -122.25), 8),
+    ),
+    "settings of a sonar without a minimum range": (
+        "CONF {Type Sonar} {Name F1} {MaxRange 10.668} {BeamAngle 0.35}"
+        " {ScanInterval 0.5}",
+        reports.SonarConf("Sonar", (("F1", 10.668, 0.0, 0.35, 0.5),)),
+    ),
+    "touch in one segment": (
+        "SEN {Time 2} {Type Touch} {Name T  touch  false}",
+        reports.Touch(2, "T", False),
+    ),
+    "a scan without echoes": (
+        "SEN {Time 2} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
+        reports.EchoLine(2, "lms200", 0, 0, None),
+    ),
+}
+
+
+@pytest.mark.parametrize(("line", "expected"), OTHERS.values(), ids=OTHERS)
 def test_lines_of_other_servers_are_decoded(
     line: str, expected: reports.Report
 ) -> None:
@@ -509,64 +494,48 @@ ECHOES = "SEN {Type Echoes} {Line 1} {Lines 1} {Object a} {Material b} {Density 
 ECHOES += " {Transparency 1} {LaserPasses False} {RobotPasses False}"
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        pytest.param(
-            "SEN {Type Sonar} {Name F1}",
-            "expected a field '{Range ...}'",
-            id="no range",
-        ),
-        pytest.param(
-            "SEN {Type GPS} {Name G} {Fix 1} {Latitude 39,8.0}",
-            "SEN Latitude: '39,8.0', expected degrees, minutes, and N, S, E or W",
-            id="latitude without a letter",
-        ),
-        pytest.param(
-            "SEN {Type GPS} {Name G} {Fix 1} {Latitude 39,N}",
-            "SEN Latitude: '39', expected 2 numbers",
-            id="latitude without minutes",
-        ),
-        pytest.param(
-            "SEN {Type GPS} {Name G} {Satellites 3}",
-            "expected a field '{Fix ...}'",
-            id="GPS of no known state",
-        ),
-        pytest.param(f"{SCAN} {{FOV 1}} {{Range }}", "'{Range ...}'", id="no ranges"),
-        pytest.param(
-            f"{SCAN} {{FOV 1}} {{Range 1,nan}}",
-            "SEN Range: '1,nan', expected numbers",
-            id="no number",
-        ),
-        pytest.param(
-            f"{SCAN} {{FOV 1}} {{Range 1,1e10}}",
-            "expected at most .* each",
-            id="too far",
-        ),
-        pytest.param(
-            "NFO {StartPoses 1} {A 1,2,3}",
-            r"start poses 'A 1,2,3', expected 'name x,y,z roll,pitch,yaw'",
-            id="half a start pose",
-        ),
-        pytest.param("SEN {Type Touch} {Name T}", "'{Touch ...}'", id="no touch"),
-        pytest.param(
-            f"{ECHOES} {{Echoes 1,2,Hit,1}}",
-            "echo '1,2,Hit,1', expected five parts",
-            id="short echo",
-        ),
-        pytest.param(
-            f"{ECHOES} {{Echoes 1,,Hit,1,1}}",
-            "'1,,1,1', expected numbers",
-            id="echo of no range",
-        ),
-        pytest.param(
-            "SEN {Type RadarTargets} {Name N} {Line 1} {Lines 1} {Targets 1,2}",
-            "target '1,2', expected three numbers",
-            id="target without power",
-        ),
-        pytest.param(f"{ECHOES} {{Echoes }}", "'{Echoes ...}'", id="empty echoes"),
-    ],
-)
+MALFORMED = {
+    "no range": ("SEN {Type Sonar} {Name F1}", "expected a field '{Range ...}'"),
+    "latitude without a letter": (
+        "SEN {Type GPS} {Name G} {Fix 1} {Latitude 39,8.0}",
+        "SEN Latitude: '39,8.0', expected degrees, minutes, and N, S, E or W",
+    ),
+    "latitude without minutes": (
+        "SEN {Type GPS} {Name G} {Fix 1} {Latitude 39,N}",
+        "SEN Latitude: '39', expected 2 numbers",
+    ),
+    "GPS of no known state": (
+        "SEN {Type GPS} {Name G} {Satellites 3}",
+        "expected a field '{Fix ...}'",
+    ),
+    "no ranges": (f"{SCAN} {{FOV 1}} {{Range }}", "'{Range ...}'"),
+    "no number": (
+        f"{SCAN} {{FOV 1}} {{Range 1,nan}}",
+        "SEN Range: '1,nan', expected numbers",
+    ),
+    "too far": (f"{SCAN} {{FOV 1}} {{Range 1,1e10}}", "expected at most .* each"),
+    "half a start pose": (
+        "NFO {StartPoses 1} {A 1,2,3}",
+        r"start poses 'A 1,2,3', expected 'name x,y,z roll,pitch,yaw'",
+    ),
+    "no touch": ("SEN {Type Touch} {Name T}", "'{Touch ...}'"),
+    "short echo": (
+        f"{ECHOES} {{Echoes 1,2,Hit,1}}",
+        "echo '1,2,Hit,1', expected five parts",
+    ),
+    "echo of no range": (
+        f"{ECHOES} {{Echoes 1,,Hit,1,1}}",
+        "'1,,1,1', expected numbers",
+    ),
+    "target without power": (
+        "SEN {Type RadarTargets} {Name N} {Line 1} {Lines 1} {Targets 1,2}",
+        "target '1,2', expected three numbers",
+    ),
+    "empty echoes": (f"{ECHOES} {{Echoes }}", "'{Echoes ...}'"),
+}
+
+
+@pytest.mark.parametrize(("line", "message"), MALFORMED.values(), ids=MALFORMED)
 def test_malformed_report_of_a_known_type_raises_an_error(
     line: str, message: str
 ) -> None:

@@ -75,23 +75,21 @@ def test_optional_fields_may_be_missing() -> None:
     assert all(isnan(number) for number in fan)
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        pytest.param("GEO {Name S}", "expected a field '{Type ...}'", id="no type"),
-        pytest.param(
-            "GEO {Type GroundVehicle} {Dimensions 1,2,3} {WheelRadius 1}",
-            "'{WheelSeparation ...}'",
-            id="no separation",
-        ),
-        pytest.param("GEO {Type INS} {Name I}", "'{Location ...}'", id="no place"),
-        pytest.param(
-            "CONF {Type INS} {Name A} {ScanInterval 1} {Name B}",
-            "'{ScanInterval ...}'",
-            id="one interval of two",
-        ),
-    ],
-)
+MISSING = {
+    "no type": ("GEO {Name S}", "expected a field '{Type ...}'"),
+    "no separation": (
+        "GEO {Type GroundVehicle} {Dimensions 1,2,3} {WheelRadius 1}",
+        "'{WheelSeparation ...}'",
+    ),
+    "no place": ("GEO {Type INS} {Name I}", "'{Location ...}'"),
+    "one interval of two": (
+        "CONF {Type INS} {Name A} {ScanInterval 1} {Name B}",
+        "'{ScanInterval ...}'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("line", "message"), MISSING.values(), ids=MISSING)
 def test_missing_required_field_raises_an_error(line: str, message: str) -> None:
     with pytest.raises(MalformedMessage, match=message):
         reports.decode_report(line)
