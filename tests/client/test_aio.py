@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from radarsim.client import AsyncClient, ClientError
 from radarsim.client.aio import Connecting
 from radarsim.protocol import reports
 
-DEADLINE = 240.0  # s of the wall clock, for a busy machine
-Serve = Callable[[Callable[[socket.socket], None]], int]
+from .conftest import DEADLINE, Serve
 
 
 def connected(server: UsarsimServer) -> Connecting[AsyncClient]:

@@ -17,9 +17,9 @@ from radarsim.client import Client, ClientError, ClientTimeout
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol import reports
 
-DEADLINE = 240.0  # s of the wall clock, for a busy machine
+from .conftest import DEADLINE, Serve
+
 Connect = Callable[..., Client]
-Serve = Callable[[Callable[[socket.socket], None]], int]
 GREETING = b"NFO {Gametype X} {Level DM-Odd} {TimeLimit 0}\r\n"
 STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 9}\r\n"
 

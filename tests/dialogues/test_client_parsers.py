@@ -297,19 +297,12 @@ CASES = [
 ]
 
 
+@pytest.mark.parametrize("seconds", [1.5, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("class_name", "dialect"), CASES)
 def test_clients_parse_every_line_and_read_true_ranges(
-    empty_room: Scene, class_name: str, dialect: Dialect
+    empty_room: Scene, class_name: str, dialect: Dialect, seconds: float
 ) -> None:
-    check_lines(empty_room, class_name, dialect, seconds=1.5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("class_name", "dialect"), CASES)
-def test_clients_parse_every_line_of_a_minute(
-    empty_room: Scene, class_name: str, dialect: Dialect
-) -> None:
-    check_lines(empty_room, class_name, dialect, seconds=60)
+    check_lines(empty_room, class_name, dialect, seconds)
 
 
 def test_class_of_the_manual_is_quiet_for_usarsim_inf(

@@ -281,13 +281,6 @@ def test_the_java_controller_flies_for_a_while(wire: Wire) -> None:
     assert java.readings["Touch"][-1] == {"Touch": False}
 
 
-def test_the_java_controller_drives_in_percent(wire: Wire) -> None:
-    wire.send("INIT {ClassName USARBot.P2AT} {Location -8,0,0}\r\n")
-    wire.send("DRIVE {Left 2.0} {Right 2.0} {Normalized false}\r\n")
-    list(wire.writes(1))
-    assert wire.x == pytest.approx(-8 + 2 * 0.11)
-
-
 class Iridium:
     """Its panels: actuators that it has learnt of, positions of links, a map."""
 
@@ -432,18 +425,6 @@ def test_the_matlab_toolbox_finds_every_reading(wire: Wire) -> None:
     # right of x, at yaw 90 degrees right
     assert truth["Location"][1] == pytest.approx(1.9 + 0.1, abs=0.02)
     assert "{LightToggle True}" in toolbox.find_line("GroundVehicle")
-
-
-def test_the_place_and_name_are_free_after_the_matlab_toolbox_disconnects(
-    empty_room: Scene,
-) -> None:
-    host = Host(empty_room)
-    for _ in range(3):
-        wire = Wire(host)
-        wire.send("INIT {ClassName USARBot.P3AT} {Name R1} {Location -8,0,0}\r\n")
-        assert wire.x == -8  # the place and the name are free again
-        host.disconnect(wire.number)
-    assert host.simulation.vehicles == ()
 
 
 def test_a_student_client_reads_fields_by_position(wire: Wire) -> None:
