@@ -167,14 +167,6 @@ async def test_answer_of_a_cancelled_change_is_not_that_of_the_next_one(
             await client.change_settings(max_range=-2)
 
 
-async def test_many_clients_share_a_loop(usarsim_server: UsarsimServer) -> None:
-    async def greeted() -> str:
-        async with await connected(usarsim_server) as client:
-            return (await client.greeting()).level
-
-    assert set(await asyncio.gather(*[greeted() for _ in range(8)])) == {"DM-EmptyRoom"}
-
-
 async def test_close_does_not_wait_for_a_server_that_does_not_read(
     serve: Serve,
 ) -> None:

@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable
 
 import pytest
+from host_client import DIALECTS
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client, ClientError
 from radarsim.client import session as questions
 from radarsim.client.session import MOST_WATCHED, Session
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.dialect import COMPAT, Dialect
 from radarsim.protocol.reports import (
     ClockTick,
     CommandError,
@@ -31,9 +32,6 @@ from radarsim.simulation.config import SimulationConfig
 
 Connect = Callable[..., Client]
 INIT = b"INIT {ClassName P3AT} {Name R1} {Start RobotStart1}\r\n"
-DIALECTS = pytest.mark.parametrize(
-    "dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name
-)
 
 
 def exchange(host: Host, number: int, session: Session, ticks: int) -> list[Report]:

@@ -225,11 +225,14 @@ def is_registered(parser: Parser, kind: str, name: str) -> bool:
     return kind != "RangeScanner" or name == scanner
 
 
-def check_lines(
-    scene: Scene, class_name: str, dialect: Dialect, seconds: float
+@pytest.mark.parametrize("seconds", [1.5, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+@pytest.mark.parametrize("class_name", robot_names())
+def test_clients_parse_every_line_and_read_true_ranges(
+    empty_room: Scene, class_name: str, dialect: Dialect, seconds: float
 ) -> None:
     """Let every client parse every line, and compare what they read with the truth."""
-    robot = Robot(scene, class_name, dialect)
+    robot = Robot(empty_room, class_name, dialect)
     parsers = parsers_for(class_name, dialect)
     own = Session()
     sent: Counter[tuple[str, str]] = Counter()
@@ -288,21 +291,6 @@ SCAN = "SEN {Type RangeScanner} {Name Scanner1} {Resolution 1} {FOV 1} {Range 1,
 def test_parsers_fail_where_their_clients_do(parser: Parser, line: str) -> None:
     with pytest.raises((AssertionError, IndexError, KeyError, ValueError)):
         parser.parse(line)
-
-
-CASES = [
-    pytest.param(class_name, dialect, id=f"{class_name}-{dialect.name}")
-    for class_name in robot_names()
-    for dialect in (COMPAT, UDK)
-]
-
-
-@pytest.mark.parametrize("seconds", [1.5, pytest.param(60, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("class_name", "dialect"), CASES)
-def test_clients_parse_every_line_and_read_true_ranges(
-    empty_room: Scene, class_name: str, dialect: Dialect, seconds: float
-) -> None:
-    check_lines(empty_room, class_name, dialect, seconds)
 
 
 def test_class_of_the_manual_is_quiet_for_usarsim_inf(

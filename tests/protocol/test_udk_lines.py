@@ -29,11 +29,6 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
         "NFO {StartPoses 2} {PlayerStart_0 4.5000,1.9000,-0.5000 "
         "0.0000,0.0000,0.0000 Robot1 3.6300,10.8000,-0.1800 0.0000,0.0000,-1.5900}",
     ),
-    "status": (
-        reports.Status(31.1, 1199, light=False),
-        "STA {Time 31.1000} {Battery 1199} {Type GroundVehicle} {LightToggle False} "
-        "{LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
-    ),
     "status with light and an empty battery": (
         reports.Status(31.1, 0, light=True),
         "STA {Time 31.1000} {Battery 0} {Type GroundVehicle} {LightToggle True} "
@@ -82,11 +77,6 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
         "GEO {Type Actuator} {Name Cam} {Location 1.00,-2.00,-3.00} "
         "{Orientation 0.00,0.00,0.00} {Mount Kenaf} {Link 1} {Parent -1} "
         "{Location 1.00,-2.00,-3.00} {Orientation 0.00,0.00,0.00}",
-    ),
-    "status of a car": (
-        reports.Status(31.1, 1199, light=False, steering=(0.25, -0.1)),
-        "STA {Time 31.1000} {Battery 1199} {Type GroundVehicle} {LightToggle False} "
-        "{LightIntensity 100} {FrontSteer -0.2500} {RearSteer 0.1000}",
     ),
     "scan": (
         sick([2.199, 2.3, 1.15, 20.0]),
@@ -144,10 +134,6 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
         "SEN {Time 31.2000} {Type Odometry} {Name Odometer} "
         "{Pose 1.0000,-2.0000,0.5000}",
     ),
-    "encoder": (
-        reports.Encoder(31.1, (("W1", 0),)),
-        "SEN {Time 31.1000} {Type Encoder} {Name W1} {Tick 0}",
-    ),
     "sonar": (
         reports.Sonar(31.1, (("F1", 2.3),)),
         "SEN {Time 31.1000} {Type Sonar} {Name F1} {Range 2.2999}",
@@ -161,12 +147,6 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
         reports.Touch(31.1, "Touch", touched=False),
         "SEN {Time 31.1000} {Type Touch} {Name Touch} {Touch False}",
     ),
-    "abilities of a car": (
-        reports.RobotConf("FrontAckerman", 147, 0.56, 50000, (1.0, 6.28)),
-        "CONF {Name FrontAckerman} {Type GroundVehicle} {SteeringType AckermanSteered} "
-        "{Mass 147.0000} {MaxSpeed 0.5600} {MaxTorque 50000.0000} "
-        "{MaxFrontSteer 1.0000} {MaxRearSteer 6.2800}",
-    ),
     "two mounts": (
         reports.ItemGeo(
             "Encoder", (("W1", Pose3(0, 0, 0)), ("W2", Pose3(0, 0, 0))), "P3AT"
@@ -174,20 +154,6 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
         "GEO {Type Encoder} {Name W1} {Location 0.00,0.00,0.00} "
         "{Orientation 0.00,0.00,0.00}{Mount P3AT} {Name W2} "
         "{Location 0.00,0.00,0.00} {Orientation 0.00,0.00,0.00}{Mount P3AT}",
-    ),
-    "settings of a camera": (
-        reports.CameraConf(
-            "Camera",
-            (
-                reports.CameraLimits(
-                    *("Camera", (0, 0), (320, 240)),
-                    (radians(80), radians(20), radians(120), radians(45)),
-                ),
-            ),
-        ),
-        "CONF {Type Camera} {Name Camera}{TextureOffsetX 0}{TextureOffsetY 0}"
-        "{TextureResolutionX 320}{TextureResolutionY 240}{CameraDefFov 80.0000}"
-        "{CameraMinFov 20.0000}{CameraMaxFov 120.0000}{CameraFov 45.0000}",
     ),
 }
 

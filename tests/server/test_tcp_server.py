@@ -11,6 +11,7 @@ from contextlib import asynccontextmanager, suppress
 
 import numpy as np
 import pytest
+from host_client import GREETING, STARTS
 from peers import DEADLINE, Peer, wait_until
 
 from radarsim.errors import ServerError
@@ -23,12 +24,6 @@ from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.vehicle import DueItems, Vehicle
 
-GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
-STARTS = (
-    b"NFO {StartPoses 3} {RobotStart1 -8.00,0.00,0.00 0.00,0.00,0.00 "
-    b"RobotStart2 -8.00,-3.50,0.00 0.00,0.00,0.00 "
-    b"RobotStart3 -8.00,3.50,0.00 0.00,0.00,0.00}\r\n"
-)
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
 LONG_LINES = SimulationConfig(item_settings={"lms200": {"resolution_deg": 0.1}})
 TIME = re.compile(rb"SEN {Time ([0-9.]+)} {Type RangeScanner}")

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from host_client import HostClient
+from host_client import DIALECTS, HostClient
 
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.dialect import COMPAT, Dialect
 from radarsim.protocol.message import Message, decode_message
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -23,9 +23,6 @@ ECHOES_ON = b"SET {Type RangeScanner} {Name lms200} {Opcode ECHOES} {Params true
 ECHOES_OFF = ECHOES_ON.replace(b"true", b"false")
 DRIVE = b"DRIVE {Left 8} {Right 5}\r\n"
 ECHO_TYPE = b"{Type Echoes}"
-DIALECTS = pytest.mark.parametrize(
-    "dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name
-)
 
 
 def spawn_client(

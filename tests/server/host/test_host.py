@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from host_client import GREETING, STARTS
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot, robot_names
@@ -17,12 +18,6 @@ from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
-GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
-STARTS = (
-    b"NFO {StartPoses 3} {RobotStart1 -8.00,0.00,0.00 0.00,0.00,0.00 "
-    b"RobotStart2 -8.00,-3.50,0.00 0.00,0.00,0.00 "
-    b"RobotStart3 -8.00,3.50,0.00 0.00,0.00,0.00}\r\n"
-)
 INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
 GEO = (
     b"GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.5520,0.4970,0.4600} "
