@@ -227,25 +227,6 @@ def test_no_settings_are_refused() -> None:
         questions.change_settings("lms200", {"a": "}\r\nINIT {"})
 
 
-@pytest.mark.usarsim(speed=5, map="foliage_room")
-def test_client_changes_settings(
-    usarsim_server: UsarsimServer, connect: Connect
-) -> None:
-    client = connect(usarsim_server.port)
-    client.spawn("P3AT", start="RobotStart1")
-    assert client.wait_for(RangeScan).ranges.max() > 3
-    client.change_settings("lms200", max_range=3, ray_weights=(1, 2, 1))
-    assert client.wait_for(RangeScan).ranges.max() <= 3
-    assert client.robot_info().scanner().max_range == 3
-    with pytest.raises(ClientError, match="max_range: -3, expected at least"):
-        client.change_settings(max_range=-3)
-    with pytest.raises(ClientError, match=r"max_rang.*max_range"):
-        client.change_settings("lms200", max_rang=3)
-    with pytest.raises(ClientError, match="SET of RangeScanner 'nope', expected one"):
-        client.change_settings("nope", max_range=3)
-    client.change_settings("lms200", max_range=4)
-
-
 def test_answer_about_another_robot_is_known_among_others() -> None:
     question = questions.geometry("Robot", robot="R1")
     geo = RobotGeo("P3AT", (1, 1, 1), (0, 0, 0), 0.1, 0.4, 0.3)
