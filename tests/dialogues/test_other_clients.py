@@ -242,18 +242,16 @@ def test_the_java_controller_loses_only_the_status(wire: Wire) -> None:
     assert wire.x == pytest.approx(-8.169998)
 
 
-class Position3d:
-    """maldo's flight, as its Spanish locale writes it."""
-
-    def command(self, up: float, ahead: float, side: float, turn: float) -> str:
-        texts = [f"{each:f}".replace(".", ",") for each in (up, ahead, side, turn)]
-        keys = ("Altitude", "Linear", "Lateral", "Rotational")
-        fields = [f"{{{k}Velocity {t}}}" for k, t in zip(keys, texts, strict=True)]
-        return f"DRIVE {' '.join(fields)} {{Normalized false}}\r\n"
+def position_3d(up: float, ahead: float, side: float, turn: float) -> str:
+    """Return a command of maldo's flight, as its Spanish locale writes it."""
+    texts = [f"{each:f}".replace(".", ",") for each in (up, ahead, side, turn)]
+    keys = ("Altitude", "Linear", "Lateral", "Rotational")
+    fields = [f"{{{k}Velocity {t}}}" for k, t in zip(keys, texts, strict=True)]
+    return f"DRIVE {' '.join(fields)} {{Normalized false}}\r\n"
 
 
 def test_the_java_controller_flies_for_a_while(wire: Wire) -> None:
-    java, flight = JavaController(wire), Position3d()
+    java = JavaController(wire)
     wire.send(
         "INIT {ClassName USARBot.AirRobot} {Name 1} {Location -6,000000 1,000000 "
         "-0,250000} {Rotation 0,000000 0,000000 0,000000}\r\nGETCONF {Type Robot}\r\n"
@@ -265,7 +263,7 @@ def test_the_java_controller_flies_for_a_while(wire: Wire) -> None:
         # It rises to 2 m first, and then keeps on a circle to the right.
         up = max(-0.5, min(0.5, 2.0 + z))
         turn = 0.5 if second >= 5 else 0.0
-        wire.send(flight.command(up, 1.0 if turn else 0.0, 0.0, turn))
+        wire.send(position_3d(up, 1.0 if turn else 0.0, 0.0, turn))
         java.run(1.0)
         assert abs(yaw) <= 3.1416
         assert ((x, y) == (-6.0, 1.0)) is (second <= 5)
