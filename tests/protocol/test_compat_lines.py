@@ -9,15 +9,7 @@ from radarsim.protocol import packages, reports, rescue
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.watch import RobotChoice
 
-RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
 LASER = Pose3(0.2085, 0.0, 0.2)
-P3AT_GEO = reports.RobotGeo("P3AT", (0.552, 0.497, 0.46), (0, 0, 0), 0.098, 0.36, 0.248)
-STARTS = reports.StartPoses(
-    (
-        ("RobotStart1", Pose3(4.5, -1.9, -1.8)),
-        ("RobotStart2", Pose3(1.0, -2.0, -1.8, yaw=-1.57)),
-    )
-)
 
 
 COMPAT_LINES: dict[str, tuple[reports.Report, str]] = {
@@ -26,7 +18,12 @@ COMPAT_LINES: dict[str, tuple[reports.Report, str]] = {
         "NFO {Gametype BotDeathMatch} {Level DM-Test} {TimeLimit 0}",
     ),
     "start poses": (
-        STARTS,
+        reports.StartPoses(
+            (
+                ("RobotStart1", Pose3(4.5, -1.9, -1.8)),
+                ("RobotStart2", Pose3(1.0, -2.0, -1.8, yaw=-1.57)),
+            )
+        ),
         "NFO {StartPoses 2} {RobotStart1 4.50,1.90,1.80 0.00,0.00,0.00 "
         "RobotStart2 1.00,2.00,1.80 0.00,0.00,1.57}",
     ),
@@ -164,7 +161,7 @@ COMPAT_LINES: dict[str, tuple[reports.Report, str]] = {
         "{Targets 92,7.55,-58.25 93,120.00,-99.50}",
     ),
     "ground truth": (
-        reports.GroundTruth(10.2, "GndTruth", RESTING),
+        reports.GroundTruth(10.2, "GndTruth", Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)),
         "SEN {Time 10.20} {Type GroundTruth} {Name GndTruth} "
         "{Location 4.5000,1.9000,-0.1460} {Orientation 0.0000,0.0000,1.5708}",
     ),
@@ -221,7 +218,7 @@ COMPAT_LINES: dict[str, tuple[reports.Report, str]] = {
         "SEN {Time 10.20} {Type Touch} {Name Touch Touch True}",
     ),
     "shape of the robot": (
-        P3AT_GEO,
+        reports.RobotGeo("P3AT", (0.552, 0.497, 0.46), (0, 0, 0), 0.098, 0.36, 0.248),
         "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.5520,0.4970,0.4600} "
         "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
         "{WheelBase 0.2480}",

@@ -457,13 +457,7 @@ def test_lines_of_other_servers_are_decoded(
 
 
 @pytest.mark.parametrize(
-    "ranges",
-    [
-        pytest.param("1.5,2,3.25", id="commas"),
-        pytest.param("1.5, 2, 3.25", id="commas and blanks"),
-        pytest.param("1.5 2 3.25", id="blanks"),
-        pytest.param("1.5,2,3.25,", id="a comma at the end"),
-    ],
+    "ranges", ["1.5,2,3.25", "1.5, 2, 3.25", "1.5 2 3.25", "1.5,2,3.25,"]
 )
 def test_ranges_are_decoded_with_any_separator(ranges: str) -> None:
     read = reports.decode_report(

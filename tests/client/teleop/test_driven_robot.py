@@ -59,11 +59,6 @@ def test_points_are_relative_to_the_robot_centre(state: DrivenRobot) -> None:
     assert state.points() == pytest.approx(np.array(expected), abs=1e-6)
 
 
-def test_beams_without_return_give_no_points(state: DrivenRobot) -> None:
-    state.take(scan(1.0, 10.0, 9.98, 0.0))
-    assert state.points() == pytest.approx(np.array([[10.18, 0.0]]), abs=1e-6)
-
-
 def test_scanner_that_reads_only_0_is_blind(state: DrivenRobot) -> None:
     state.take(scan(1.0, 0.0, 0.0, 0.0))
     assert state.is_blind()
