@@ -15,20 +15,11 @@ import pytest
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client, ClientError, ClientTimeout
 from radarsim.geometry import Pose2, Pose3
-from radarsim.protocol.reports import (
-    EchoLine,
-    Greeting,
-    GroundTruth,
-    IntervalConf,
-    ItemGeo,
-    Odometry,
-    RangeScan,
-    RobotGeo,
-)
+from radarsim.protocol import reports
 
-DEADLINE = 240.0  # s of the wall clock, for a busy machine
+from .conftest import DEADLINE, Serve
+
 Connect = Callable[..., Client]
-Serve = Callable[[Callable[[socket.socket], None]], int]
 GREETING = b"NFO {Gametype X} {Level DM-Odd} {TimeLimit 0}\r\n"
 STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 9}\r\n"
 
@@ -38,23 +29,23 @@ def test_client_requests_robot_info_and_drives(
     usarsim_server: UsarsimServer, connect: Connect
 ) -> None:
     client = connect(usarsim_server.port)
-    assert client.greeting() == Greeting("DM-EmptyRoom")
-    assert client.greeting() == Greeting("DM-EmptyRoom")
+    assert client.greeting() == reports.Greeting("DM-EmptyRoom")
+    assert client.greeting() == reports.Greeting("DM-EmptyRoom")
     assert client.start_poses()["RobotStart2"] == Pose3(-8, 3.5, 0)
     client.spawn("P3AT", name="R1", pose=Pose2(-8, 1, math.pi / 2))
-    assert isinstance(client.geometry("Robot"), RobotGeo)
-    assert isinstance(client.geometry("INS", "InsTest"), ItemGeo)
-    assert isinstance(client.configuration("GroundTruth"), IntervalConf)
+    assert isinstance(client.geometry("Robot"), reports.RobotGeo)
+    assert isinstance(client.geometry("INS", "InsTest"), reports.ItemGeo)
+    assert isinstance(client.configuration("GroundTruth"), reports.IntervalConf)
     info = client.robot_info()
     assert (info.name, info.length, info.width) == ("P3AT", 0.552, 0.497)
     assert info.clearance == pytest.approx(0.3714, abs=1e-4)
     assert info.top_speed == pytest.approx(0.8, abs=1e-3)
-    scan = client.wait_for(RangeScan, name="lms200")
+    scan = client.wait_for(reports.RangeScan, name="lms200")
     assert len(scan.ranges) == len(info.scanner().angles) == 181
-    before = client.wait_for(GroundTruth).pose
+    before = client.wait_for(reports.GroundTruth).pose
     assert (before.x, before.y) == pytest.approx((-8, 1), abs=1e-3)
     client.drive(*info.wheel_speeds(0.5, 0))
-    while client.wait_for(GroundTruth).pose.y < 1.2:
+    while client.wait_for(reports.GroundTruth).pose.y < 1.2:
         pass
     assert client.stop()
     assert client.read()
@@ -69,14 +60,14 @@ def test_echoes_and_set_item_take_effect(
     client = connect(usarsim_server.port)
     client.spawn("P3AT", start="RobotStart1")
     client.echoes("lms200")
-    line = client.wait_for(EchoLine)
+    line = client.wait_for(reports.EchoLine)
     assert line.echoes is not None
     client.echoes("lms200", False)
     client.drive(5, 5)
-    while client.wait_for(Odometry).pose.x < 0.2:
+    while client.wait_for(reports.Odometry).pose.x < 0.2:
         pass
     client.set_item("Odometry", None, "RESET")
-    while client.wait_for(Odometry).pose.x > 0.2:
+    while client.wait_for(reports.Odometry).pose.x > 0.2:
         pass
 
 
@@ -118,7 +109,7 @@ def test_calls_time_out_when_the_server_is_silent(
     with pytest.raises(ClientTimeout, match=r"no GEO of Robot within 0\.3 s"):
         client.robot_info()
     with pytest.raises(ClientTimeout, match=r"no RangeScan of 'a' within 0\.02 s"):
-        client.wait_for(RangeScan, name="a", timeout=0.02)
+        client.wait_for(reports.RangeScan, name="a", timeout=0.02)
     with pytest.raises(ClientTimeout, match="no reading of the robot 'P3AT'"):
         client.spawn("P3AT")
 

@@ -100,17 +100,6 @@ def test_scanners_are_requested_by_name_without_a_reply_for_all() -> None:
     assert 4 <= server.time() < 4.5  # for all, and for T
 
 
-def test_scanner_info_is_taken_from_scans_without_a_reply() -> None:
-    server = ScriptedServer(ABOUT_ROBOT, [SCAN])
-    (scanner,) = Client(server).robot_info().scanners
-    assert (scanner.mount, scanner.min_range, scanner.max_range) == (
-        Pose3(0, 0, 0),
-        0,
-        inf,
-    )
-    assert (scanner.resolution, scanner.fov, scanner.beams) == (0.5, 1, 3)
-
-
 def test_scanner_info_is_taken_from_replies_without_scans() -> None:
     answers = ABOUT_ROBOT | {
         "GETGEO {Type RangeScanner}": GEO,

@@ -6,38 +6,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.client.robot_info import (
-    RobotInfo,
-    ScannerDescriptions,
-    ScannerInfo,
-    beam_angles,
-    from_centre,
-    no_return,
-)
+from radarsim.client import robot_info
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose3
+from radarsim.protocol import reports
 from radarsim.protocol.dialect import COMPAT
 from radarsim.protocol.line_template import NumberFormat, Rounding
-from radarsim.protocol.reports import (
-    ItemGeo,
-    NameConf,
-    RangeScan,
-    Report,
-    RobotConf,
-    RobotGeo,
-    ScannerConf,
-    decode_report,
-)
 
-GEO = RobotGeo("P3AT", (0.6, 0.8, 0.4), (0, 0, 0), 0.1, 0.4, 0.3)
-CONF = RobotConf("P3AT", 10, 8, 50)
+GEO = reports.RobotGeo("P3AT", (0.6, 0.8, 0.4), (0, 0, 0), 0.1, 0.4, 0.3)
+CONF = reports.RobotConf("P3AT", 10, 8, 50)
 MOUNT = Pose3(0.2, 0, 0.1)
-SCANNER = ScannerInfo("S", MOUNT, 0.1, 80, radians(1), radians(180), 181)
-ROBOT = RobotInfo("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
+SCANNER = robot_info.ScannerInfo("S", MOUNT, 0.1, 80, radians(1), radians(180), 181)
+ROBOT = robot_info.RobotInfo("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
 
 
 def test_robot_info_from_complete_reports() -> None:
-    info = RobotInfo.from_reports(GEO, CONF, (SCANNER,), "rad_per_s")
+    info = robot_info.RobotInfo.from_reports(GEO, CONF, (SCANNER,), "rad_per_s")
     assert info.max_wheel_speed == pytest.approx(0.8)
     assert replace(info, max_wheel_speed=0.8) == ROBOT
     assert ROBOT.clearance == pytest.approx(0.5)
@@ -45,7 +29,7 @@ def test_robot_info_from_complete_reports() -> None:
 
 
 def test_drive_unit_does_not_change_the_robot() -> None:
-    turns = RobotInfo.from_reports(
+    turns = robot_info.RobotInfo.from_reports(
         GEO, replace(CONF, max_speed=8 / (2 * pi)), (), "rev_per_s"
     )
     assert turns.max_wheel_speed == pytest.approx(0.8)
@@ -80,8 +64,8 @@ def test_wheel_speeds_of_the_largest_numbers_are_numbers(turn: float) -> None:
     ],
     ids=["wheels", "nothing", "base"],
 )
-def test_unreported_hull_reaches_beyond_the_wheels(geo: RobotGeo) -> None:
-    info = RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
+def test_unreported_hull_reaches_beyond_the_wheels(geo: reports.RobotGeo) -> None:
+    info = robot_info.RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
     assert (info.length, info.width) == pytest.approx((0.7, 0.6))
     assert info.height == 0
 
@@ -97,16 +81,16 @@ def test_unreported_hull_reaches_beyond_the_wheels(geo: RobotGeo) -> None:
     ],
 )
 def test_implausible_wheels_are_refused(
-    geo: RobotGeo, conf: RobotConf, key: str
+    geo: reports.RobotGeo, conf: reports.RobotConf, key: str
 ) -> None:
     with pytest.raises(ClientError, match=rf"{key} .* 'P3AT', expected 0.001 to"):
-        RobotInfo.from_reports(geo, conf, (), "rad_per_s")
+        robot_info.RobotInfo.from_reports(geo, conf, (), "rad_per_s")
 
 
 def test_negative_dimensions_are_refused() -> None:
     geo = replace(GEO, dimensions=(0.6, -1, 0.4))
     with pytest.raises(ClientError, match=r"Dimensions .*, expected none below 0"):
-        RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
+        robot_info.RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
 
 
 @pytest.mark.parametrize(
@@ -123,15 +107,15 @@ def test_negative_dimensions_are_refused() -> None:
 def test_implausible_scanner_is_refused(
     limits: tuple[float, float, float, float], text: str
 ) -> None:
-    descriptions = ScannerDescriptions()
-    descriptions.add(ScannerConf("RangeScanner", (("S", *limits),)))
+    descriptions = robot_info.ScannerDescriptions()
+    descriptions.add(reports.ScannerConf("RangeScanner", (("S", *limits),)))
     with pytest.raises(ClientError, match=rf"scanner 'S' has .*{text}"):
         descriptions.scanners({})
 
 
 def test_a_scanner_away_from_its_robot_is_refused() -> None:
-    descriptions = ScannerDescriptions()
-    descriptions.add(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
+    descriptions = robot_info.ScannerDescriptions()
+    descriptions.add(reports.ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
     with pytest.raises(
         ClientError, match=r"mount 11\.3\d* m .*, expected at most 10 m"
     ):
@@ -139,14 +123,16 @@ def test_a_scanner_away_from_its_robot_is_refused() -> None:
 
 
 def test_names_in_any_case_are_one_scanner() -> None:
-    descriptions = ScannerDescriptions()
-    descriptions.add(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
-    descriptions.add(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
-    scans = {"LMS200": RangeScan(1, "LMS200", 0.5, 1.0, np.ones(3))}
+    descriptions = robot_info.ScannerDescriptions()
+    descriptions.add(reports.ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
+    descriptions.add(
+        reports.ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),))
+    )
+    scans = {"LMS200": reports.RangeScan(1, "LMS200", 0.5, 1.0, np.ones(3))}
     assert descriptions.names(scans) == ["lms200"]
     assert descriptions.incomplete(scans) == []
     (info,) = descriptions.scanners(scans)
-    assert info == ScannerInfo("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
+    assert info == robot_info.ScannerInfo("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
 
 
 def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
@@ -170,8 +156,10 @@ def test_beam_count_is_right_despite_rounding_on_the_wire(
     step_deg: float, fov_deg: float
 ) -> None:
     step, fov = radians(step_deg), radians(fov_deg)
-    descriptions = ScannerDescriptions()
-    descriptions.add(_printed(ScannerConf("RangeScanner", (("S", 80, 0, step, fov),))))
+    descriptions = robot_info.ScannerDescriptions()
+    descriptions.add(
+        _printed(reports.ScannerConf("RangeScanner", (("S", 80, 0, step, fov),)))
+    )
     (info,) = descriptions.scanners({})
     assert info.beams == len(info.angles) == int(fov_deg / step_deg + 1e-9) + 1
     assert info.angles[-1] == pytest.approx(fov / 2, abs=1e-5)
@@ -179,36 +167,40 @@ def test_beam_count_is_right_despite_rounding_on_the_wire(
 
 
 def test_beam_count_is_taken_from_a_scan_if_there_is_one() -> None:
-    scan = RangeScan(1, "S", 0.0174, 3.1415, np.zeros(181))
-    descriptions = ScannerDescriptions()
-    descriptions.add(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
-    descriptions.add(ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
+    scan = reports.RangeScan(1, "S", 0.0174, 3.1415, np.zeros(181))
+    descriptions = robot_info.ScannerDescriptions()
+    descriptions.add(
+        reports.ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),))
+    )
+    descriptions.add(reports.ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
     (info,) = descriptions.scanners({"S": scan})
     assert info.beams == 181
     assert info.resolution == pytest.approx(radians(1), abs=1e-6)
-    assert np.array_equal(info.angles, beam_angles(scan))
-    assert np.allclose(np.degrees(beam_angles(scan)), np.arange(-90, 91), atol=0.01)
+    assert np.array_equal(info.angles, robot_info.beam_angles(scan))
+    assert np.allclose(
+        np.degrees(robot_info.beam_angles(scan)), np.arange(-90, 91), atol=0.01
+    )
 
 
 def test_missing_scanner_properties_are_taken_from_scans_or_defaults() -> None:
-    descriptions = ScannerDescriptions()
-    descriptions.add(NameConf("RangeScanner", ("S",)))
-    descriptions.add(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
+    descriptions = robot_info.ScannerDescriptions()
+    descriptions.add(reports.NameConf("RangeScanner", ("S",)))
+    descriptions.add(reports.ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
     scans = {
-        "S": RangeScan(1, "S", 0.5, 1.0, np.ones(3)),
-        "one": RangeScan(1, "one", 0.5, 0.0, np.ones(1)),
+        "S": reports.RangeScan(1, "S", 0.5, 1.0, np.ones(3)),
+        "one": reports.RangeScan(1, "one", 0.5, 0.0, np.ones(1)),
     }
     assert descriptions.names(scans) == ["mute", "S", "one"]
     assert descriptions.incomplete(scans) == ["mute", "S", "one"]
     nowhere = Pose3(0, 0, 0)
     assert descriptions.scanners(scans) == (
-        ScannerInfo("S", nowhere, 0, inf, 0.5, 1.0, 3),
-        ScannerInfo("one", nowhere, 0, inf, 0.5, 0.0, 1),
+        robot_info.ScannerInfo("S", nowhere, 0, inf, 0.5, 1.0, 3),
+        robot_info.ScannerInfo("one", nowhere, 0, inf, 0.5, 0.0, 1),
     )
 
 
-def _printed(report: Report) -> Report:
-    read = decode_report(report.encode(COMPAT))
+def _printed(report: reports.Report) -> reports.Report:
+    read = reports.decode_report(report.encode(COMPAT))
     assert read is not None
     return read
 
@@ -223,7 +215,9 @@ def test_beam_end_is_the_same_point_from_the_centre(
     x: float, y: float, yaw: float, beam: int
 ) -> None:
     ranges = np.full(360, 3.0)
-    bearings, lengths = from_centre(ranges, ANGLES, Pose3(x, y, 0.2, yaw=yaw), 80.0)
+    bearings, lengths = robot_info.from_centre(
+        ranges, ANGLES, Pose3(x, y, 0.2, yaw=yaw), 80.0
+    )
     angle = ANGLES[beam] + yaw
     seen = (x + 3 * cos(angle), y + 3 * sin(angle))
     result = lengths[beam] * np.array([cos(bearings[beam]), sin(bearings[beam])])
@@ -234,7 +228,7 @@ def test_beam_end_is_the_same_point_from_the_centre(
 def test_beam_without_return_is_infinite_and_keeps_its_bearing() -> None:
     ranges = np.array([80.0, 79.0, 85.0])
     angles = np.array([-pi, 0.0, 1.0])
-    bearings, lengths = from_centre(ranges, angles, Pose3(0.2, 0, 0.2), 80.0)
+    bearings, lengths = robot_info.from_centre(ranges, angles, Pose3(0.2, 0, 0.2), 80.0)
     assert lengths.tolist() == [inf, pytest.approx(79.2), inf]
     assert bearings == pytest.approx([-pi, 0, 1.0], abs=1e-3)
 
@@ -245,10 +239,10 @@ def test_no_return_is_told_from_returns_however_ranges_are_rounded(
     rounding: Rounding, max_range: float, nearer: float
 ) -> None:
     wire = NumberFormat(2, rounding)
-    limit = no_return(round(max_range, 6))
+    limit = robot_info.no_return(round(max_range, 6))
     assert float(wire.format(max_range)) >= limit
     assert float(wire.format(max(max_range - nearer, 0.0))) < limit
 
 
 def test_without_a_maximum_range_every_range_is_a_return() -> None:
-    assert no_return(inf) == inf
+    assert robot_info.no_return(inf) == inf

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from radarsim.client import session as questions
 from radarsim.client.session import Question, Session, drive
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose3
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
@@ -216,16 +216,6 @@ def test_question_accepts_only_its_reply(
     [
         (questions.greeting().data, b""),
         (questions.geometry("INS", "I").data, b"GETGEO {Type INS} {Name I}"),
-        (
-            questions.spawn("P3AT", pose=Pose2(1, 2, 0.5)).data,
-            b"INIT {ClassName USARBot.P3AT}"
-            b" {Location 1.0,-2.0,0.0} {Rotation 0.0,0.0,-0.5}",
-        ),
-        (
-            questions.spawn("P3AT", pose=Pose3(1, 2, 3, 4, 5, 6)).data,
-            b"INIT {ClassName USARBot.P3AT}"
-            b" {Location 1.0,-2.0,-3.0} {Rotation 4.0,-5.0,-6.0}",
-        ),
         (
             questions.echoes("S", on=False),
             b"SET {Type RangeScanner} {Name S} {Opcode ECHOES} {Params false}",

@@ -14,16 +14,8 @@ from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client, ClientError, ClientTimeout
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot, robot_names
+from radarsim.protocol import reports
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.reports import (
-    GroundTruth,
-    ItemGeo,
-    Odometry,
-    RangeScan,
-    RobotLeft,
-    SensorReading,
-    Status,
-)
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
@@ -38,7 +30,7 @@ def test_robot_info_matches_the_robot_class(empty_room: Scene, name: str) -> Non
     with Client(InProcessTransport(Host(empty_room))) as client:
         client.spawn(name, start="RobotStart1")
         info = client.robot_info()
-        scans = [client.wait_for(RangeScan, name=s.name) for s in info.scanners]
+        scans = [client.wait_for(reports.RangeScan, name=s.name) for s in info.scanners]
     hull = (info.length, info.width, info.height)
     assert hull == pytest.approx(model.dimensions)
     assert (info.wheel_radius, info.wheel_separation) == pytest.approx(
@@ -66,8 +58,8 @@ def test_robot_moves_at_the_commanded_speeds(
         client.spawn("P3AT", pose=Pose2(0, 0, 0.5))
         info = client.robot_info(drive_unit=dialect.drive_unit)
         client.drive(*info.wheel_speeds(0.4, 0.5))
-        start = client.wait_for(GroundTruth)
-        while (now := client.wait_for(GroundTruth)).time < start.time + 2:
+        start = client.wait_for(reports.GroundTruth)
+        while (now := client.wait_for(reports.GroundTruth)).time < start.time + 2:
             pass
         seconds = now.time - start.time
         assert now.pose.yaw - start.pose.yaw == pytest.approx(0.5 * seconds, abs=0.02)
@@ -75,8 +67,8 @@ def test_robot_moves_at_the_commanded_speeds(
         assert chord == pytest.approx(2 * 0.8 * np.sin(0.25 * seconds), abs=0.02)
         assert client.stop()
         client.read()
-        still = client.wait_for(GroundTruth).pose
-        later = client.wait_for(GroundTruth).pose
+        still = client.wait_for(reports.GroundTruth).pose
+        later = client.wait_for(reports.GroundTruth).pose
         assert (later.x, later.y, later.yaw) == (still.x, still.y, still.yaw)
     assert not host.simulation.collect_reports()
 
@@ -89,21 +81,24 @@ def test_threads_get_each_what_they_wait_for(usarsim_server: UsarsimServer) -> N
     ):
         client.spawn("P3AT", start="RobotStart1")
 
-        def times(kind: type[SensorReading]) -> list[float]:
+        def times(kind: type[reports.SensorReading]) -> list[float]:
             return [client.wait_for(kind).time for _ in range(10)]
 
-        series = [threads.submit(times, kind) for kind in (RangeScan, Odometry)]
+        series = [
+            threads.submit(times, kind)
+            for kind in (reports.RangeScan, reports.Odometry)
+        ]
         for each in series:  # a busy machine drops some of them, and repeats none
             periods = np.diff(each.result()) / 0.1
             assert periods.min() > 0.8
             assert periods == pytest.approx(np.round(periods), abs=0.11)
-        waiting = threads.submit(times, RangeScan)
+        waiting = threads.submit(times, reports.RangeScan)
         for _ in range(20):
-            assert isinstance(client.geometry("RangeScanner"), ItemGeo)
+            assert isinstance(client.geometry("RangeScanner"), reports.ItemGeo)
             client.drive(1.0, 1.0)
         assert len(waiting.result()) == 10
         with pytest.raises(ClientTimeout, match=r"no RobotLeft within 0\.1 s"):
-            client.wait_for(RobotLeft, timeout=0.1)
+            client.wait_for(reports.RobotLeft, timeout=0.1)
         assert client.session.unread == 0
 
 
@@ -116,7 +111,9 @@ def test_close_ends_the_calls_of_other_threads(serve: Serve, threads: int) -> No
 
     client = Client.connect(port=serve(be_silent), timeout=2 * DEADLINE)
     with ThreadPoolExecutor() as pool:
-        waiting = [pool.submit(client.wait_for, RobotLeft) for _ in range(threads)]
+        waiting = [
+            pool.submit(client.wait_for, reports.RobotLeft) for _ in range(threads)
+        ]
         looping = pool.submit(list, client)
         time.sleep(0.2)  # until they wait
         client.close()
@@ -150,7 +147,7 @@ def test_spawn_of_an_unknown_class_times_out_in_simulated_time(
         with pytest.raises(ClientTimeout, match=r"within 0\.5 s.* no such class"):
             client.spawn("Tank", timeout=0.5)
         client.spawn("P3AT")
-        assert isinstance(client.read()[0], Status)
+        assert isinstance(client.read()[0], reports.Status)
 
 
 def test_robots_without_a_start_take_the_first_free_ones(foliage_room: Scene) -> None:
@@ -176,22 +173,13 @@ def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None
         client.spawn("P3AT", start="ROBOTstart2")
 
 
-def test_second_spawn_replaces_the_robot(empty_room: Scene) -> None:
-    with Client(InProcessTransport(Host(empty_room))) as client:
-        client.spawn("P3AT", pose=Pose2(1, 2))
-        client.spawn("P3AT_Radar360", pose=Pose2(3, -2, pi / 2))
-        assert client.robot_info().name == "P3AT_Radar360"
-        pose = client.wait_for(GroundTruth).pose
-        assert (pose.x, pose.y, pose.yaw) == pytest.approx((3, -2, pi / 2), abs=1e-3)
-
-
 def test_refused_spawn_of_a_client_with_a_robot_raises(empty_room: Scene) -> None:
     with Client(Blind(Host(empty_room))) as client:
         client.spawn("P3AT", pose=Pose2(1, 2))
         expected = r"^the robot is still a 'P3AT', expected 'Tank': .*no such class"
         with pytest.raises(ClientError, match=expected):
             client.spawn("Tank")
-        assert isinstance(client.wait_for(GroundTruth), GroundTruth)
+        assert isinstance(client.wait_for(reports.GroundTruth), reports.GroundTruth)
         client.spawn("USARBot.P2AT", pose=Pose2(1, 2))
         assert client.robot_info().name == "P2AT"
 

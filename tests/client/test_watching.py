@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable
 
 import pytest
+from host_client import DIALECTS
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client, ClientError
 from radarsim.client import session as questions
 from radarsim.client.session import MOST_WATCHED, Session
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.dialect import COMPAT, Dialect
 from radarsim.protocol.reports import (
     ClockTick,
     CommandError,
@@ -31,9 +32,6 @@ from radarsim.simulation.config import SimulationConfig
 
 Connect = Callable[..., Client]
 INIT = b"INIT {ClassName P3AT} {Name R1} {Start RobotStart1}\r\n"
-DIALECTS = pytest.mark.parametrize(
-    "dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name
-)
 
 
 def exchange(host: Host, number: int, session: Session, ticks: int) -> list[Report]:
@@ -227,25 +225,6 @@ def test_no_settings_are_refused() -> None:
         questions.change_settings("lms200", {})
     with pytest.raises(ValueError, match="braces"):
         questions.change_settings("lms200", {"a": "}\r\nINIT {"})
-
-
-@pytest.mark.usarsim(speed=5, map="foliage_room")
-def test_client_changes_settings(
-    usarsim_server: UsarsimServer, connect: Connect
-) -> None:
-    client = connect(usarsim_server.port)
-    client.spawn("P3AT", start="RobotStart1")
-    assert client.wait_for(RangeScan).ranges.max() > 3
-    client.change_settings("lms200", max_range=3, ray_weights=(1, 2, 1))
-    assert client.wait_for(RangeScan).ranges.max() <= 3
-    assert client.robot_info().scanner().max_range == 3
-    with pytest.raises(ClientError, match="max_range: -3, expected at least"):
-        client.change_settings(max_range=-3)
-    with pytest.raises(ClientError, match=r"max_rang.*max_range"):
-        client.change_settings("lms200", max_rang=3)
-    with pytest.raises(ClientError, match="SET of RangeScanner 'nope', expected one"):
-        client.change_settings("nope", max_range=3)
-    client.change_settings("lms200", max_range=4)
 
 
 def test_answer_about_another_robot_is_known_among_others() -> None:

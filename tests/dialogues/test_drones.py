@@ -324,19 +324,16 @@ def test_bot_ardrone_flies_for_a_while() -> None:
     assert wire.news == []
 
 
-class MrlImu:
-    """MRL's reader of an IMU, by the rule of its others: segments by position."""
-
-    keys = ("XYZAcceleration", "AngularVel", "AngularAccel", "Rotation")
-
-    def parse(self, line: str) -> list[list[float]] | None:
-        if "{Type IMU}" not in line:
-            return None
-        segments = [each.split("}")[0] for each in line.split("{")[1:]]
-        shift = 3 if segments[0].startswith("Time") else 2
-        words = [each.split(" ") for each in segments[shift:]]
-        assert tuple(key for key, _ in words) == self.keys
-        return [[float(number) for number in text.split(",")] for _, text in words]
+def mrl_unit(line: str) -> list[list[float]] | None:
+    """Read an IMU as MRL, by the rule of its others: segments by position."""
+    if "{Type IMU}" not in line:
+        return None
+    segments = [each.split("}")[0] for each in line.split("{")[1:]]
+    shift = 3 if segments[0].startswith("Time") else 2
+    words = [each.split(" ") for each in segments[shift:]]
+    keys = ["XYZAcceleration", "AngularVel", "AngularAccel", "Rotation"]
+    assert [key for key, _ in words] == keys
+    return [[float(number) for number in text.split(",")] for _, text in words]
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
@@ -348,7 +345,7 @@ def test_mrl_reads_the_inertial_unit_for_a_while(
     rate = 0.5 if dialect is COMPAT else math.degrees(0.5)
     wire.send(fly(0, 0, 0, rate))
     lines = [line for _ in range(SECONDS) for line in wire.wait(1)]
-    found = [MrlImu().parse(line) for line in lines]
+    found = [mrl_unit(line) for line in lines]
     units = [each for each in found if each is not None]
     assert len(units) == 10 * SECONDS
     rates = [rates for _, rates, _, _ in units[1:]]

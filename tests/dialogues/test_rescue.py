@@ -212,18 +212,3 @@ def test_servers_for_udk_have_none_of_these_sensors(empty_room: Scene) -> None:
     lines = lines_of(empty_room, 1.0, UDK)
     assert not any("Vict" in line or "RFID" in line for line in lines)
     assert any("{Type RangeScanner}" in line for line in lines)
-
-
-@pytest.mark.parametrize("item", ["RFID", "VictSensor", "HumanMotion", "Sound"])
-def test_drivers_learn_where_the_sensors_are(empty_room: Scene, item: str) -> None:
-    host = Host(empty_room)
-    number = host.connect()
-    host.receive(number, INIT.encode())
-    host.step()
-    host.take(number)
-    asked = f"GETGEO {{Type {item}}}\r\nGETCONF {{Type {item}}}\r\n"
-    host.receive(number, asked.encode())
-    host.step()
-    answers = host.take(number).decode()
-    assert f"GEO {{Type {item}}} {{Name {item} Location " in answers
-    assert f"CONF {{Type {item}}} {{Name {item}}}" in answers

@@ -374,17 +374,6 @@ def test_answers_about_a_p2at_lead_to_the_mount_of_its_scanner(
     assert world.diagnostics == []
 
 
-def test_probes_leave_no_robot_behind(empty_room: Scene) -> None:
-    world = World(Host(empty_room))
-    probe_level(world.connect)
-    assert list(probe_starts(world.connect)) == [
-        "RobotStart1",
-        "RobotStart2",
-        "RobotStart3",
-    ]
-    assert world.host.simulation.vehicles == ()
-
-
 @pytest.mark.parametrize("phase", [0, 40, 100, 105, 190])
 def test_map_starts_at_any_phase_of_the_clock(empty_room: Scene, phase: int) -> None:
     world = World(Host(empty_room), phase=phase)

@@ -63,12 +63,9 @@ def test_requests_wait_until_they_are_taken() -> None:
         pytest.param(WHOLE, (0, 0, 160, 120), id="whole"),
         pytest.param(Region(10, 20, 30, 40), (10, 20, 30, 40), id="inside"),
         pytest.param(Region(150, 100, 320, 240), (150, 100, 10, 20), id="overlapping"),
-        pytest.param(Region(0, 0, 160, 120), (0, 0, 160, 120), id="equal"),
-        pytest.param(Region(159, 119, 1, 1), (159, 119, 1, 1), id="last pixel"),
         pytest.param(Region(160, 0, 5, 5), (0, 0, 160, 120), id="to the right"),
         pytest.param(Region(0, 120, 5, 5), (0, 0, 160, 120), id="below"),
         pytest.param(Region(5, 5, 0, 9), (0, 0, 160, 120), id="without width"),
-        pytest.param(Region(5, 5, 9, 0), (0, 0, 160, 120), id="without height"),
     ],
 )
 def test_region_is_clipped_and_one_outside_is_the_whole_picture(

@@ -98,36 +98,10 @@ def test_lines_are_split_at_cr_and_lf_and_blank_ones_skipped(
     assert collect([b"A\n", stream, b"\n"])[0] == ["A", *lines]
 
 
-@pytest.mark.parametrize(
-    "end",
-    [
-        pytest.param(b"\r\n", id="CRLF"),
-        pytest.param(b"\n\r", id="LFCR, the Player driver"),
-        pytest.param(b"\n", id="LF alone, where the original waits for a CR"),
-        pytest.param(b"\r", id="CR alone"),
-        pytest.param(b" \r\n", id="blank before the end, UsarCommander"),
-        pytest.param(b"\r\n\r\n\n \r", id="blank lines"),
-    ],
-)
-def test_a_command_ends_with_any_mix_of_cr_and_lf(end: bytes) -> None:
-    assert LineBuffer().feed(b"GETSTARTPOSES" + end + b"A" + end) == [
-        "GETSTARTPOSES",
-        "A",
-    ]
-
-
 def test_blanks_before_a_line_do_not_count_as_its_length() -> None:
     for stream in (b" \n" * 50 + b" " * 50 + b"GET\n", b" " * 50 + b"GET\n"):
         for chunks in ([stream], cut(stream, [*range(len(stream))])):
             assert collect(chunks, limit=3) == (["GET"], False)
-
-
-def test_incomplete_line_waits_for_its_end() -> None:
-    buffer = LineBuffer()
-    assert buffer.feed(b"DRIVE {Left") == []
-    assert buffer.feed(b" 1}") == []
-    assert buffer.feed(b"\r") == ["DRIVE {Left 1}"]
-    assert buffer.feed(b"\n") == []
 
 
 def test_line_one_byte_longer_than_the_limit_overflows() -> None:

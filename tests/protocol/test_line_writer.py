@@ -213,19 +213,6 @@ def test_angles_of_any_size_are_wrapped() -> None:
         assert f"{{Orientation {wrapped},0.0000,0.0000}}" in line
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_numbers_of_a_report_come_from_its_attributes_in_order(
-    dialect: Dialect,
-) -> None:
-    sources = [
-        Status(1.5, 3599, light=True).sources(dialect),
-        Ins(1.5, "InsTest", Pose3(1, 2, 3)).sources(dialect),
-        Tachometer(1.5, "T", (1.0,), (2.0,)).sources(dialect),
-    ]
-    ins = ["pose"] if dialect is UDK else ["time", "pose"]
-    assert sources == [["time", "battery"], ins, ["time", "velocities", "positions"]]
-
-
 @pytest.mark.parametrize("names", [("A", "B"), ("B", "A")])
 def test_templates_that_are_kept_are_those_of_their_reports(
     names: tuple[str, str],

@@ -17,12 +17,8 @@ WRITABLE = st.floats(-2e9, 2e9) | st.floats(-1e-3, 1e-3) | st.floats(-100, 100)
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        pytest.param("1", 1.0, id="whole"),
-        pytest.param("-0.5", -0.5, id="point"),
         pytest.param("-0,5", -0.5, id="decimal comma"),
-        pytest.param("1,00", 1.0, id="decimal comma with zeros"),
         pytest.param(".4", 0.4, id="leading point"),
-        pytest.param(",4", 0.4, id="leading comma"),
         pytest.param("4.", 4.0, id="trailing point"),
         pytest.param("+1", 1.0, id="plus"),
         pytest.param(" 2.695418 ", 2.695418, id="blanks"),
@@ -72,15 +68,11 @@ def test_any_text_is_a_finite_number_or_malformed(text: str) -> None:
     ("text", "values"),
     [
         pytest.param("4.5,1.9,1.8", (4.5, 1.9, 1.8), id="commas"),
-        pytest.param("4.5, 1.9, 1.8", (4.5, 1.9, 1.8), id="commas and blanks"),
         pytest.param("4.5 1.9 1.8", (4.5, 1.9, 1.8), id="blanks"),
         pytest.param("  4.5   1.9\t1.8 ", (4.5, 1.9, 1.8), id="many blanks"),
-        pytest.param("4.5 ,1.9 ,1.8", (4.5, 1.9, 1.8), id="blanks before commas"),
         pytest.param("4.5 , 1.9 , 1.8", (4.5, 1.9, 1.8), id="blanks around commas"),
         pytest.param("47,17 -55,70 -2,25", (47.17, -55.7, -2.25), id="decimal commas"),
         pytest.param("0,0000, 0,0000, 1,5", (0, 0, 1.5), id="all kinds of commas"),
-        pytest.param(".4, .4, 1.8", (0.4, 0.4, 1.8), id="leading points"),
-        pytest.param("0,0,0", (0, 0, 0), id="zeros"),
     ],
 )
 def test_vectors_are_parsed_with_any_separator(
@@ -155,35 +147,15 @@ def test_truncated_numbers_follow_float32_arithmetic(
     ("value", "decimals", "text"),
     [
         pytest.param(1.3, 4, "1.2999", id="top speed of a wheel"),
-        pytest.param(0.7, 4, "0.7000", id="just above"),
         pytest.param(2.3, 2, "2.29", id="range"),
-        pytest.param(1.15, 2, "1.14", id="another range"),
-        pytest.param(0.07, 2, "0.07", id="zero after the point"),
         pytest.param(-1e-6, 3, "-0.000", id="tiny negative"),
         pytest.param(-0.0, 4, "0.0000", id="negative zero"),
-        pytest.param(0.098, 4, "0.0980", id="wheel radius"),
-        pytest.param(50000.0, 4, "50000.0000", id="torque"),
     ],
 )
 def test_truncated_numbers_match_usarsim(
     value: float, decimals: int, text: str
 ) -> None:
     assert NumberFormat(decimals, Rounding.TRUNCATED).format(value) == text
-
-
-@pytest.mark.parametrize(
-    ("value", "decimals", "text"),
-    [
-        pytest.param(31.1, 4, "31.1000", id="time"),
-        pytest.param(5000.12, 4, "5000.1201", id="late time, as float32 has it"),
-        pytest.param(-0.001, 2, "-0.00", id="negative zero is kept"),
-        pytest.param(0.2085, 2, "0.21", id="rounded"),
-    ],
-)
-def test_engine_numbers_are_rounded_from_float32(
-    value: float, decimals: int, text: str
-) -> None:
-    assert NumberFormat(decimals, Rounding.FLOAT32).format(value) == text
 
 
 @pytest.mark.parametrize("rule", list(Rounding))

@@ -4,63 +4,23 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol import packages, reports
 from radarsim.protocol.dialect import UDK
-from radarsim.protocol.packages import (
-    LinkLimits,
-    PackageConf,
-    PackageGeo,
-    PackageState,
-)
-from radarsim.protocol.reports import (
-    Acceleration,
-    CameraConf,
-    CameraLimits,
-    EchoLine,
-    Encoder,
-    EncoderConf,
-    Gps,
-    Greeting,
-    GroundTruth,
-    Imu,
-    Ins,
-    IntervalConf,
-    ItemGeo,
-    Odometry,
-    ProperAcceleration,
-    RadarTargets,
-    RangeScan,
-    Report,
-    RobotConf,
-    RobotGeo,
-    ScannerConf,
-    Sonar,
-    SonarConf,
-    StartPoses,
-    Status,
-    Tachometer,
-    TargetEchoes,
-    Touch,
-    TouchConf,
-)
 
 RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
-LASER = Pose3(0.2085, 0.0, 0.2)
-P3AT_GEO = RobotGeo("P3AT", (0.552, 0.497, 0.46), (0, 0, 0), 0.098, 0.36, 0.248)
 
 
-def sick(ranges: list[float]) -> RangeScan:
-    return RangeScan(31.2, "lms200", 0.01745, 3.14159, np.array(ranges))
+def sick(ranges: list[float]) -> reports.RangeScan:
+    return reports.RangeScan(31.2, "lms200", 0.01745, 3.14159, np.array(ranges))
 
 
-UDK_LINES: list[tuple[str, Report, str]] = [
-    (
-        "greeting",
-        Greeting("DM-Test"),
+UDK_LINES: dict[str, tuple[reports.Report, str]] = {
+    "greeting": (
+        reports.Greeting("DM-Test"),
         "NFO {Gametype BotDeathMatch} {Level DM-Test} {TimeLimit 20}",
     ),
-    (
-        "start poses",
-        StartPoses(
+    "start poses": (
+        reports.StartPoses(
             (
                 ("PlayerStart_0", Pose3(4.5, -1.9, 0.5)),
                 ("Robot1", Pose3(3.63, -10.8, 0.18, yaw=1.59)),
@@ -69,102 +29,72 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         "NFO {StartPoses 2} {PlayerStart_0 4.5000,1.9000,-0.5000 "
         "0.0000,0.0000,0.0000 Robot1 3.6300,10.8000,-0.1800 0.0000,0.0000,-1.5900}",
     ),
-    (
-        "status",
-        Status(31.1, 1199, light=False),
-        "STA {Time 31.1000} {Battery 1199} {Type GroundVehicle} {LightToggle False} "
-        "{LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
-    ),
-    (
-        "status with light and an empty battery",
-        Status(31.1, 0, light=True),
+    "status with light and an empty battery": (
+        reports.Status(31.1, 0, light=True),
         "STA {Time 31.1000} {Battery 0} {Type GroundVehicle} {LightToggle True} "
         "{LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
     ),
-    (
-        "inertial measurement unit",
-        Imu(1.5, "IMU", (0.25, -1.5, 0), (0, 0, 0.5), (0, 0, -0.125), (0, 0, 3.5)),
+    "inertial measurement unit": (
+        reports.Imu(
+            1.5, "IMU", (0.25, -1.5, 0), (0, 0, 0.5), (0, 0, -0.125), (0, 0, 3.5)
+        ),
         "SEN {Time 1.5000} {Type IMU} {Name IMU} "
         "{XYZAcceleration 0.2500,1.5000,0.0000} "
         "{AngularVel 0.0000,0.0000,-0.5000} {AngularAccel 0.0000,0.0000,0.1250} "
         "{Rotation 0.0000,0.0000,2.7831}",
     ),
-    (
-        "accelerations",
-        Acceleration(1.5, "A", (0.29999, -1.5, 0)),
+    "accelerations": (
+        reports.Acceleration(1.5, "A", (0.29999, -1.5, 0)),
         "SEN {Time 1.5000} {Type Accel} {Name A} {Acceleration 0.2999,1.5000,0.0000}",
     ),
-    (
-        "accelerations with gravity",
-        ProperAcceleration(1.5, "Accelerometer", (0, 0, -9.81)),
-        "SEN {Time 1.5000} {Type AcceleroMeter} {Name Accelerometer} "
-        "{ProperAcceleration 0.0000,0.0000,9.8100}",
-    ),
-    (
-        "links of an actuator",
-        PackageState(45.14, "CameraPanTilt", ((0.0, -20.0), (-0.16, -20.0))),
+    "links of an actuator": (
+        packages.PackageState(45.14, "CameraPanTilt", ((0.0, -20.0), (-0.16, -20.0))),
         "ASTA {Time 45.1400} {Name CameraPanTilt} {Link 1} {Value 0.0000} "
         "{Link 2} {Value -0.1600}",
     ),
-    (
-        "what links can do",
-        PackageConf("MisPkg", (("Cam", (LinkLimits(1.571, 20, -0.16, 0.4),)),)),
+    "what links can do": (
+        packages.PackageConf(
+            "MisPkg", (("Cam", (packages.LinkLimits(1.571, 20, -0.16, 0.4),)),)
+        ),
         "CONF {Type MisPkg} {Name Cam} {Link 1} {JointType Revolute} "
         "{MaxRotationSpeed 1.5710} {MaxTorque 20.0000} {MinRange -0.1600} "
         "{MaxRange 0.4000}",
     ),
-    (
-        "what links of actuators can do",
-        PackageConf(
+    "what links of actuators can do": (
+        packages.PackageConf(
             "Actuator",
             (
-                ("Cam", (LinkLimits(nan, 20, -0.16, 0.4),)),
-                ("Arm", (LinkLimits(nan, 4, -2.086, 2.086),)),
+                ("Cam", (packages.LinkLimits(nan, 20, -0.16, 0.4),)),
+                ("Arm", (packages.LinkLimits(nan, 4, -2.086, 2.086),)),
             ),
         ),
         "CONF {Type Actuator} {Name Cam} {Link 1} {JointType Revolute} "
         "{MaxTorque 20.0000} {MinValue -0.1600} {MaxValue 0.4000} {Name Arm} {Link 1} "
         "{JointType Revolute} {MaxTorque 4.0000} {MinValue -2.0860} {MaxValue 2.0860}",
     ),
-    (
-        "where links of an actuator are",
-        PackageGeo("Actuator", (("Cam", (Pose3(1, 2, 3),)),), "Kenaf"),
+    "where links of an actuator are": (
+        packages.PackageGeo("Actuator", (("Cam", (Pose3(1, 2, 3),)),), "Kenaf"),
         "GEO {Type Actuator} {Name Cam} {Location 1.00,-2.00,-3.00} "
         "{Orientation 0.00,0.00,0.00} {Mount Kenaf} {Link 1} {Parent -1} "
         "{Location 1.00,-2.00,-3.00} {Orientation 0.00,0.00,0.00}",
     ),
-    (
-        "status of a car",
-        Status(31.1, 1199, light=False, steering=(0.25, -0.1)),
-        "STA {Time 31.1000} {Battery 1199} {Type GroundVehicle} {LightToggle False} "
-        "{LightIntensity 100} {FrontSteer -0.2500} {RearSteer 0.1000}",
-    ),
-    (
-        "scan",
+    "scan": (
         sick([2.199, 2.3, 1.15, 20.0]),
         "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0174} "
         "{FOV 3.1414} {Range 2.19,2.29,1.14,20.00}",
     ),
-    (
-        "scan of whole degrees",
-        RangeScan(31.2, "lms200", radians(1), pi, np.array([2.0])),
+    "scan of whole degrees": (
+        reports.RangeScan(31.2, "lms200", radians(1), pi, np.array([2.0])),
         "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0174} "
         "{FOV 3.1414} {Range 2.00}",
     ),
-    (
-        "scan of a Hokuyo",
-        RangeScan(31.2, "lms200", 0.0184086914, 4.189, np.array([4.0])),
-        "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0184} "
-        "{FOV 4.1889} {Range 4.00}",
-    ),
-    (
-        "echoes, ranges cut off and shares rounded",
-        EchoLine(
+    "echoes, ranges cut off and shares rounded": (
+        reports.EchoLine(
             31.2,
             "lms200",
             2,
             3,
-            TargetEchoes(
+            reports.TargetEchoes(
                 object="cloud",
                 material="smoke",
                 density=0.0,
@@ -183,152 +113,53 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         "{LaserPasses True} {RobotPasses True} "
         "{Echoes 0,2.29,Leave,1.0000,0.0000 180,19.99,Sheet,0.5000,0.1235}",
     ),
-    (
-        "no echoes",
-        EchoLine(31.2, "lms200", 0, 0, None),
-        "SEN {Time 31.2000} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
-    ),
-    (
-        "no targets",
-        RadarTargets(31.2, "Navtech", 0, 0, np.zeros(0, np.int64), *[np.zeros(0)] * 2),
+    "no targets": (
+        reports.RadarTargets(
+            31.2, "Navtech", 0, 0, np.zeros(0, np.int64), *[np.zeros(0)] * 2
+        ),
         "SEN {Time 31.2000} {Type RadarTargets} {Name Navtech} {Line 0} {Lines 0}",
     ),
-    (
-        "ground truth",
-        GroundTruth(31.1, "GndTruth", RESTING),
+    "ground truth": (
+        reports.GroundTruth(31.1, "GndTruth", RESTING),
         "SEN {Time 31.1000} {Type GroundTruth} {Name GndTruth} "
         "{Location 4.500,1.900,-0.146} {Orientation 0.000,0.000,1.570}",
     ),
-    (
-        "INS without time",
-        Ins(31.2, "InsTest", Pose3(4.5, -1.9, 0.4, yaw=-1.57)),
-        "SEN {Type INS} {Name InsTest} {Location 4.50,1.90,-0.40} "
-        "{Orientation 0.00,0.00,1.57}",
-    ),
-    (
-        "INS to the left counts on from a full turn",
-        Ins(31.2, "InsTest", Pose3(4.5, -1.9, 0.4, yaw=pi / 2)),
+    "INS to the left counts on from a full turn": (
+        reports.Ins(31.2, "InsTest", Pose3(4.5, -1.9, 0.4, yaw=pi / 2)),
         "SEN {Type INS} {Name InsTest} {Location 4.50,1.90,-0.40} "
         "{Orientation 0.00,0.00,4.71}",
     ),
-    (
-        "odometry",
-        Odometry(31.2, "Odometer", Pose2(1.0, 2.0, -0.5)),
+    "odometry": (
+        reports.Odometry(31.2, "Odometer", Pose2(1.0, 2.0, -0.5)),
         "SEN {Time 31.2000} {Type Odometry} {Name Odometer} "
         "{Pose 1.0000,-2.0000,0.5000}",
     ),
-    (
-        "tachometer",
-        Tachometer(31.2, "TachTest", (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)),
-        "SEN {Time 31.2000} {Type Tachometer} {Name TachTest} "
-        "{Vel 0.0000,0.0000,0.0000,0.0000} {Pos 0.0000,0.0000,0.0000,0.0000}",
-    ),
-    (
-        "encoder",
-        Encoder(31.1, (("W1", 0),)),
-        "SEN {Time 31.1000} {Type Encoder} {Name W1} {Tick 0}",
-    ),
-    (
-        "sonar",
-        Sonar(31.1, (("F1", 2.3),)),
+    "sonar": (
+        reports.Sonar(31.1, (("F1", 2.3),)),
         "SEN {Time 31.1000} {Type Sonar} {Name F1} {Range 2.2999}",
     ),
-    (
-        "GPS",
-        Gps(31.1, "GPS", (39.5, -77.25), 11),
+    "GPS": (
+        reports.Gps(31.1, "GPS", (39.5, -77.25), 11),
         "SEN {Time 31.1000} {Type GPS} {Name GPS} {Latitude 39,30.0000,N} "
         "{Longitude 77,15.0000,W} {Fix 1} {Satellites 11}",
     ),
-    (
-        "settings of a sonar",
-        SonarConf("Sonar", (("F1", 5, 0.1, radians(20), 0.2),)),
-        "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
-        "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
-        "{tracesPerCone 16} {numberOfCones 10}",
-    ),
-    (
-        "touch",
-        Touch(31.1, "Touch", touched=False),
+    "touch": (
+        reports.Touch(31.1, "Touch", touched=False),
         "SEN {Time 31.1000} {Type Touch} {Name Touch} {Touch False}",
     ),
-    (
-        "shape of the robot, which is its wheels",
-        P3AT_GEO,
-        "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.2480,0.3600,0.0000} "
-        "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
-        "{WheelBase 0.2480}",
-    ),
-    (
-        "abilities of the robot, name first",
-        RobotConf("P3AT", 11.9, 1.3, 50000),
-        "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
-        "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} {MaxFrontSteer 0} "
-        "{MaxRearSteer 0}",
-    ),
-    (
-        "abilities of a car",
-        RobotConf("FrontAckerman", 147, 0.56, 50000, (1.0, 6.28)),
-        "CONF {Name FrontAckerman} {Type GroundVehicle} {SteeringType AckermanSteered} "
-        "{Mass 147.0000} {MaxSpeed 0.5600} {MaxTorque 50000.0000} "
-        "{MaxFrontSteer 1.0000} {MaxRearSteer 6.2800}",
-    ),
-    (
-        "mount, no blank before its last group",
-        ItemGeo("rangescanner", (("lms200", LASER),), "P3AT"),
-        "GEO {Type rangescanner} {Name lms200} {Location 0.21,0.00,-0.20} "
-        "{Orientation 0.00,0.00,0.00}{Mount P3AT}",
-    ),
-    (
-        "two mounts",
-        ItemGeo("Encoder", (("W1", Pose3(0, 0, 0)), ("W2", Pose3(0, 0, 0))), "P3AT"),
+    "two mounts": (
+        reports.ItemGeo(
+            "Encoder", (("W1", Pose3(0, 0, 0)), ("W2", Pose3(0, 0, 0))), "P3AT"
+        ),
         "GEO {Type Encoder} {Name W1} {Location 0.00,0.00,0.00} "
         "{Orientation 0.00,0.00,0.00}{Mount P3AT} {Name W2} "
         "{Location 0.00,0.00,0.00} {Orientation 0.00,0.00,0.00}{Mount P3AT}",
     ),
-    (
-        "settings of a scanner",
-        ScannerConf("RangeScanner", (("lms200", 20, 0.1, 0.01745, 3.14159),)),
-        "CONF {Type RangeScanner} {Name lms200} {MaxRange 20.0000} "
-        "{MinRange 0.1000} {Resolution 0.0174} {Fov 3.1414} {Panning True} "
-        "{Tilting False}",
-    ),
-    (
-        "settings of encoders",
-        EncoderConf("Encoder", (("W1", 0.01745), ("W2", 0.01745))),
-        "CONF {Type Encoder} {Name W1} {Resolution 0.0174} {Name W2} "
-        "{Resolution 0.0174}",
-    ),
-    (
-        "settings of ground truth",
-        IntervalConf("GroundTruth", (("GndTruth", 0.1),)),
-        "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
-    ),
-    (
-        "settings of a camera",
-        CameraConf(
-            "Camera",
-            (
-                CameraLimits(
-                    *("Camera", (0, 0), (320, 240)),
-                    (radians(80), radians(20), radians(120), radians(45)),
-                ),
-            ),
-        ),
-        "CONF {Type Camera} {Name Camera}{TextureOffsetX 0}{TextureOffsetY 0}"
-        "{TextureResolutionX 320}{TextureResolutionY 240}{CameraDefFov 80.0000}"
-        "{CameraMinFov 20.0000}{CameraMaxFov 120.0000}{CameraFov 45.0000}",
-    ),
-    (
-        "settings of touch",
-        TouchConf("Touch", (("Touch", 0.01),)),
-        "CONF {Type Touch} {Name Touch} {Diameter 0.0100}",
-    ),
-]
+}
 
 
-@pytest.mark.parametrize(
-    ("report", "line"),
-    [pytest.param(report, line, id=name) for name, report, line in UDK_LINES],
-)
-def test_reports_are_encoded_in_the_udk_dialect(report: Report, line: str) -> None:
+@pytest.mark.parametrize(("report", "line"), UDK_LINES.values(), ids=UDK_LINES)
+def test_reports_are_encoded_in_the_udk_dialect(
+    report: reports.Report, line: str
+) -> None:
     assert report.encode(UDK) == line

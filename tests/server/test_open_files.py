@@ -25,16 +25,13 @@ def limit() -> int:
     return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
 
 
-def test_limit_is_raised_to_what_is_needed() -> None:
+@pytest.mark.parametrize(("needed", "after"), [(600, 600), (400, 500)])
+def test_limit_is_raised_to_what_is_needed_and_not_lowered(
+    needed: int, after: int
+) -> None:
     set_limits(500)
-    assert raise_file_limit(600) == 600
-    assert limit() == 600
-
-
-def test_limit_is_not_lowered() -> None:
-    set_limits(500)
-    assert raise_file_limit(400) == 400
-    assert limit() == 500
+    assert raise_file_limit(needed) == needed
+    assert limit() == after
 
 
 def test_what_the_system_does_not_permit_is_not_asked_for(

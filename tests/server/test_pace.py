@@ -13,15 +13,6 @@ from radarsim.simulation.clock import TICK
 INIT = b"INIT {ClassName P3AT} {Name R1} {Start RobotStart1}\r\n"
 
 
-def test_time_passes_in_each_tick_unless_it_is_paused() -> None:
-    pace = Pace()
-    assert pace.take_tick()
-    pace.pause()
-    assert not pace.take_tick()
-    pace.resume()
-    assert pace.take_tick()
-
-
 def test_a_step_lets_its_duration_pass_and_no_more() -> None:
     pace = Pace()
     pace.step(0.1)

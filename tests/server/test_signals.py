@@ -7,6 +7,8 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -75,14 +77,20 @@ async def test_taken_port_is_an_error_before_the_address_is_announced(
     assert asyncio.get_running_loop().remove_signal_handler(signal.SIGINT) is False
 
 
-def started(cwd: Path, *options: str) -> "subprocess.Popen[str]":
-    return subprocess.Popen(
+@contextmanager
+def started(cwd: Path, *options: str) -> Iterator["subprocess.Popen[str]"]:
+    process = subprocess.Popen(
         [sys.executable, "-m", "radarsim", "serve", *options],
         cwd=cwd,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 def listening_port(process: "subprocess.Popen[str]") -> int:
@@ -97,11 +105,9 @@ def listening_port(process: "subprocess.Popen[str]") -> int:
 def test_program_exits_on_a_signal_while_robots_are_scanning(
     tmp_path: Path, number: int, code: int
 ) -> None:
-    process = started(tmp_path, "empty_room", "--port", "0")
-    try:
-        with socket.create_connection(
-            ("127.0.0.1", listening_port(process)), 60
-        ) as client:
+    with started(tmp_path, "empty_room", "--port", "0") as process:
+        address = ("127.0.0.1", listening_port(process))
+        with socket.create_connection(address, 60) as client:
             client.sendall(INIT)
             while b"RangeScanner" not in client.recv(65536):
                 pass
@@ -111,9 +117,6 @@ def test_program_exits_on_a_signal_while_robots_are_scanning(
         assert process.returncode == code
         assert out == ""
         assert "Traceback" not in errors
-    finally:
-        process.kill()
-        process.wait()
 
 
 @pytest.mark.usefixtures("empty_room")
@@ -128,8 +131,7 @@ def test_program_exits_on_a_signal_while_robots_are_scanning(
 def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
     tmp_path: Path, number: int, code: int
 ) -> None:
-    process = started(tmp_path, "empty_room", "--port", "0", "--image-port", "0")
-    try:
+    with started(tmp_path, "empty_room", "--port", "0", "--image-port", "0") as process:
         listening_port(process)
         assert process.stdout is not None
         line = process.stdout.readline()
@@ -149,6 +151,3 @@ def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
         ignored = re.compile("too slow|compil")
         lines = [line for line in errors.splitlines() if not ignored.search(line)]
         assert lines == []
-    finally:
-        process.kill()
-        process.wait()

@@ -8,28 +8,22 @@ import struct
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from host_client import GREETING, STARTS
 from peers import DEADLINE, Peer, wait_until
 
 from radarsim.errors import ServerError
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose2
 from radarsim.listening import raise_file_limit
 from radarsim.presets.robots import load_robot
-from radarsim.scene.scene import Scene, StartPose
+from radarsim.scene.scene import Scene
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.vehicle import DueItems, Vehicle
 
-GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
-STARTS = (
-    b"NFO {StartPoses 3} {RobotStart1 -8.00,0.00,0.00 0.00,0.00,0.00 "
-    b"RobotStart2 -8.00,-3.50,0.00 0.00,0.00,0.00 "
-    b"RobotStart3 -8.00,3.50,0.00 0.00,0.00,0.00}\r\n"
-)
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
 LONG_LINES = SimulationConfig(item_settings={"lms200": {"resolution_deg": 0.1}})
 TIME = re.compile(rb"SEN {Time ([0-9.]+)} {Type RangeScanner}")
@@ -221,19 +215,6 @@ async def test_request_of_a_web_page_is_closed_and_drives_no_robot(
     assert running_server.robots == 1
     (line,) = [record for record in caplog.messages if "HTTP" in record]
     assert "closed" in line
-
-
-async def test_client_is_disconnected_when_it_asks_without_reading(
-    empty_room: Scene, caplog: pytest.LogCaptureFixture
-) -> None:
-    starts = tuple(StartPose(f"RobotStart{n}", Pose3(n, 0, 0)) for n in range(99))
-    async with serving(Host(replace(empty_room, starts=starts))) as running_server:
-        deaf = await running_server.peer(small=True)
-        deaf.transport.pause_reading()
-        with suppress(ConnectionError):
-            for _ in range(50):
-                await deaf.send(b"GETSTARTPOSES\r\n" * 100)
-        await wait_until(lambda: "unread answers" in caplog.text)
 
 
 async def test_flood_of_commands_does_not_delay_others(

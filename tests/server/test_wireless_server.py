@@ -109,12 +109,24 @@ def simulation(empty_room: Scene) -> Simulation:
     return made
 
 
-@asynccontextmanager
-async def serving(simulation: Simulation) -> AsyncIterator[WirelessServer]:
-    server = WirelessServer(simulation, port=0)
-    await server.start()
-    yield server
-    await server.stop()
+@pytest.fixture
+async def server(simulation: Simulation) -> AsyncIterator[WirelessServer]:
+    made = WirelessServer(simulation, port=0)
+    await made.start()
+    yield made
+    await made.stop()
+
+
+@pytest.fixture
+async def one(server: WirelessServer) -> AsyncIterator[Program]:
+    async with program(server, "R1") as made:
+        yield made
+
+
+@pytest.fixture
+async def two(server: WirelessServer) -> AsyncIterator[Program]:
+    async with program(server, "R2") as made:
+        yield made
 
 
 def move(simulation: Simulation, name: str, pose: Pose2) -> None:
@@ -130,8 +142,8 @@ async def rest_of(reader: asyncio.StreamReader) -> bytes:
     return b""
 
 
-async def test_requests_are_answered_as_by_the_original(simulation: Simulation) -> None:
-    async with serving(simulation) as server, program(server) as one:
+async def test_requests_are_answered_as_by_the_original(server: WirelessServer) -> None:
+    async with program(server) as one:
         ask = one.ask
         first = "ERROR {Reason Must.Use.INIT.Method.First}"
         assert await ask("GETSS {Robot R2}") == first
@@ -175,34 +187,29 @@ async def test_requests_are_answered_as_by_the_original(simulation: Simulation) 
             )
 
 
-async def test_robots_talk_in_both_directions(simulation: Simulation) -> None:
-    async with (
-        serving(simulation) as server,
-        program(server, "R1") as one,
-        program(server, "R2") as two,
-    ):
-        reader, writer = await one.call("R2")
-        writer.write(b"hello")
-        his_reader, his_writer = await two.next_call()
-        async with asyncio.timeout(DEADLINE):
-            assert await his_reader.readexactly(5) == b"hello"
-        port = his_writer.get_extra_info("peername")[1]
-        reply = f"REVERSEDNSREPLY {{Port {port}}} {{Robot R1}}"
-        assert await two.ask(f"REVERSEDNS {{Port {port}}}") == reply
-        # More than all buffers hold, to somebody who begins to read late.
-        data = bytes(range(256)) * 40_000
-        his_writer.write(data)
-        await asyncio.sleep(0.1)
-        async with asyncio.timeout(DEADLINE):
-            assert await reader.readexactly(len(data)) == data
-        writer.write(b"bye")
-        writer.close()
-        async with asyncio.timeout(DEADLINE):
-            assert await his_reader.read() == b"bye"
-        # The same port again, from the same robot to the same port.
-        assert (await one.ask("DNS {Robot R2}")) == (
-            await one.ask(f"DNS {{Robot R2}} {{Port {two.port}}}")
-        )
+async def test_robots_talk_in_both_directions(one: Program, two: Program) -> None:
+    reader, writer = await one.call("R2")
+    writer.write(b"hello")
+    his_reader, his_writer = await two.next_call()
+    async with asyncio.timeout(DEADLINE):
+        assert await his_reader.readexactly(5) == b"hello"
+    port = his_writer.get_extra_info("peername")[1]
+    reply = f"REVERSEDNSREPLY {{Port {port}}} {{Robot R1}}"
+    assert await two.ask(f"REVERSEDNS {{Port {port}}}") == reply
+    # More than all buffers hold, to somebody who begins to read late.
+    data = bytes(range(256)) * 40_000
+    his_writer.write(data)
+    await asyncio.sleep(0.1)
+    async with asyncio.timeout(DEADLINE):
+        assert await reader.readexactly(len(data)) == data
+    writer.write(b"bye")
+    writer.close()
+    async with asyncio.timeout(DEADLINE):
+        assert await his_reader.read() == b"bye"
+    # The same port again, from the same robot to the same port.
+    assert (await one.ask("DNS {Robot R2}")) == (
+        await one.ask(f"DNS {{Robot R2}} {{Port {two.port}}}")
+    )
 
 
 @pytest.mark.asyncio
@@ -225,38 +232,32 @@ async def test_robots_are_reached_at_all_addresses(simulation: Simulation) -> No
 
 
 @pytest.mark.asyncio
-async def test_who_is_too_far_is_cut_off_and_comes_back(simulation: Simulation) -> None:
-    async with (
-        serving(simulation) as server,
-        program(server, "R1") as one,
-        program(server, "R2") as two,
-    ):
-        port = await one.port_of("R2")
-        reader, writer = await one.connect_to(port)
-        writer.write(b"x")
-        his_reader, _ = await two.next_call()
-        move(simulation, "R2", FAR)
-        assert await rest_of(reader) == b""
-        assert await rest_of(his_reader) == b"x"
-        reply = await one.ask("GETSS {Robot R2}")
-        assert float(reply.rpartition(" ")[2].removesuffix("}")) < -93
-        with pytest.raises(ConnectionError):
-            await one.call("R2")
-        move(simulation, "R2", NEAR)
-        _, writer = await one.connect_when_open(port)
-        writer.write(b"again")
-        his_reader, _ = await two.next_call()
-        async with asyncio.timeout(DEADLINE):
-            assert await his_reader.readexactly(5) == b"again"
+async def test_who_is_too_far_is_cut_off_and_comes_back(
+    simulation: Simulation, one: Program, two: Program
+) -> None:
+    port = await one.port_of("R2")
+    reader, writer = await one.connect_to(port)
+    writer.write(b"x")
+    his_reader, _ = await two.next_call()
+    move(simulation, "R2", FAR)
+    assert await rest_of(reader) == b""
+    assert await rest_of(his_reader) == b"x"
+    reply = await one.ask("GETSS {Robot R2}")
+    assert float(reply.rpartition(" ")[2].removesuffix("}")) < -93
+    with pytest.raises(ConnectionError):
+        await one.call("R2")
+    move(simulation, "R2", NEAR)
+    _, writer = await one.connect_when_open(port)
+    writer.write(b"again")
+    his_reader, _ = await two.next_call()
+    async with asyncio.timeout(DEADLINE):
+        assert await his_reader.readexactly(5) == b"again"
 
 
-async def test_who_has_left_the_simulation_is_closed(simulation: Simulation) -> None:
-    async with (
-        serving(simulation) as server,
-        program(server, "R1") as one,
-        program(server, "R2") as two,
-        program(server, "Later"),
-    ):
+async def test_who_has_left_the_simulation_is_closed(
+    simulation: Simulation, one: Program, two: Program, server: WirelessServer
+) -> None:
+    async with program(server, "Later"):
         port = await one.port_of("R2")
         reader, _ = await one.connect_to(port)
         move(simulation, "R2", FAR)
@@ -273,38 +274,35 @@ async def test_who_has_left_the_simulation_is_closed(simulation: Simulation) -> 
 
 
 async def test_calls_that_nobody_takes_are_closed(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    one: Program, server: WirelessServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with serving(simulation) as server, program(server, "R1") as one:
-        async with program(server, "R2") as two:
-            assert two.listener is not None
-            two.listener.close()
-            await two.listener.wait_closed()
-            reader, _ = await one.call("R2")
-            assert await rest_of(reader) == b""
-            # Who goes while the other is being reached leaves nothing behind.
-            _, writer = await one.call("R2")
-            writer.transport.abort()
-            monkeypatch.setattr(wireless_server, "MAX_LINKS", 0)
-            port = await one.port_of("R2")
-            reader, _ = await one.connect_to(port)
-            assert await rest_of(reader) == b""
-        async with asyncio.timeout(DEADLINE):
-            with suppress(ConnectionError):
-                while True:  # until its port is closed
-                    await one.connect_to(port)
+    async with program(server, "R2") as two:
+        assert two.listener is not None
+        two.listener.close()
+        await two.listener.wait_closed()
+        reader, _ = await one.call("R2")
+        assert await rest_of(reader) == b""
+        # Who goes while the other is being reached leaves nothing behind.
+        _, writer = await one.call("R2")
+        writer.transport.abort()
+        monkeypatch.setattr(wireless_server, "MAX_LINKS", 0)
+        port = await one.port_of("R2")
+        reader, _ = await one.connect_to(port)
+        assert await rest_of(reader) == b""
+    async with asyncio.timeout(DEADLINE):
+        with suppress(ConnectionError):
+            while True:  # until its port is closed
+                await one.connect_to(port)
 
 
 async def test_ports_are_limited_and_may_be_taken(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    simulation: Simulation,
+    one: Program,
+    server: WirelessServer,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     none = "ERROR {Reason Could.Not.Allocate.Port}"
-    async with (
-        serving(simulation) as server,
-        program(server, "R1") as one,
-        program(server, "R2"),
-        program(server, "R3") as three,
-    ):
+    async with program(server, "R2"), program(server, "R3") as three:
         port = await one.port_of("R3")
         other = await asyncio.start_server(lambda *_: None, "127.0.0.1", port)
         move(simulation, "R3", Pose2(-6, 2))
@@ -324,61 +322,53 @@ async def test_ports_are_limited_and_may_be_taken(
         assert await one.ask("DNS {Robot R2}") == none
 
 
-async def test_a_long_line_closes_a_connection(simulation: Simulation) -> None:
-    async with serving(simulation) as server, program(server, "R1") as one:
-        async with program(server) as two:
-            two.writer.write(b"GETSS {Robot " + b"x" * 5000)
-            assert await rest_of(two.reader) == b""
-        assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
+async def test_a_long_line_closes_a_connection(
+    one: Program, server: WirelessServer
+) -> None:
+    async with program(server) as two:
+        two.writer.write(b"GETSS {Robot " + b"x" * 5000)
+        assert await rest_of(two.reader) == b""
+    assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
 
 
 async def test_one_robot_too_many_is_refused(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    server: WirelessServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(wireless_server.WirelessClient, "MOST", 1)
-    async with (
-        serving(simulation) as server,
-        program(server, "R1"),
-        program(server) as refused,
-    ):
+    async with program(server, "R1"), program(server) as refused:
         assert await rest_of(refused.reader) == b""
 
 
 async def test_a_reader_that_pauses_gets_each_answer_once(
-    simulation: Simulation,
+    one: Program,
+    server: WirelessServer,
 ) -> None:
-    async with serving(simulation) as server, program(server, "R1") as one:
-        client = server.robots["R1"]
-        names = [f"X{k}" for k in range(4)]
-        lines = "".join(f"GETSS {{Robot {name}}}\r\n" for name in names).encode()
-        await asyncio.sleep(0.1)  # no answer is due
-        client.get_buffer(-1)[: len(lines)] = lines
-        client.buffer_updated(len(lines))
-        client.pause_writing()
-        client.resume_writing()  # before the next answer is due
-        replies = [(await one.line()).decode() for _ in names]
-        assert [reply.split("}")[0] for reply in replies] == [
-            f"SS {{Robot {name}" for name in names
-        ]
-        assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
+    client = server.robots["R1"]
+    names = [f"X{k}" for k in range(4)]
+    lines = "".join(f"GETSS {{Robot {name}}}\r\n" for name in names).encode()
+    await asyncio.sleep(0.1)  # no answer is due
+    client.get_buffer(-1)[: len(lines)] = lines
+    client.buffer_updated(len(lines))
+    client.pause_writing()
+    client.resume_writing()  # before the next answer is due
+    replies = [(await one.line()).decode() for _ in names]
+    assert [reply.split("}")[0] for reply in replies] == [
+        f"SS {{Robot {name}" for name in names
+    ]
+    assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
 
 
-async def test_robots_are_answered_in_turns(simulation: Simulation) -> None:
-    async with (
-        serving(simulation) as server,
-        program(server, "R1") as one,
-        program(server, "R2") as two,
-    ):
-        one.writer.write(b"GETSS {Robot R9}\r\n" * 60)
-        assert "Robot.Does.Not.Exist" in await two.ask("GETSS {Robot R9}")
-        answers = await one.reader.read(100_000)
-        assert answers.count(b"\r\n") < 60
-        for _ in range(60 - answers.count(b"\r\n")):
-            assert await one.line()
+async def test_robots_are_answered_in_turns(one: Program, two: Program) -> None:
+    one.writer.write(b"GETSS {Robot R9}\r\n" * 60)
+    assert "Robot.Does.Not.Exist" in await two.ask("GETSS {Robot R9}")
+    answers = await one.reader.read(100_000)
+    assert answers.count(b"\r\n") < 60
+    for _ in range(60 - answers.count(b"\r\n")):
+        assert await one.line()
 
 
-async def test_requests_of_browsers_are_not_answered(simulation: Simulation) -> None:
-    async with serving(simulation) as server, program(server) as page:
+async def test_requests_of_browsers_are_not_answered(server: WirelessServer) -> None:
+    async with program(server) as page:
         page.writer.write(b"POST / HTTP/1.1\r\n\r\nINIT {Robot R1} {Port 22}\r\n")
         assert await rest_of(page.reader) == b""
         assert server.robots == {}
@@ -386,30 +376,29 @@ async def test_requests_of_browsers_are_not_answered(simulation: Simulation) -> 
 
 @pytest.mark.parametrize("limit", ["STALL_TIMEOUT", "CLOSE_GRACE"])
 async def test_who_never_reads_holds_no_link(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, limit: str
+    simulation: Simulation,
+    one: Program,
+    two: Program,
+    monkeypatch: pytest.MonkeyPatch,
+    limit: str,
 ) -> None:
     monkeypatch.setattr(wireless_server, limit, 0.05)
     monkeypatch.setattr(wireless_server, "MAX_LINKS", 1)
-    async with (
-        serving(simulation) as server,
-        program(server, "R1") as one,
-        program(server, "R2") as two,
-    ):
-        _, writer = await one.call("R2")
-        _, his_writer = await two.next_call()
-        his_writer.transport.pause_reading()  # type: ignore[attr-defined]
-        writer.write(bytes(30_000_000))
-        if limit == "CLOSE_GRACE":
-            move(simulation, "R2", FAR)
-            port = await one.port_of("R2")
-            async with asyncio.timeout(DEADLINE):
-                with suppress(ConnectionRefusedError):
-                    while True:  # until the link is being closed
-                        await one.connect_to(port)
-            move(simulation, "R2", NEAR)
+    _, writer = await one.call("R2")
+    _, his_writer = await two.next_call()
+    his_writer.transport.pause_reading()  # type: ignore[attr-defined]
+    writer.write(bytes(30_000_000))
+    if limit == "CLOSE_GRACE":
+        move(simulation, "R2", FAR)
+        port = await one.port_of("R2")
         async with asyncio.timeout(DEADLINE):
-            while two.calls.empty():  # while the old link counts, a new one is refused
-                with suppress(ConnectionError):
-                    await one.call("R2")
-                await asyncio.sleep(0.02)
-        writer.transport.abort()
+            with suppress(ConnectionRefusedError):
+                while True:  # until the link is being closed
+                    await one.connect_to(port)
+        move(simulation, "R2", NEAR)
+    async with asyncio.timeout(DEADLINE):
+        while two.calls.empty():  # while the old link counts, a new one is refused
+            with suppress(ConnectionError):
+                await one.call("R2")
+            await asyncio.sleep(0.02)
+    writer.transport.abort()

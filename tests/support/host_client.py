@@ -1,6 +1,19 @@
 """A client of a host without sockets, and all that it reads."""
 
+import pytest
+
+from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.server.host import Host
+
+DIALECTS = pytest.mark.parametrize(
+    "dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name
+)
+GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
+STARTS = (  # of the empty room
+    b"NFO {StartPoses 3} {RobotStart1 -8.00,0.00,0.00 0.00,0.00,0.00 "
+    b"RobotStart2 -8.00,-3.50,0.00 0.00,0.00,0.00 "
+    b"RobotStart3 -8.00,3.50,0.00 0.00,0.00,0.00}\r\n"
+)
 
 
 class HostClient:

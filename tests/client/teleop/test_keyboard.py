@@ -86,19 +86,18 @@ def test_held_key_moves_continuously_and_stops_soon_after_release() -> None:
     assert driver.motion(presses[-1] + REPEAT_HOLD) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("speed", "slowest"), [(0.4, SPEED_STEP), (0.02, 0.02)])
+@pytest.mark.parametrize(
+    ("speed", "slowest"), [(3.0, SPEED_STEP), (0.4, SPEED_STEP), (0.02, 0.02)]
+)
 def test_speed_is_limited(speed: float, slowest: float) -> None:
     driver = steering(speed)
+    assert driver.speed == min(speed, 0.8)
     for _ in range(30):
         driver.press(Key.SLOWER, 0.0)
     assert driver.speed == pytest.approx(slowest)
     for _ in range(30):
         driver.press(Key.FASTER, 0.0)
     assert driver.speed == 0.8
-
-
-def test_initial_speed_is_limited_to_the_top_speed() -> None:
-    assert steering(3.0).speed == 0.8
 
 
 @given(st.lists(st.tuples(st.sampled_from(Key), st.floats(0.0, 2.0)), max_size=30))

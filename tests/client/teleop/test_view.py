@@ -5,21 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.client import RobotInfo
-from radarsim.client.teleop_view import (
-    RADII,
-    Canvas,
-    Fragments,
-    draw_view,
-    scale_bar,
-    style_of,
-)
+from radarsim.client import RobotInfo, teleop_view
 
 COLUMNS, ROWS = 40, 20
 STYLES = ("low", "high")
 
 
-def cells(lines: list[Fragments]) -> list[list[tuple[str, str]]]:
+def cells(lines: list[teleop_view.Fragments]) -> list[list[tuple[str, str]]]:
     return [
         [(style, letter) for style, text in line for letter in text] for line in lines
     ]
@@ -30,7 +22,7 @@ def drawn(
 ) -> dict[tuple[int, int], str]:
     """Return the styles of drawn cells by row and column, without the last row."""
     places = np.array(points).reshape(-1, 2)
-    grid = cells(draw_view(places, robot_info, radius, COLUMNS, ROWS))
+    grid = cells(teleop_view.draw_view(places, robot_info, radius, COLUMNS, ROWS))
     return {
         (row, column): style
         for row, line in enumerate(grid[:-1])
@@ -82,7 +74,7 @@ def test_colours_depend_on_distance(
     robot_info: RobotInfo, distance: float, style: str, angle: float
 ) -> None:
     assert robot_info.clearance == pytest.approx(0.36, abs=0.01)
-    assert style_of(distance, robot_info.clearance) == style
+    assert teleop_view.style_of(distance, robot_info.clearance) == style
     point = distance * math.cos(angle), distance * math.sin(angle)
     assert style in drawn(robot_info, point, radius=2.0).values()
 
@@ -97,55 +89,55 @@ def test_hull_is_drawn_to_scale_when_zoomed_in(robot_info: RobotInfo) -> None:
 
 
 def test_last_line_starts_with_the_scale_bar(robot_info: RobotInfo) -> None:
-    lines = draw_view(np.zeros((0, 2)), robot_info, 10.0, COLUMNS, ROWS)
+    lines = teleop_view.draw_view(np.zeros((0, 2)), robot_info, 10.0, COLUMNS, ROWS)
     assert lines[-1][0] == ("class:scale", "├────────┤ 5 m ")
 
 
-@given(st.sampled_from(RADII), st.integers(1, 300), st.integers(1, 100))
+@given(st.sampled_from(teleop_view.RADII), st.integers(1, 300), st.integers(1, 100))
 def test_scale_bar_has_its_stated_length(
     radius: float, columns: int, rows: int
 ) -> None:
     dots_per_metre = min(2 * columns, 4 * rows) / 2 / radius
-    bar, length, unit = scale_bar(dots_per_metre, columns).split()
+    bar, length, unit = teleop_view.scale_bar(dots_per_metre, columns).split()
     assert unit == "m"
     cells_long = float(length) * dots_per_metre / 2
     assert abs(len(bar) - cells_long) <= 0.5 or len(bar) == 2
     assert cells_long <= columns / 3 + 1e-9
 
 
-@pytest.mark.parametrize("radius", RADII)
+@pytest.mark.parametrize("radius", teleop_view.RADII)
 @pytest.mark.parametrize(
     ("columns", "rows"), [(1, 1), (2, 1), (1, 9), (49, 22), (51, 23), (169, 58)]
 )
 def test_view_fills_any_size(
     robot_info: RobotInfo, radius: float, columns: int, rows: int
 ) -> None:
-    lines = draw_view(np.ones((3, 2)), robot_info, radius, columns, rows)
+    lines = teleop_view.draw_view(np.ones((3, 2)), robot_info, radius, columns, rows)
     assert [len(line) for line in cells(lines)] == [columns] * rows
 
 
-def texts(canvas: Canvas) -> list[str]:
+def texts(canvas: teleop_view.Canvas) -> list[str]:
     return ["".join(text for _, text in line) for line in canvas.lines()]
 
 
 def test_dots_are_the_unicode_braille_dots() -> None:
     places = [*((x, y) for x in range(2) for y in range(3)), (0, 3), (1, 3)]
     for (across, down), letter in zip(places, "⠁⠂⠄⠈⠐⠠⡀⢀", strict=True):
-        canvas = Canvas(1, 1, STYLES)
+        canvas = teleop_view.Canvas(1, 1, STYLES)
         canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
         assert texts(canvas) == [letter]
 
 
 @pytest.mark.parametrize("order", [STYLES, STYLES[::-1]], ids=["up", "down"])
 def test_cell_takes_the_style_of_highest_priority(order: tuple[str, str]) -> None:
-    canvas = Canvas(1, 1, STYLES)
+    canvas = teleop_view.Canvas(1, 1, STYLES)
     for style, across in zip(order, (0.0, 1.0), strict=True):
         canvas.plot(np.array([across]), np.array([0.0]), style)
     assert canvas.lines() == [[("high", "⠉")]]
 
 
 def test_text_covers_dots_and_is_cut_at_the_edge() -> None:
-    canvas = Canvas(3, 1, STYLES)
+    canvas = teleop_view.Canvas(3, 1, STYLES)
     canvas.plot(np.array([0.0, 4.0]), np.array([0.0, 0.0]), "high")
     canvas.write(0, 1, "abc", "low")
     assert canvas.lines() == [[("high", "⠁"), ("low", "ab")]]
@@ -158,6 +150,6 @@ coordinates = st.floats(allow_nan=True, allow_infinity=True)
 def test_dots_outside_do_not_change_the_size(
     columns: int, rows: int, places: list[float]
 ) -> None:
-    canvas = Canvas(columns, rows, STYLES)
+    canvas = teleop_view.Canvas(columns, rows, STYLES)
     canvas.plot(np.array(places), np.array(places[::-1]), "low")
     assert [len(line) for line in texts(canvas)] == [columns] * rows

@@ -147,13 +147,6 @@ def test_surface_that_absorbs_all_light_is_dark_but_there() -> None:
     assert pixels[60, 80] == pytest.approx(expected, abs=0.51)
 
 
-def test_without_objects_there_are_sky_and_ground() -> None:
-    pixels = picture()
-    _, _, up = ray(119, 80)
-    assert pixels[119, 80] == pytest.approx(lit(-up) * colour(Family.GROUND), abs=0.51)
-    assert pixels[0, 80, 2] > pixels[0, 80, 0]  # blue
-
-
 def test_robots_are_seen_but_not_the_one_that_carries_the_camera() -> None:
     own = [0, 0, 0, 0, 2, 0.3, 0.25, 1]
     other = [5, 0, 0, 0, 2, 0.5, 0.5, 2]

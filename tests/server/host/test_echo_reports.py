@@ -146,11 +146,6 @@ def test_line_has_the_material_properties_of_its_object(
     ) == expected
 
 
-def test_echoes_of_robots_have_their_names() -> None:
-    targets = targets_of([(10, 5 + 7), (20, 5 + 1), (30, 5 + 7)])
-    assert [target.object for target in targets] == ["R7", "R1"]
-
-
 @pytest.mark.parametrize(
     ("full", "shares"),
     [

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
-from host_client import HostClient
+from host_client import DIALECTS, HostClient
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.dialect import COMPAT, Dialect
 from radarsim.protocol.reports import RangeScan, decode_report
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -21,9 +21,6 @@ INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
 TWO_SCANNERS = INIT.replace(b"P3AT", b"P3AT_Compare")
 ECHOES = b"SET {Type RangeScanner} {Opcode ECHOES} {Params true}\r\n"
 DRIVE = b"DRIVE {Left 3} {Right 2}\r\n"
-DIALECTS = pytest.mark.parametrize(
-    "dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name
-)
 
 
 class RobotClient(HostClient):

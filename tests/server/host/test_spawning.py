@@ -103,13 +103,6 @@ def test_a_search_that_takes_long_delays_its_client_alone(host: Host) -> None:
     ]
 
 
-def test_robots_that_others_ask_for_meanwhile_come_after_it(host: Host) -> None:
-    first, second = begin(host, HUMMER), begin(host, FREE)
-    step_until(host, lambda: not host.is_busy(first))
-    assert not host.has_robot(second)
-    step_until(host, lambda: host.has_robot(second))
-
-
 def test_a_client_that_leaves_ends_its_search(host: Host) -> None:
     first, second = begin(host, HUMMER), begin(host, FREE)
     host.disconnect(first)

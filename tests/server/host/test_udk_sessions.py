@@ -122,14 +122,6 @@ def test_drive_is_in_revolutions_per_second_and_limited(host: Host) -> None:
     assert x_of(host) == pytest.approx(-8 + 0.8005 - 0.3079, abs=1e-3)
 
 
-def test_only_lower_case_true_is_true(host: Host) -> None:
-    number = spawned(host)
-    host.receive(number, b"DRIVE {Light True}\r\n")
-    assert "{LightToggle False}" in run(host, number, 10)[0]
-    host.receive(number, b"DRIVE {Light true}\r\n")
-    assert "{LightToggle True}" in run(host, number, 10)[0]
-
-
 def test_only_the_status_is_sent_after_the_battery_runs_out(empty_room: Scene) -> None:
     weak = replace(UDK, battery_start=2.0)  # s; the real 20 minutes take too long
     host = Host(empty_room, config=SimulationConfig(weak))

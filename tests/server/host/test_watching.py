@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pytest
-from host_client import HostClient
+from host_client import DIALECTS, HostClient
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -39,9 +39,6 @@ COMMANDS = (
 SCRIPT = st.lists(  # data sent before a number of steps
     st.tuples(st.lists(st.sampled_from(COMMANDS), max_size=4), st.integers(1, 25)),
     max_size=6,
-)
-DIALECTS = pytest.mark.parametrize(
-    "dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name
 )
 QUICK = settings(
     max_examples=15,
