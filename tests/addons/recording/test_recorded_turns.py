@@ -1,6 +1,5 @@
 """Recordings have the spectra of turning radars."""
 
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from radarsim.addons.recording.host_recorder import (
     HostRecorder,
     RunEvent,
     TurnCollector,
+    unpack,
 )
 from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.recording.replay import repeat_run
@@ -93,7 +93,7 @@ def test_recorded_spectra_change_nothing_else(
     events: list[RunEvent], foliage_room: Scene
 ) -> None:
     (turn,) = [event.data for event in events if event.type is EventType.TURN]
-    assert pickle.loads(turn)[0] == "Navtech"
+    assert unpack(turn)[0] == "Navtech"
     host = Host(foliage_room)
     assert not repeat_run(host, recorded_runs.calls_in(events)).difference
 
@@ -144,7 +144,7 @@ def test_the_rest_of_a_turn_that_had_begun_before_is_no_turn(
     collector.take(Sector(0, half, rest), 1.0)
     assert not turns
     collector.take(Sector(1, 0, spectrum), 1.25)
-    _, time, _, rows = pickle.loads(*turns)
+    _, time, _, rows = unpack(*turns)
     assert (time, len(rows)) == (1.25, 400)
 
 
@@ -158,5 +158,5 @@ def test_turn_that_the_antenna_did_not_end_is_no_part_of_the_next(
     collector = TurnCollector("Navtech", turns.append)
     collector.take(Sector(4, 0, begun), 1.0)
     collector.take(Sector(0, 0, spectrum), 7.0)
-    _, time, _, rows = pickle.loads(*turns)
+    _, time, _, rows = unpack(*turns)
     assert (time, len(rows)) == (7.0, 400)
