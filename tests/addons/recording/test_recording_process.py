@@ -125,7 +125,8 @@ def test_recording_of_a_killed_server_is_complete(tmp_path: Path) -> None:
 
 
 def test_existing_folder_is_refused_before_the_map_is_read(tmp_path: Path) -> None:
-    done = run_in_process("serve", "no_such_map", "--record", str(tmp_path))
+    words = ("serve", "no_such_map", "--port", "0", "--record", str(tmp_path))
+    done = run_in_process(*words)
     assert done.code == 1
     assert "expected a new folder" in " ".join(done.err.split())
 
