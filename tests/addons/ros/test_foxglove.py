@@ -291,5 +291,5 @@ def test_foxgloves_own_client_reads_every_topic_and_drives(
     assert told["messages"]["/R1/lms200/scan"]["ranges"] == 181
     stamp = told["messages"]["/R1/odom"]["header"]["stamp"]
     told_at = told["stamps"]["/R1/odom"] / 1e9
-    assert told_at - stamp["sec"] - stamp["nsec"] / 1e9 == pytest.approx(0, abs=0.05)
+    assert told_at - stamp["sec"] - stamp["nanosec"] / 1e9 == pytest.approx(0, abs=0.05)
     assert odometry.pose.pose.position.x > 0.01

@@ -70,7 +70,10 @@ def test_scans_have_transforms_around_them_soon_enough(bag: Path) -> None:
 
 
 def test_beams_are_as_many_as_karto_computes(bag: Path) -> None:
-    for scan in messages_of(bag, "/lms200/scan"):
+    first, *scans = messages_of(bag, "/lms200/scan")
+    assert first.scan_time == 0
+    for scan in scans:
+        assert scan.scan_time == pytest.approx(0.1)
         gaps = (scan.angle_max - scan.angle_min) / scan.angle_increment
         assert round(gaps) + 1 == len(scan.ranges)
         assert 0 <= scan.range_min < scan.range_max < np.inf
