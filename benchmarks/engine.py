@@ -89,11 +89,11 @@ def _workloads(
     rng = generator_for(0, "bench")
     for beams in (361, 1801):
         radar = radar_with(beams)
-        drawn = [radar.draw_rays(tracer, pose, rng) for _ in range(DRAWS)]
+        drawn = [radar.scan(scene, pose, rng).cast for _ in range(DRAWS)]
         draws = [(rays.origins, rays.directions) for rays in drawn]
         yield f"{beams} beams", partial(radar.scan, scene, pose, rng), draws
     radar = radar_with(361)
-    rays = Rays.concatenate([radar.draw_rays(tracer, pose, rng) for _ in range(BATCH)])
+    rays = Rays.concatenate([radar.scan(scene, pose, rng).cast for _ in range(BATCH)])
     batch = [ScanRequest(radar, pose, rng)] * BATCH
     scan = partial(scan_batch, tracer, batch)
     yield f"{BATCH} scans of 361 beams", scan, [(rays.origins, rays.directions)]
@@ -106,7 +106,7 @@ def throughput(seconds: float) -> Iterator[Row]:
     rng = generator_for(0, "bench")
     one = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
     yield Row("c", "scans of 361 beams, one core", 1 / one, "1/s")
-    rays = Rays.concatenate([radar.draw_rays(tracer, pose, rng) for _ in range(BATCH)])
+    rays = Rays.concatenate([radar.scan(scene, pose, rng).cast for _ in range(BATCH)])
     with ThreadPoolExecutor(2) as pool:
         times = compare(
             lambda: [tracer.trace(rays) for _ in range(2)],
@@ -176,7 +176,7 @@ def mirrors_and_leaves(seconds: float) -> Iterator[Row]:
     yield ratio_row("h", name, times, bounces + 1.0)
     scene, radar = scenes.leafy_shrubs(TRIANGLES), radar_with(361)
     pose = sensor_pose(scene, SENSOR)
-    rays = radar.draw_rays(tracer_of(scene), pose, rng)
+    rays = radar.scan(scene, pose, rng).cast
     first = first_hits(scene, (rays.origins, rays.directions))
     times = compare(partial(radar.scan, scene, pose, rng), first.run, seconds=seconds)
     name = f"leaves of {scene.triangles} triangles, by one raw first-hit call"

@@ -54,6 +54,11 @@ class Pose2:
         """Return the distance from another pose, m."""
         return math.hypot(self.x - other.x, self.y - other.y)
 
+    def point(self, bearing: float, distance: float) -> Point:
+        """Return the point at a bearing, rad, and a distance, m, from here."""
+        angle = self.yaw + bearing
+        return self.x + distance * math.cos(angle), self.y + distance * math.sin(angle)
+
     def is_apart(self, other: "Pose2", distance: float, turn: float) -> bool:
         """Return whether another pose is farther than m, or turned by more than rad."""
         turned = abs(wrap_angle(self.yaw - other.yaw))

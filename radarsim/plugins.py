@@ -25,6 +25,8 @@ OWN: Final[dict[str, dict[str, str]]] = {
     },
     # Radars, by the section of a sensor preset that describes them.
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
+    # Kinds of sensors, which classes of robots know by the types of items.
+    "radarsim.kinds": {"core": "radarsim.sensors.sensor:kinds"},
     # Scanners of robots that are read beside the simulation, at times of their own.
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.rotation_schedule:Antennas"},
     # What 'radarsim explain' can print instead of what a beam meets.

@@ -15,7 +15,6 @@ from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
-from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor, sensor_pose
 
 # A small case of each step, and the units of its rows.
@@ -88,7 +87,7 @@ def test_foliage_wall_has_the_size_that_the_limits_hold_for() -> None:
     scene = scenes.foliage_wall()
     tracer = tracer_of(scene)
     pose, rng = sensor_pose(scene, scenes.SENSOR), generator_for(0)
-    rays = engine.radar_with(1801).draw_rays(tracer, pose, rng)
+    rays = engine.radar_with(1801).scan(scene, pose, rng).cast
     surfaces = (EventKind.ENTER, EventKind.LEAVE)
     crossed = [sum(e.kind in surfaces for e in ray) for ray in tracer.explain(rays)]
     assert scene.triangles == pytest.approx(77_000, rel=0.01)
@@ -104,11 +103,7 @@ def test_bumpy_room_has_about_the_requested_triangles(triangles: int) -> None:
 def test_number_of_rays_follows_from_the_settings(name: str) -> None:
     settings, rays = engine.MULTI_RAY_SENSORS[name]
     sensor = load_sensor("radar", fov_deg=2, **settings)
-    scene = Scene("empty", "Empty", ())
-    drawn = sensor.draw_rays(
-        tracer_of(scene), sensor_pose(scene, (0, 0, 0)), generator_for(0)
-    )
-    assert len(drawn.max_range) == 3 * rays
+    assert len(sensor.pattern.shares) == 3 * rays
 
 
 @pytest.mark.parametrize("suffix", ["stl", "glb"])

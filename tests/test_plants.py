@@ -36,12 +36,11 @@ from radarsim.geometry import Floats
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.rng import generator_for
-from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
 from radarsim.scene.meshes import read_surfaces
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Faces, Surface
-from radarsim.scene.topology import is_closed
+from radarsim.scene.topology import connect_faces, is_closed
 
 FORMS = pytest.mark.parametrize(
     "species", [SHRUB, TREE, YOUNG_TREE], ids=["shrub", "tree", "young tree"]

@@ -32,6 +32,7 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import ScanBatch
 
 BEAM: Final = 99  # past a pole, and into the hedge behind it
 RAYS: Final = 60
@@ -66,9 +67,12 @@ def take_beam() -> tuple[Scan, Rays]:
         return_mode="all",
     )
     pose = sensor_pose(scene)
-    scan = scanner.scan(scene, pose, generator_for(SEED, "radar"))
-    drawn = scanner.draw_rays(tracer_of(scene), pose, generator_for(SEED, "radar"))
-    return scan, drawn.take(np.arange(BEAM * RAYS, (BEAM + 1) * RAYS))
+    places = np.array([(*pose.numbers(), -1.0)])
+    batch = ScanBatch(scanner.pattern, tracer_of(scene), places)
+    batch.draw(0, generator_for(SEED, "radar"), "radar")
+    batch.trace()
+    rays = batch.all_rays(0).take(np.arange(BEAM * RAYS, (BEAM + 1) * RAYS))
+    return batch.scan(0, "radar", pose), rays
 
 
 def returns_of(scan: Scan) -> list[Return]:

@@ -279,5 +279,5 @@ class WatchMapper:
             return "no map: no scan has come"
         if self.mapper.scans:
             return ""
-        cure = f"; {self.mapper.cure}" * bool(self.mapper.cure)
-        return f"no map: no {self.mapper.missing} has come{cure}"
+        hint = f"; {self.mapper.hint}" * bool(self.mapper.hint)
+        return f"no map: no {self.mapper.missing} has come{hint}"

@@ -34,14 +34,14 @@ def complete_map(incomplete: str) -> Iterator[str]:
 
 def complete_sensor(incomplete: str) -> Iterator[str]:
     """Yield names of presets of sensors."""
-    from radarsim.presets.preset_files import preset_names
+    from radarsim.presets import preset_names
 
     return _beginning(incomplete, preset_names("sensors"))
 
 
 def complete_robot(incomplete: str) -> Iterator[str]:
     """Yield names of robot classes."""
-    from radarsim.presets.preset_files import preset_names
+    from radarsim.presets import preset_names
 
     return _beginning(incomplete, preset_names("robots"))
 

@@ -25,7 +25,7 @@ from radarsim.errors import expected_one_of
 from radarsim.plans import Option
 
 if TYPE_CHECKING:
-    from radarsim.presets.preset_files import SourcedValue
+    from radarsim.presets import SourcedValue
     from radarsim.presets.robots import RobotModel
     from radarsim.presets.sensors import SensorPreset
     from radarsim.scene.material import LibraryEntry

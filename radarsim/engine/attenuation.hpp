@@ -4,18 +4,9 @@
 
 namespace radarsim {
 
-enum class Kind : int32_t { // an EventKind
-    START_INSIDE,
-    ENTER,
-    LEAVE,
-    SHEET,
-    HIT,
-    SPENT,
-    OUT_OF_RANGE,
-    MIRRORED,
-    ABSORBED,
-    RAIN,
-    NONE = -1
+// An EventKind.
+enum class Kind : int32_t {
+    START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT, OUT_OF_RANGE, MIRRORED, ABSORBED, RAIN, NONE = -1
 };
 
 struct Event { // a row of EVENT
@@ -56,7 +47,8 @@ struct RayState {
     int64_t event_count = 0;       // also of those for which there is no room
 
     RayState(int64_t parts, int64_t max_crossings, Array<Event> events)
-        : room(max_crossings), crossings{room.data(), {max_crossings}}, winding(parts), touched(parts), seen(parts), enclosing(parts), events(events) {}
+        : room(max_crossings), crossings{room.data(), {max_crossings}}, winding(parts), touched(parts), seen(parts),
+          enclosing(parts), events(events) {}
 };
 
 struct Progress {

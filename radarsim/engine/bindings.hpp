@@ -80,10 +80,11 @@ class Arguments {
     // Read an array whose first axes have names, and whose others have given lengths.
     NumpyArray next_array(bool is_written, int named, const int64_t* others, int axes) {
         auto head = static_cast<const char*>(next().address) + table_[0].integer;
-        const NumpyArray& array = *reinterpret_cast<const NumpyArray*>(head);
+        // Other objects are shorter: nothing behind their heads is read.
+        bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address;
+        NumpyArray array = fits ? *reinterpret_cast<const NumpyArray*>(head) : NumpyArray{};
         int flags = NumpyArray::CONTIGUOUS | NumpyArray::ALIGNED | (is_written ? NumpyArray::WRITEABLE : 0);
-        bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address &&
-                    array.dtype == dtype_->address && (array.flags & flags) == flags && array.axes == axes;
+        fits = fits && array.dtype == dtype_->address && (array.flags & flags) == flags && array.axes == axes;
         for (int i = 0; i < axes && fits; i++) {
             int64_t length = i < named ? length_named(length_[i], array.lengths[i]) : others[i - named];
             fits = array.lengths[i] == length;
@@ -162,7 +163,7 @@ template <typename T, size_t N> struct Parameter<T[N]> { // numbers within a row
 template <typename T, int D> struct Parameter<Array<T, D>> {
     static constexpr int axes = D + Element<T>::axes;
     static Array<T, D> read(Arguments& arguments) {
-        int64_t others[Element<T>::axes + 1];
+        int64_t others[Element<T>::axes + 1] = {};
         Element<T>::fill(others);
         NumpyArray found = arguments.next_array(!IsConst<T>::value, D, others, axes);
         Array<T, D> array = {static_cast<T*>(found.data), {}};
@@ -170,7 +171,7 @@ template <typename T, int D> struct Parameter<Array<T, D>> {
         return array;
     }
     static void describe(Text& text, const char*& names) {
-        int64_t others[Element<T>::axes + 1];
+        int64_t others[Element<T>::axes + 1] = {};
         Element<T>::fill(others);
         text.add(IsConst<T>::value ? "*" : "=");
         text.add(Element<T>::name);
@@ -257,11 +258,18 @@ inline void describe_all(Text& text) {
 } // namespace radarsim::bindings
 
 #define BIND(function, lengths)                                                                                       \
-    inline int64_t call_##function(const ::radarsim::bindings::Word* words) {                                             \
-        return ::radarsim::bindings::Function<&function>::call(words, lengths);                                           \
+    inline int64_t call_##function(const ::radarsim::bindings::Word* words) {                                         \
+        return ::radarsim::bindings::Function<&function>::call(words, lengths);                                       \
     }                                                                                                                 \
-    static const ::radarsim::bindings::Entry function##_entry{                                                            \
-        #function, " function ", lengths, 0, &call_##function, &::radarsim::bindings::Function<&function>::describe};
+    static const ::radarsim::bindings::Entry function##_entry{                                                        \
+        #function, " function ", lengths, 0, &call_##function,                                                        \
+        &::radarsim::bindings::Function<&function>::describe};
+
+// An enumeration that Python has as well, under the same names.
+#define ENUMERATION(type, number, ...)                                                                                \
+    enum class type : number { __VA_ARGS__ };                                                                         \
+    inline void describe_##type(::radarsim::bindings::Text& text, const char*) { text.add(#__VA_ARGS__); }            \
+    static const ::radarsim::bindings::Entry type##_entry{#type, " enumeration ", "", 0, nullptr, &describe_##type};
 
 // A macro for each of some names; C++20 has no other way to list the fields of a structure.
 #define RADARSIM_EXPAND(...) RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(__VA_ARGS__)))
@@ -281,17 +289,17 @@ inline void describe_all(Text& text) {
 #define RADARSIM_FILL(type, field) packed.field = Parameter<decltype(type::field)>::read(arguments);
 
 #define RADARSIM_STRUCTURE(type, kind, lengths, fill, ...)                                                            \
-    constexpr const char* structure_name(const type*) { return #type; }                                              \
-    inline void describe_##type(::radarsim::bindings::Text& text, [[maybe_unused]] const char* names) {                   \
-        using ::radarsim::bindings::Parameter;                                                                            \
+    constexpr const char* structure_name(const type*) { return #type; }                                               \
+    inline void describe_##type(::radarsim::bindings::Text& text, [[maybe_unused]] const char* names) {               \
+        using ::radarsim::bindings::Parameter;                                                                        \
         RADARSIM_EXPAND(RADARSIM_EACH(RADARSIM_FIELD, type, __VA_ARGS__))                                             \
     }                                                                                                                 \
     static const ::radarsim::bindings::Entry type##_entry{#type, kind, lengths, sizeof(type), fill, &describe_##type};
 #define ROW(type, ...) RADARSIM_STRUCTURE(type, " row ", "", nullptr, __VA_ARGS__)
 #define LAYOUT(type, lengths, ...)                                                                                    \
-    inline int64_t fill_##type(const ::radarsim::bindings::Word* words) {                                                 \
-        using ::radarsim::bindings::Parameter;                                                                            \
-        ::radarsim::bindings::Arguments arguments(words, lengths);                                                        \
+    inline int64_t fill_##type(const ::radarsim::bindings::Word* words) {                                             \
+        using ::radarsim::bindings::Parameter;                                                                        \
+        ::radarsim::bindings::Arguments arguments(words, lengths);                                                    \
         type& packed = *static_cast<type*>(const_cast<void*>(arguments.next().address));                              \
         RADARSIM_EXPAND(RADARSIM_EACH(RADARSIM_FILL, type, __VA_ARGS__))                                              \
         return arguments.refused();                                                                                   \

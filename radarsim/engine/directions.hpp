@@ -111,8 +111,8 @@ inline double wrapped(double angle) {
 }
 
 // Measure what directions bounding boxes take up, by lower and upper corners; see Extents.
-inline void measure_extents(Array<const double[2][3]> bounds, Array<const double> position, Array<const Vector> rotation,
-                            Array<double, 2> extents) {
+inline void measure_extents(Array<const double[2][3]> bounds, Array<const double> position,
+                            Array<const Vector> rotation, Array<double, 2> extents) {
     double *azimuth = &extents(0, 0), *width = &extents(1, 0), *low = &extents(2, 0), *high = &extents(3, 0);
     for (int64_t i = 0; i < bounds.size(); i++) {
         double seen[8][3] = {}, middle[3] = {};

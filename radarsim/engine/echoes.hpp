@@ -1,5 +1,4 @@
-// The echoes of the events along rays, and those of rain; see echo_extraction.py and rain.py for the
-// theory.
+// The echoes of the events along rays, and those of rain; see echo_extraction.py and rain.py for the theory.
 #pragma once
 #include "attenuation.hpp"
 

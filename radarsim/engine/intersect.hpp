@@ -1,5 +1,5 @@
-// Where a line crosses triangles, and queries to Embree: what a ray intersects, what is near a
-// point (see embree.py).
+// Where a line crosses triangles, in float64, and queries to Embree: what a ray intersects, what is near a point (see
+// embree.py).
 //
 // The triangle is seen along the line: points are sheared so that the line becomes the third axis. The line crosses
 // the triangle if the origin is inside the triangle's projection onto the first two axes, which is so where it is on

@@ -11,6 +11,7 @@ Python's lock is released during calls.
 """
 
 import ctypes
+import enum
 import functools
 import struct
 from collections.abc import Callable, Sequence
@@ -226,8 +227,9 @@ class Structure:
         Raises:
             EngineError: If a value is not as the description says, or a field has none.
         """
-        if unknown := values.keys() ^ self.codes.keys():
-            raise EngineError(f"{self.name}: {sorted(unknown)} are missing or unknown")
+        if values.keys() != self.codes.keys():
+            unknown = sorted(values.keys() ^ self.codes.keys())
+            raise EngineError(f"{self.name}: {unknown} are missing or unknown")
         packed = Packed(self, values)
         self._fill.call(packed.address, *[values[name] for name in self.codes])
         return packed
@@ -262,6 +264,7 @@ class Engine:
         functions: The descriptions of its functions, by their names in C++.
         rows: The types of structures that are rows of arrays, by their names in C++.
         structures: Those that are packed.
+        enumerations: Its enumerations.
     """
 
     def __init__(self, path: Path) -> None:
@@ -290,6 +293,7 @@ class Engine:
         self.functions: dict[str, Function] = {}
         self.rows: dict[str, np.dtype[np.void]] = {}
         self.structures: dict[str, Structure] = {}
+        self.enumerations: dict[str, Any] = {}
         for line in library.radarsim_describe().decode().splitlines():
             name, kind, size, start, *codes = line.split()
             match kind:
@@ -298,6 +302,9 @@ class Engine:
                 case "structure":
                     structure = Structure(name, int(size), int(start), codes)
                     self.structures[name] = structure
+                case "enumeration":
+                    members = "".join(codes).split(",")
+                    self.enumerations[name] = enum.IntEnum(name, members, start=0)
                 case _:
                     self.functions[name] = Function(name, int(start), codes)
 

@@ -22,10 +22,7 @@ constexpr int64_t POWERS[] = {1, 10, 100, 1000, 10000, 100000, 1000000, 10000000
 // A number as the marks before its own change it; bits of their places from FLIPPED on are set.
 inline double change_number(double value, int changes) {
     if (changes & 1) value = 0.0 - value;
-    if (changes & 2) {
-        value = remainder(value, 2 * M_PI); // as geometry.wrap_angle does
-        if (value <= -M_PI) value = M_PI;
-    }
+    if (changes & 2) value = wrap_angle(value);
     if (changes & 4) value += value < 0.0 ? 2 * M_PI : 0.0; // -0.0 becomes 0.0
     return value;
 }
@@ -203,7 +200,8 @@ inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beam
         int64_t place = group.place++;
         double beam = double(beams[row]);
         // Insertion, as a beam has few echoes of one part.
-        for (; place > group.start && echoes[place - 1].beam == beam && echoes[place - 1].range > ranges[row]; place--) {
+        auto follows = [&](const WrittenEcho& echo) { return echo.beam == beam && echo.range > ranges[row]; };
+        for (; place > group.start && follows(echoes[place - 1]); place--) {
             echoes[place] = echoes[place - 1];
             rows[place].before = rows[place - 1].before;
         }

@@ -238,13 +238,6 @@ constexpr double MAX_PARTS = 1e6;  // a robot that would be faster gets anywhere
 constexpr int64_t MAX_STEPS = 1 << 20; // in one call, which nothing interrupts
 constexpr double TOUCH_UNKNOWN = -1.0; // of Robot::touched
 
-// An angle, rad, wrapped to (-pi, pi].
-inline double wrap_angle(double angle) {
-    if (fabs(angle) < M_PI) return angle; // remainder takes as long as all else of a move
-    double wrapped = remainder(angle, 2 * M_PI);
-    return wrapped <= -M_PI ? M_PI : wrapped;
-}
-
 // The chord of an arc by its length, from half the turn; it points half the turn off the heading at its start.
 inline double chord_ratio(double half) { return half != 0.0 ? sin(half) / half : 1.0; }
 

@@ -21,6 +21,13 @@ inline double maximum(double a, double b) { return b > a ? b : a; }
 inline double minimum(double a, double b, double c) { return minimum(minimum(a, b), c); }
 inline double maximum(double a, double b, double c) { return maximum(maximum(a, b), c); }
 
+// An angle, rad, wrapped to (-pi, pi].
+inline double wrap_angle(double angle) {
+    if (fabs(angle) < M_PI) return angle; // the remainder takes as long as all else of a robot's move
+    double wrapped = remainder(angle, 2 * M_PI);
+    return wrapped <= -M_PI ? M_PI : wrapped;
+}
+
 // The whole part of a number; the least of all integers where there is none.
 inline int64_t whole_of(double number) { return fabs(number) < 0x1p63 ? int64_t(number) : INT64_MIN; }
 

@@ -47,7 +47,8 @@ class RayWalk {
             case Kind::HIT:
                 // Ground is spread by its own law, along the direction that the fan knows: after a mirror it is a
                 // surface as any other.
-                if (!is_turned && is_level(rays_.directions[ray_], rays_.incidence[ray_])) add_level(event, share_left(left));
+                if (!is_turned && is_level(rays_.directions[ray_], rays_.incidence[ray_]))
+                    add_level(event, share_left(left));
                 else add_end(event, share_left(left));
                 break;
             case Kind::OUT_OF_RANGE:

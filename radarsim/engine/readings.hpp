@@ -31,10 +31,14 @@ constexpr double TICKS_A_SECOND = 100.0, TICKS_A_MINUTE = 6000.0;
 constexpr int64_t DRAWN_AHEAD = 16;             // updates of an INS, readings of an encoder
 constexpr double SHORTEST = 1e-6;               // s between two readings: in one tick there is no speed
 
-enum class Reading : int64_t { // as of readings.py
-    TIME, CHARGE, TOUCHED, BODY_POSE, HEADING, STEERING, ALTITUDES, MINUTES, WHEEL_POSE, DRIFT, INS_POSE,
-    LEFT_SPEED, RIGHT_SPEED, LEFT_ANGLE, RIGHT_ANGLE, TICKS, ACCELERATION, PROPER_ACCELERATION, INERTIA, LINK_ANGLE
-};
+// What a job writes. One number: time, s; charge of the battery, s; whether it is touched. Pose of the body; its yaw,
+// rad; angles of the front and the rear wheels; heights above the spawn and above the sea, m; minutes since the spawn.
+// x, y, yaw that the wheels imply; nothing, while the drift of an INS goes on; the pose that it estimates. One number
+// for a wheel: its speed, which is measured then; its angle; its ticks. Three numbers: accelerations, and those of a
+// mass that rests on the sensor. Twelve: of an inertial measurement unit. One: of a link of a mission package.
+ENUMERATION(Reading, int64_t, TIME, CHARGE, TOUCHED, BODY_POSE, HEADING, STEERING, ALTITUDES, MINUTES, WHEEL_POSE,
+            DRIFT, INS_POSE, LEFT_SPEED, RIGHT_SPEED, LEFT_ANGLE, RIGHT_ANGLE, TICKS, ACCELERATION,
+            PROPER_ACCELERATION, INERTIA, LINK_ANGLE)
 struct Job {
     Reading kind;
     int64_t place; // of the structure in the row of its robot
@@ -195,8 +199,8 @@ BIND(angle_of_link, "1")
 struct SensorTables { // of robots by slots, jobs and odometry aside
     Array<const Job> jobs;
     Array<double, 2> rows; // whether random numbers are used up, and what sensors remember
-    Array<const double[sizeof(Robot) / sizeof(double)]> robots;
-    Array<const double[sizeof(Odometry) / sizeof(double)]> odometry;
+    Array<const Robot> robots;
+    Array<const Odometry> odometry;
 };
 LAYOUT(SensorTables, "j sn r m", jobs, rows, robots, odometry)
 
@@ -231,7 +235,7 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     case Reading::WHEEL_POSE: {
         int64_t number = whole_of(row[job.place]);
         if (number < 0 || number >= tables.odometry.size()) break;
-        out.add(&reinterpret_cast<const Odometry*>(tables.odometry[number])->x, 3);
+        out.add(&tables.odometry[number].x, 3);
         break;
     }
     case Reading::DRIFT: {
@@ -297,7 +301,7 @@ inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& table
     Numbers numbers = {out, 0};
     int64_t used_up = 0;
     for (const DueJobs& each : due) {
-        const Robot& robot = reinterpret_cast<const Robot&>(tables.robots[each.slot]);
+        const Robot& robot = tables.robots[each.slot];
         double* row = &tables.rows(each.slot, 0);
         for (int64_t job = each.first; job < each.end; job++)
             if (take_reading(tables.jobs[job], row, ticks, robot, tables, numbers)) row[0] = 1.0;

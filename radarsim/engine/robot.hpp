@@ -1,5 +1,5 @@
-// The tables of robots and of their odometry, and the distance between a robot's rectangle and lines (see footprint.py).
-// Whole numbers and truth values are doubles too.
+// The tables of robots and of their odometry, and the distance between a robot's rectangle and lines (see
+// footprint.py). Whole numbers and truth values are doubles too.
 #pragma once
 #include "bindings.hpp"
 

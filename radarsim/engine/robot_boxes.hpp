@@ -80,12 +80,14 @@ class BoxGrid {
     // Whether a box other than the carrier's may be within a radius around a point.
     bool is_near(int64_t carrier, const Vector& point, double radius) const {
         Cells around = cells_around(point[0], point[1], radius);
-        for (int64_t row = around.low; row <= around.high; row++)
-            for (int64_t k = heads_[row * layout_.columns + around.left]; k < heads_[row * layout_.columns + around.right + 1]; k++) {
+        for (int64_t row = around.low; row <= around.high; row++) {
+            const int32_t* heads = &heads_[row * layout_.columns];
+            for (int64_t k = heads[around.left]; k < heads[around.right + 1]; k++) {
                 const RobotBox& box = boxes[links_[k]];
                 double dx = point[0] - box.x, dy = point[1] - box.y, reach = radius + box.footprint_radius;
                 if (dx * dx + dy * dy <= reach * reach && box.id != double(carrier)) return true;
             }
+        }
         return false;
     }
 
@@ -168,8 +170,8 @@ class BoxGrid {
 
     Cells cells_around(double x, double y, double radius) const {
         x = (x - layout_.x) * layout_.per_metre, y = (y - layout_.y) * layout_.per_metre, radius *= layout_.per_metre;
-        return {cell_at(x - radius, layout_.columns), cell_at(x + radius, layout_.columns), cell_at(y - radius, layout_.rows),
-                cell_at(y + radius, layout_.rows)};
+        return {cell_at(x - radius, layout_.columns), cell_at(x + radius, layout_.columns),
+                cell_at(y - radius, layout_.rows), cell_at(y + radius, layout_.rows)};
     }
 
     // Visit the heads of the cells that a box reaches.

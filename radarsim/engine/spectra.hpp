@@ -138,8 +138,10 @@ inline int64_t find_os(Array<const float, 2> levels, int64_t nearest, int64_t st
             }
             for (int64_t i = first; i < end; i += step) {
                 int64_t last = i - step;
-                if (behind && i > first) histogram.move(line[last - farthest], -1), histogram.move(line[i - nearest], 1);
-                if (ahead && i > first) histogram.move(line[last + nearest], -1), histogram.move(line[i + farthest], 1);
+                if (behind && i > first)
+                    histogram.move(line[last - farthest], -1), histogram.move(line[i - nearest], 1);
+                if (ahead && i > first)
+                    histogram.move(line[last + nearest], -1), histogram.move(line[i + farthest], 1);
                 // On average the training bin was in the middle of its level.
                 found(row, i) = line[i] > double(histogram.find(order)) + 0.5 + above;
             }

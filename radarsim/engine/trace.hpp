@@ -134,8 +134,8 @@ inline int64_t find_hidden(int64_t row, const Frame& frame, int64_t carrier, Ray
     return code;
 }
 
-// Trace the rays of some beams of all scans, which are counted scan by scan. The middle ray takes the place of rays that
-// start where their sensor cannot see.
+// Trace the rays of some beams of all scans, which are counted scan by scan. The middle ray takes the place of rays
+// that start where their sensor cannot see.
 inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t first, int64_t last, RayTracer& tracer,
                            const Traces& traces) {
     const NodeTable& table = *source.table;
@@ -195,7 +195,8 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
     Traces traces = {ranges, outcomes, parts, power, incidence};
     Scans scans = {places, chances, nodes, sides};
     if (!belong_together(scene, source, scans, traces)) return INCONSISTENT;
-    if (max_crossings < 0 || max_crossings > MOST_CROSSINGS || threads < 1 || threads > MOST_THREADS) return INCONSISTENT;
+    if (max_crossings < 0 || max_crossings > MOST_CROSSINGS) return INCONSISTENT;
+    if (threads < 1 || threads > MOST_THREADS) return INCONSISTENT;
     BoxGrid grid(boxes, ranges.size());
     // More parts than threads, since some rays take longer than others.
     int64_t count = threads > 1 ? PARTS_PER_THREAD * threads : 1;

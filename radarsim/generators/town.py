@@ -141,11 +141,8 @@ def _patch(
     site: Site, block: Block, top: float, names: tuple[str, ...], size: float
 ) -> None:
     """Add a patch of ground somewhere in a block."""
-    length, width = (site.between(0.3, 1) * size for _ in range(2))
-    length, width = (
-        min(length, block.right - block.left),
-        min(width, block.high - block.low),
-    )
+    sides = block.right - block.left, block.high - block.low
+    length, width = (min(site.between(0.3, 1) * size, side) for side in sides)
     x = site.between(block.left + length / 2, block.right - length / 2)
     y = site.between(block.low + width / 2, block.high - width / 2)
     place = Frame(x, y)

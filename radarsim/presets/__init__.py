@@ -1,1 +1,59 @@
-"""The shipped sensors, materials and robot classes: YAML files and their loaders."""
+"""The YAML files of the shipped presets.
+
+The folders ``sensors``, ``items``, ``materials`` and ``robots`` hold one file for each
+preset, named after it. Every number states its source.
+"""
+
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict
+
+from radarsim.errors import PresetError, expected_one_of
+from radarsim.yaml_reader import parse_plain
+
+Folder: TypeAlias = Literal["sensors", "items", "materials", "robots"]
+Confidence: TypeAlias = Literal["verified", "nominal", "estimate", "choice"]
+
+_PACKAGE: Final = Path(__file__).parent
+
+
+class SourcedValue(BaseModel):
+    """A value with its origin.
+
+    Attributes:
+        value: The value itself.
+        source: Where the value comes from, in words.
+        confidence: ``verified`` if it was read in its source, ``nominal`` if it is
+            recalled from a data sheet, ``estimate`` if it is an engineering judgement,
+            ``choice`` if this project decided it.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    value: Any
+    source: str
+    confidence: Confidence
+
+
+@cache
+def preset_names(folder: Folder) -> tuple[str, ...]:
+    """Return the names of the presets in a folder, sorted."""
+    return tuple(sorted(path.stem for path in (_PACKAGE / folder).glob("*.yaml")))
+
+
+def preset_path(folder: Folder, name: str) -> Path:
+    """Return the path of a preset's file, whether it exists or not."""
+    return _PACKAGE / folder / f"{name}.yaml"
+
+
+def read_preset(folder: Folder, name: str) -> Any:
+    """Read the file of a preset that exists."""
+    text = preset_path(folder, name).read_text(encoding="utf-8")
+    return parse_plain(text)
+
+
+def unknown_preset(label: str, name: str, known: tuple[str, ...]) -> PresetError:
+    """Create the error for a name that no preset has."""
+    return PresetError(f"{label} {expected_one_of(name, known)}")

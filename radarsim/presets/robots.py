@@ -10,11 +10,19 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self, TypeAlias, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
+from radarsim import plugins
 from radarsim.errors import PresetError, expected_one_of, list_names
 from radarsim.geometry import Pose3
-from radarsim.presets.preset_files import (
+from radarsim.presets import (
     Confidence,
     preset_names,
     preset_path,
@@ -22,37 +30,21 @@ from radarsim.presets.preset_files import (
 )
 from radarsim.yaml_reader import read_yaml
 
-ItemType: TypeAlias = Literal[
-    "RangeScanner",
-    "GroundTruth",
-    "INS",
-    "Odometry",
-    "Tachometer",
-    "Encoder",
-    "Touch",
-    "Sonar",
-    "GPS",
-    "IMU",
-    "Accel",
-    "AcceleroMeter",
-    "AltitudeSensor",
-    "MagneticCompass",
-    "MissionTime",
-    "MisPkg",
-    "RFID",
-    "VictSensor",
-    "HumanMotion",
-    "Sound",
-    "CO2Sensor",
-    "Camera",
-    "Battery",
-]
 DialectName: TypeAlias = Literal["compat", "udk"]
 Generation: TypeAlias = Literal["ut2004", "udk"]
 Side: TypeAlias = Literal["left", "right"]
 Vector: TypeAlias = tuple[float, float, float]
 Length: TypeAlias = Annotated[float, Field(gt=0)]
+_NO_SENSORS: Final = ("RangeScanner", "Camera", "Battery")  # types of other items
 _NOT_INHERITED: Final = {"about"}  # by classes that are based on another one
+
+
+def _known_type(value: str) -> str:
+    if value not in _NO_SENSORS:
+        known = plugins.load("radarsim.kinds", "core")()
+        if value not in known:
+            raise ValueError(expected_one_of(value, (*_NO_SENSORS, *known)))
+    return value
 
 
 class Source(BaseModel):
@@ -131,7 +123,7 @@ class Item(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    type: ItemType
+    type: Annotated[str, AfterValidator(_known_type)]
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
     position: Vector = (0.0, 0.0, 0.0)
     rotation_deg: Vector = (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The settings of scanners, sonars and GPS receivers: values, limits, combinations.
+"""The settings of scanners and cameras: values, limits, combinations.
 
 Theory of operation
 ===================
@@ -19,13 +19,9 @@ scale of units.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
-
-from radarsim.errors import PresetError, expected_one_of
 
 BANDS_GHZ: Final = (24, 77, 94)  # the radar bands for which materials have numbers
 
@@ -274,53 +270,6 @@ class SensorSettings(BaseModel):
             )
 
 
-class SonarSettings(BaseModel):
-    """All settings of a sonar.
-
-    Attributes:
-        beam_angle_deg: Angle of the whole cone, degrees.
-        min_range: Shortest range that is read, m; shorter ones read it as well.
-        max_range: Longest range that is read, m; so does a cone without return.
-        max_incidence_deg: Largest angle between a ray and the normal of a surface that
-            sends sound back, degrees; the ray on the axis has no such limit.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    beam_angle_deg: RightAngle
-    min_range: NotNegative
-    max_range: Positive
-    max_incidence_deg: RightAngle
-
-
-class GpsSettings(BaseModel):
-    """All settings of a GPS receiver.
-
-    Attributes:
-        max_noise: Three standard deviations of north and east with 4 satellites, m.
-        min_noise: Three standard deviations of north and east with 12 satellites, m.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    max_noise: NotNegative
-    min_noise: NotNegative
-
-
-class SearchSettings(BaseModel):
-    """All settings of a sensor that looks for victims or tags.
-
-    Attributes:
-        max_range: Longest distance of what it notices, m.
-        fov_deg: Angle of the whole cone in which it notices that, degrees.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    max_range: Positive
-    fov_deg: Angle
-
-
 class CameraSettings(BaseModel):
     """All settings of a camera.
 
@@ -378,41 +327,3 @@ def two_way_deviation(beamwidth: float) -> float:
     0.3003
     """
     return beamwidth / (4 * math.sqrt(math.log(2)))
-
-
-MAX_NOISE = 10.0  # times the motion itself; more overflows after a while
-ENCODER_RESOLUTION = 0.01745  # rad per tick, as in readings.hpp
-
-
-@dataclass(frozen=True, slots=True)
-class InsNoise:
-    """Drift of an inertial navigation system; all zero for none.
-
-    Attributes:
-        sigma: Standard deviation of the error of a motion, as a fraction of it.
-        position_bias: Largest mean of the relative error on each axis; the mean is
-            drawn once per run.
-        angle_bias: Largest mean of the relative error of each angle, drawn likewise.
-    """
-
-    sigma: float = 0.05
-    position_bias: float = 0.5e-3
-    angle_bias: float = 0.5e-6
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Create the noise from the settings of an item.
-
-        Raises:
-            PresetError: If a setting is unknown, negative or not a finite number.
-        """
-        known = [field.name for field in fields(cls)]
-        for name, value in settings.items():
-            if name not in known:
-                raise PresetError(f"INS setting {expected_one_of(name, known)}")
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or not 0 <= value <= MAX_NOISE:
-                text = repr(value)[:80]
-                limits = f"expected 0 to {MAX_NOISE:g}"
-                raise PresetError(f"INS setting {name}: {text}, {limits}")
-        return cls(**settings)

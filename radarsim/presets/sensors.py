@@ -1,4 +1,4 @@
-"""Presets of sensors: named settings of scanners, and those of sonars and GPS."""
+"""Presets of sensors: named settings of scanners, and those of other items."""
 
 import re
 from functools import cache
@@ -8,20 +8,14 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim import plugins
 from radarsim.errors import PresetError
-from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.presets.preset_files import (
+from radarsim.presets import (
     SourcedValue,
     preset_names,
     read_preset,
     unknown_preset,
 )
-from radarsim.presets.sensor_settings import (
-    CameraSettings,
-    GpsSettings,
-    SearchSettings,
-    SensorSettings,
-    SonarSettings,
-)
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.validation import describe_settings
 from radarsim.yaml_reader import parse_plain
 
@@ -105,47 +99,22 @@ def load_fmcw_settings(name: str, /, **settings: object) -> FmcwSettings:
     return _validate(f"sensor {name}", FmcwSettings, preset.fmcw, settings)
 
 
-def sonar_settings(**settings: object) -> SonarSettings:
-    """Return the settings of the sonar's preset, with some of them changed.
-
-    Raises:
-        PresetError: As ``load_settings``.
-    """
-    preset = item_presets()["sonar"]
-    return _validate("sonar", SonarSettings, preset.settings, settings)
-
-
-def gps_settings(**settings: object) -> GpsSettings:
-    """Return the settings of the GPS receiver's preset, with some of them changed.
-
-    Raises:
-        PresetError: As ``load_settings``.
-    """
-    return _validate("gps", GpsSettings, item_presets()["gps"].settings, settings)
-
-
-def search_settings(item_type: str, **settings: object) -> SearchSettings:
-    """Return the settings of a sensor of victims or tags, with some of them changed.
+def item_settings(
+    item_type: str, model: type[_Settings], /, **settings: object
+) -> _Settings:
+    """Return the settings of an item besides scanners, with some of them changed.
 
     Args:
-        item_type: Type of the item, such as ``VictSensor``.
+        item_type: Type of the item, such as ``GPS``; a preset may have this name.
+        model: All its settings.
         **settings: Settings by name.
 
     Raises:
         PresetError: As ``load_settings``.
     """
     name = item_type.lower()
-    return _validate(name, SearchSettings, item_presets()[name].settings, settings)
-
-
-def camera_settings(**settings: object) -> CameraSettings:
-    """Return the settings of the camera's preset, with some of them changed.
-
-    Raises:
-        PresetError: As ``load_settings``.
-    """
-    preset = item_presets()["camera"]
-    return _validate("camera", CameraSettings, preset.settings, settings)
+    preset = item_presets()[name].settings if name in item_presets() else {}
+    return _validate(name, model, preset, settings)
 
 
 def has_fmcw(name: str) -> bool:

@@ -192,10 +192,12 @@ class Traces(NamedTuple):
         for (start, end), (first, last) in zip(
             pairwise(edges), pairwise(cuts), strict=True
         ):
-            columns = [column[start:end] for column in self[:-1]]
+            columns = {
+                name: getattr(self, name)[start:end] for name in self._fields[:-1]
+            }
             events = self.events[first:last].copy()
             events["ray"] -= start
-            pieces.append(Traces(*columns, events))
+            pieces.append(Traces(**columns, events=events))
         return pieces
 
 

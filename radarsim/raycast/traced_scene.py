@@ -12,8 +12,7 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.scene.material import ALBEDO, Material
-from radarsim.scene.reflectors import REFLECTOR
-from radarsim.scene.scene import Part, bounds_of
+from radarsim.scene.scene import REFLECTOR, Part, bounds_of
 
 IGNORE, COLLECT, OPAQUE = range(3)  # what a ray does with a part, as ``Role``
 # Sheets that a ray crosses in a metre of leaves: an estimate, which only decides how

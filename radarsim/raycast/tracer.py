@@ -99,7 +99,6 @@ class Tracer:
         self._centre = centre_of(parts)
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
-        self._tables: dict[tuple[RayClass, ...], Packed] = {}
         self._losses: dict[RayClass, tuple[Floats, float, Floats]] = {}
         # The scene for the engine: it is packed again after a slice was added.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
@@ -118,7 +117,7 @@ class Tracer:
         """
         found = self._losses.get(ray_class)
         if found is None:
-            table = self._table_for((ray_class,))
+            table = self._packed_for((ray_class,)).materials
             each = [scattering_of(part.material, ray_class) for part in self.parts]
             found = table.density[0], float(table.air[0]), np.array(each, np.float64)
             self._losses[ray_class] = found
@@ -205,34 +204,25 @@ class Tracer:
             EngineError: If a ray or a column of the rays is invalid.
         """
         events: list[list[Event]] = [[] for _ in range(len(rays.origins))]
-        for row in self.trace(rays, boxes, events=True).events:
-            event = Event(
-                float(row["t"]),
-                EventKind(int(row["kind"])),
-                int(row["part"]),
-                float(row["power"]),
-                float(row["absorbed"]),
-                (float(row["x"]), float(row["y"]), float(row["z"])),
-            )
-            events[int(row["ray"])].append(event)
+        rows = self.trace(rays, boxes, events=True).events.tolist()
+        for ray, t, part, kind, power, absorbed, x, y, z in rows:
+            event = Event(t, EventKind(kind), part, power, absorbed, (x, y, z))
+            events[ray].append(event)
         return events
-
-    def _table_for(self, ray_classes: tuple[RayClass, ...]) -> Packed:
-        """Return the table for classes of rays, computed when first needed."""
-        table = self._tables.get(ray_classes)
-        if table is None:
-            table = material_table(self.parts, self._volumes, ray_classes, self._air)
-            self._tables[ray_classes] = table
-        return table
 
     def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> Packed:
         """Return the ``Scene`` for classes of rays."""
         found, handle = self._packed.get(ray_classes), self._scene.handle
         # The handle is another one after a slice was added.
         if found is None or found.handle is not handle:
+            if found is None:
+                parts, air = self.parts, self._air
+                table = material_table(parts, self._volumes, ray_classes, air)
+            else:
+                table = found.materials
             found = self._packed[ray_classes] = engine.structures["Scene"].pack(
                 handle=handle,
-                materials=self._table_for(ray_classes),
+                materials=table,
                 centre=self._centre,
                 triangles=self._scene.triangles,
             )

@@ -16,47 +16,25 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.footprint import LINE, MARGIN
-from radarsim.robots.motion import (
-    FREE,
-    ODOMETRY_COLUMNS,
-    POSE_LEFT,
-    POSE_RIGHT,
-    SEPARATION,
-    SLOT,
-    WheelOdometry,
-)
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import (
-    BODY_Z,
-    BOTTOM,
-    FLOOR,
-    HALF_LENGTH,
-    HALF_WIDTH,
-    NUMBER,
-    RADIUS,
-    REJECTED,
-    ROBOT_GAP,
-    TOP,
-    TOP_SPEED,
-    TOUCHED,
-    TRACK,
+    COLUMN,
+    FREE,
+    ODOMETRY,
+    ROBOT,
     UNKNOWN,
-    WALL_GAP,
-    WHEEL_RADIUS,
-    YAW,
     Robot,
-    X,
-    Y,
-    new_columns,
+    WheelOdometry,
+    new_rows,
 )
 from radarsim.robots.wall_grid import WallStore
 
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
 _MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
-ROBOT: Final = engine.rows["Robot"]
-_ODOMETRY: Final = engine.rows["Odometry"]
-_BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
+# Of the rows of ``raycast.robot_boxes.Boxes``.
+_BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
+_BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]
 
 
 class Fleet:
@@ -65,22 +43,21 @@ class Fleet:
     Attributes:
         robots: The robots, in the order of spawning, in which they also move.
         slots: (R,) their slots, int64.
-        odometry: (M, 7) table of the odometry of robots that have one; some rows may be
+        odometry: (M,) of type ``ODOMETRY``, of robots that have one; some rows may be
             free.
-        columns: The table of robots, a row for each slot; another array once one is
-            added. ``robots.robot`` numbers its columns. Rows of free slots hold
-            anything.
+        table: (S,) of type ``ROBOT``, a row for each slot; another array once one is
+            added. Rows of free slots hold anything.
+        columns: The same rows as numbers, see ``robots.robot.COLUMN``.
     """
 
     def __init__(self) -> None:
         self.robots: tuple[Robot, ...] = ()
         self.slots: NDArray[np.int64] = np.zeros(0, np.int64)
-        self.odometry: Floats = np.zeros((0, ODOMETRY_COLUMNS))
-        self._odometries: list[WheelOdometry] = []
+        self.odometry: NDArray[np.void] = np.zeros(0, ODOMETRY)
         self._free_slots: list[int] = []
         self._spawned = 0
         self._floors: list[Obstacles] = []
-        self.columns = new_columns(0)
+        self._set_table(new_rows(0))
         self._lines: NDArray[np.void] = np.zeros(0, LINE)  # room for what a robot meets
         self._enter_floors()
 
@@ -99,11 +76,6 @@ class Fleet:
             else:
                 self._floors.append(obstacles)
 
-    def _enter_missing(self) -> None:
-        """Enter the walls of a robot that has left another fleet."""
-        if self._walls.count < len(self._floors):
-            self._enter_floors()
-
     def _enter_floors(self) -> None:
         """Enter the walls of all floors into another table."""
         self._walls = WallStore([floor.walls for floor in self._floors])
@@ -111,15 +83,15 @@ class Fleet:
 
     def _pack(self) -> None:
         """Pack what robots may run into, as C++ takes it."""
-        slots = len(self.columns)
-        room = self._walls.lines + 4 * slots  # all walls, and the sides of all robots
+        # All walls, and the sides of all robots.
+        room = self._walls.lines + 4 * len(self.table)
         # Kept from robot to robot: to allocate megabytes can take milliseconds.
         if len(self._lines) < room:
             self._lines = np.zeros(room + room // 4, LINE)
         self._around = engine.structures["Surroundings"].pack(
-            robots=self.columns.view(ROBOT).reshape(slots),
+            robots=self.table,
             order=self.slots,
-            odometry=self.odometry.view(_ODOMETRY).reshape(len(self.odometry)),
+            odometry=self.odometry,
             walls=self._walls.table,
             lines=self._lines,
             margin=MARGIN,
@@ -161,24 +133,21 @@ class Fleet:
 
     def add_odometry(self, robot: Robot) -> WheelOdometry:
         """Integrate the turns of a robot's wheels from now on."""
-        numbers = np.zeros(ODOMETRY_COLUMNS)
-        numbers[SLOT] = robot.slot
-        numbers[SEPARATION] = robot.model.wheel_separation
-        numbers[[POSE_LEFT, POSE_RIGHT]] = robot.side_angles
-        free = np.flatnonzero(self.odometry[:, SLOT] == FREE)
+        free = np.flatnonzero(self.odometry["slot"] == FREE)
         if not free.size:
             count = len(self.odometry)
-            more = np.full((max(_FIRST_SLOTS, count), ODOMETRY_COLUMNS), FREE)
+            more = np.zeros(max(_FIRST_SLOTS, count), ODOMETRY)
+            more["slot"] = FREE
             free = np.array([count])
             self.odometry = np.concatenate([self.odometry, more])
             self._pack()
         odometry = WheelOdometry(robot, int(free[0]))
-        self.odometry[odometry.row] = numbers
-        self._odometries.append(odometry)
+        separation, angles = robot.model.wheel_separation, robot.side_angles
+        self.odometry[odometry.row] = (robot.slot, separation, 0.0, 0.0, 0.0, *angles)
         return odometry
 
     def remove(self, robot: Robot) -> None:
-        """Remove a robot, which goes on alone in a fleet of its own.
+        """Remove a robot, which stands where it is in a fleet that does not drive.
 
         Raises:
             ValueError: If the robot is not in the fleet.
@@ -188,10 +157,11 @@ class Fleet:
         # Whoever still holds the robot can read its last pose, while its row here is
         # given to the next one.
         alone, slot = Fleet(), robot.slot
-        alone._take_over(robot)
-        for odometry in alone._odometries:
-            self.odometry[odometry.row, SLOT] = FREE
-            self._odometries.remove(odometry)
+        alone._set_table(self.table[[slot]])
+        alone.odometry = self.odometry.copy()
+        alone.table["touched"] = 0.0
+        robot.fleet, robot.slot = alone, 0
+        self.odometry["slot"][self.odometry["slot"] == slot] = FREE
         self._free_slots.append(slot)
         self.robots = tuple(each for each in self.robots if each is not robot)
         self._update_slots()
@@ -204,7 +174,7 @@ class Fleet:
         number = robot.number
         self.prepare(obstacles)
         self._fill_slot(robot, pose, obstacles)
-        self.columns[robot.slot, NUMBER] = number
+        robot.row["number"] = number
         self._forget_gaps()
 
     def lift(self, robot: Robot, z: float, obstacles: Obstacles) -> None:
@@ -216,16 +186,14 @@ class Fleet:
             obstacles: What is at that height.
         """
         self.prepare(obstacles)
-        model, row = robot.model, self.columns[robot.slot]
+        model, row = robot.model, robot.row
         bottom, floor = z - model.origin_height, self._floors.index(obstacles)
-        row[[BOTTOM, TOP, BODY_Z]] = bottom, bottom + model.height, z
-        if row[FLOOR] != floor:
-            row[[FLOOR, WALL_GAP]] = floor, 0.0
-            row[REJECTED : REJECTED + 6] = np.nan
+        row["bottom"], row["top"], row["body_z"] = bottom, bottom + model.height, z
+        if row["floor"] != floor:
+            row["floor"], row["wall_gap"], row["rejected"] = floor, 0.0, np.nan
 
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
-        self._enter_missing()
         engine.drive_robots(self._around, dt)
 
     def drive(
@@ -242,7 +210,6 @@ class Fleet:
         Returns:
             (K,) whether each was blocked, or touched something, after any of the steps.
         """
-        self._enter_missing()
         touched = np.zeros(len(slots), np.bool_)
         drive = engine.drive_on if meets else engine.drive_each_alone
         drive(self._around, slots, dt, steps, touched)
@@ -257,11 +224,9 @@ class Fleet:
         Args:
             slots: (K,) their slots.
         """
-        self._enter_missing()
         asked = np.asarray(slots, np.int64)
         engine.find_touched(self._around, asked)
-        touched: NDArray[np.bool_] = self.columns[asked, TOUCHED] == 1.0
-        return touched
+        return np.asarray(self.table["touched"][asked] == 1.0)
 
     def near(self, x: float, y: float, distance: float) -> tuple[Robot, ...]:
         """Return the robots near a place, m, map frame, in the order of spawning.
@@ -269,7 +234,8 @@ class Fleet:
         They are those of which a corner may be within ``distance`` m.
         """
         rows = self.columns[self.slots]
-        gaps = np.hypot(rows[:, X] - x, rows[:, Y] - y) - rows[:, RADIUS]
+        gaps = np.hypot(rows[:, COLUMN["x"]] - x, rows[:, COLUMN["y"]] - y)
+        gaps -= rows[:, COLUMN["radius"]]
         return tuple(self.robots[i] for i in np.flatnonzero(gaps <= distance))
 
     def boxes(self) -> Floats:
@@ -282,55 +248,42 @@ class Fleet:
     def _take_slot(self, obstacles: Obstacles) -> int:
         """Return a free slot, and make room for it and for the walls of its floor."""
         if not self._free_slots:
-            count = len(self.columns)
-            more = new_columns(max(_FIRST_SLOTS, count))
-            self.columns = np.concatenate([self.columns, more])
+            count = len(self.table)
+            more = new_rows(max(_FIRST_SLOTS, count))
+            self._set_table(np.concatenate([self.table, more]))
             self._pack()
             # Highest first, as slots are taken from the end: the lowest one is used
             # first.
-            self._free_slots = list(range(len(self.columns) - 1, count - 1, -1))
+            self._free_slots = list(range(len(self.table) - 1, count - 1, -1))
         self.prepare(obstacles)
         return self._free_slots.pop()
 
+    def _set_table(self, table: NDArray[np.void]) -> None:
+        self.table = table
+        self.columns: Floats = table.view(np.float64).reshape(
+            len(table), ROBOT.itemsize // 8
+        )
+
     def _forget_floors(self) -> None:
         """Keep only the floors on which robots are: those that fly have many."""
-        floors = self.columns[self.slots, FLOOR].astype(np.int64)
+        floors = self.table["floor"][self.slots].astype(np.int64)
         used, renumbered = np.unique(floors, return_inverse=True)
         self._floors = [self._floors[number] for number in used.tolist()]
-        self.columns[self.slots, FLOOR] = renumbered
+        self.table["floor"][self.slots] = renumbered
 
     def _fill_slot(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
-        model, row = robot.model, self.columns[robot.slot]
-        row[:] = new_columns(1)
-        radius, floor = robot.footprint.radius, obstacles.floor
-        top_speed = _MAX_DISPLACEMENT_RATIO * _fastest_sweep(robot)
-        row[[X, Y, YAW]] = pose.x, pose.y, wrap_angle(pose.yaw)
-        row[[BOTTOM, TOP]] = floor, floor + model.height
-        row[BODY_Z] = floor + model.origin_height
-        row[[HALF_LENGTH, HALF_WIDTH]] = model.length / 2, model.width / 2
-        row[[RADIUS, TRACK, WHEEL_RADIUS]] = radius, model.track, model.wheel_radius
-        row[TOP_SPEED] = top_speed
-        row[FLOOR] = self._floors.index(obstacles)
-        row[NUMBER] = self._spawned
-
-    def _take_over(self, robot: Robot) -> None:
-        """Become the fleet of one robot of another fleet."""
-        other, slot = robot.fleet, robot.slot
-        self.columns = other.columns[slot : slot + 1].copy()
-        self._floors = [other._floors[int(self.columns[0, FLOOR])]]
-        self.columns[0, FLOOR] = 0
-        # Its walls are entered if it moves again, which those that have left seldom do:
-        # the table of all walls would stay in memory as long as one of them.
-        self._walls = WallStore(spare=np.zeros(3, np.int64))
-        self._spawned = robot.number
-        self.robots = (robot,)
-        self._odometries = [o for o in other._odometries if o.robot is robot]
-        self.odometry = np.full_like(other.odometry, FREE)
-        for odometry in self._odometries:
-            self.odometry[odometry.row] = other.odometry[odometry.row]
-            self.odometry[odometry.row, SLOT] = 0.0
-        robot.fleet, robot.slot = self, 0
-        self._update_slots()
+        model, floor = robot.model, obstacles.floor
+        (row,) = new_rows(1)
+        row["x"], row["y"], row["yaw"] = pose.x, pose.y, wrap_angle(pose.yaw)
+        row["bottom"], row["top"] = floor, floor + model.height
+        row["body_z"] = floor + model.origin_height
+        row["half_length"], row["half_width"] = model.length / 2, model.width / 2
+        row["track"], row["wheel_radius"] = model.track, model.wheel_radius
+        row["radius"] = robot.footprint.radius
+        row["top_speed"] = _MAX_DISPLACEMENT_RATIO * _fastest_sweep(robot)
+        row["floor"] = self._floors.index(obstacles)
+        row["number"] = self._spawned
+        self.table[robot.slot] = row
 
     def _update_slots(self) -> None:
         self.slots = np.array([robot.slot for robot in self.robots], np.int64)
@@ -339,8 +292,8 @@ class Fleet:
 
     def _forget_gaps(self) -> None:
         # A robot that came may be close to any other, and one that left was.
-        self.columns[:, ROBOT_GAP] = 0.0
-        self.columns[:, TOUCHED] = UNKNOWN
+        self.table["robot_gap"] = 0.0
+        self.table["touched"] = UNKNOWN
 
 
 def _fastest_sweep(robot: Robot) -> float:

@@ -38,22 +38,6 @@ def line_table(segments: Floats) -> Lines:
     return lines
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """The segment closest to a footprint, or deepest in it.
-
-    Attributes:
-        gap: Lower bound of the distance to the segment, m; negative, minus the
-            penetration depth, if the segment reaches into the footprint.
-        away_x: x of the unit vector along which the gap grows, map frame.
-        away_y: y of that vector.
-    """
-
-    gap: float
-    away_x: float = 0.0
-    away_y: float = 0.0
-
-
 @dataclass(frozen=True)
 class Footprint:
     """The rectangle that a robot occupies, centred on its origin.
@@ -91,26 +75,23 @@ class Footprint:
         along, across = c * dx + s * dy, c * dy - s * dx
         return abs(along) <= self.length / 2 and abs(across) <= self.width / 2
 
-    def contact(self, pose: Pose2, segments: Floats) -> Contact:
-        """Find the segment that is closest, or deepest inside.
-
-        Args:
-            pose: Pose of the robot.
-            segments: (S, 2, 2) m, map frame, none of them of length 0.
-
-        Returns:
-            The contact with the smallest gap; of equal ones, that of the first segment.
-        """
-        poses = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
-        contacts = self._contacts(poses, line_table(segments))
-        return Contact(*contacts[0].tolist())
-
     def gaps(self, poses: Floats, lines: Lines) -> Floats:
-        """Return the gap to lines at each pose, (P, 3) m, rad, as of ``Contact``."""
-        gaps: Floats = self._contacts(poses, lines)["gap"]
+        """Return the gaps of contacts; arguments as of ``contacts``."""
+        gaps: Floats = self.contacts(poses, lines)["gap"]
         return gaps
 
-    def _contacts(self, poses: Floats, lines: Lines) -> NDArray[np.void]:
+    def contacts(self, poses: Floats, lines: Lines) -> NDArray[np.void]:
+        """Return the line that is closest at each pose, or deepest inside.
+
+        Args:
+            poses: (P, 3) m, rad, map frame.
+            lines: Lines, none of them of length 0.
+
+        Returns:
+            (P,) of type ``Contact`` in C++: gap, m, negative by the depth of what
+            reaches in, and the direction in which it grows. Of equal gaps, that of the
+            first line.
+        """
         contacts = np.zeros(len(poses), _CONTACT)
         half_size = self.length / 2, self.width / 2
         engine.find_contacts(lines, poses, *half_size, contacts)

@@ -134,13 +134,8 @@ class Obstacles:
     @classmethod
     def from_scene(cls, scene: Scene, *, floor: float = 0.0) -> "Obstacles":
         """Slice the solid parts of a scene at the bumper heights above a floor."""
-        return cls.from_parts(scene.parts, floor=floor)
-
-    @classmethod
-    def from_parts(cls, parts: Iterable[Part], *, floor: float = 0.0) -> "Obstacles":
-        """Slice the solid ones among some parts at the bumper heights above a floor."""
         cuts, owners = [], []
-        for number, part in enumerate(parts):
+        for number, part in enumerate(scene.parts):
             if not part.material.solid:
                 continue
             for height in BUMPER_HEIGHTS:
@@ -151,12 +146,6 @@ class Obstacles:
         none = np.zeros(0, np.intp)
         return cls(segments, owners=np.concatenate([none, *owners]), floor=floor)
 
-    def near(self, x: float, y: float, distance: float) -> Floats:
-        """Return the segments within a distance of a point, in their stored order."""
-        rows = np.sort(self._lines_near(x, y, distance)["rank"])
-        near: Floats = self.segments[rows.astype(np.intp)]
-        return near
-
     def parts_at(self, footprint: Footprint, pose: Pose2) -> list[int]:
         """Return the numbers of the parts whose slices a footprint overlaps, sorted."""
         lines = self._lines_near(pose.x, pose.y, footprint.radius)
@@ -164,7 +153,7 @@ class Obstacles:
         order = np.argsort(owners, kind="stable")
         numbers, firsts = np.unique(owners[order], return_index=True)
         pieces = np.split(lines[order], firsts[1:])
-        place = np.array([[pose.x, pose.y, pose.yaw]])
+        place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
         return [
             number
             for number, piece in zip(numbers.tolist(), pieces, strict=False)
@@ -295,9 +284,9 @@ def overlaps(footprint: Footprint, pose: Pose2, other: Body) -> bool:
         return False
     sides = other.footprint.outline(other.pose)
     # no side of the other reaches in: it is either apart or surrounds the footprint
-    return footprint.contact(pose, sides).gap <= MARGIN or other.footprint.covers(
-        other.pose, pose.x, pose.y
-    )
+    place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
+    (gap,) = footprint.gaps(place, line_table(sides)).tolist()
+    return gap <= MARGIN or other.footprint.covers(other.pose, pose.x, pose.y)
 
 
 @cache

@@ -1,17 +1,17 @@
 """One robot on the floor: its row in the table of robots, its commands, its battery.
 
-The engine reads and writes the state of all robots as one table. A row is a robot; the
-columns are numbered here. Whole numbers and truth values are floats too, so that
-one array is enough for all.
+The engine reads and writes the state of all robots as one table with a row for each.
 """
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.engine import engine
+from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.footprint import Footprint
@@ -20,43 +20,24 @@ from radarsim.robots.steering import Bicycle
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
 
-# Pose on the floor, m, rad, map frame; speeds of the wheels, rad/s, and angles that
-# they turned forward since the spawn, rad.
-X, Y, YAW, LEFT_SPIN, RIGHT_SPIN, LEFT_ANGLE, RIGHT_ANGLE = range(7)
-# Whether the last move did not end at the wanted pose; m: no wall is closer, no other
-# robot is closer.
-BLOCKED, WALL_GAP, ROBOT_GAP = range(7, 10)
-# First of six: start and wanted pose of the last move that walls forbade, nan if none.
-REJECTED: Final = 10
-# z of the floor and of the top, half length and half width, radius around all, m.
-BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, RADIUS = range(16, 21)
-# m, m; highest speed of the centre, pushes included, m/s.
-TRACK, WHEEL_RADIUS, TOP_SPEED = range(21, 24)
-# Number of the floor; counts the robots in the order of spawning, from 1 on.
-FLOOR, NUMBER = range(24, 26)
-# Whether the robot was blocked or touches something, UNKNOWN until that is asked for.
-TOUCHED: Final = 26
-BODY_Z: Final = 27  # z of the body frame, m
-# Angle between the heading and the motion of the centre, and of the front and the rear
-# wheels, rad; 0 of a robot without a steering axle.
-SIDESLIP, FRONT_STEER, REAR_STEER = range(28, 31)
-# Velocity of the centre in the last step, pushes included, m/s, map frame.
-VELOCITY_X, VELOCITY_Y, VELOCITY_Z = range(31, 34)
-# Of a robot that flies: speed to its left and upwards, m/s; 0 of one that drives.
-ASIDE, CLIMB = range(34, 36)
-# Of a robot that flies: how far it tilts, and how far it is to tilt, rad.
-ROLL, PITCH, ROLL_WANTED, PITCH_WANTED = range(36, 40)
-COLUMNS: Final = 40
-
-UNKNOWN: Final = -1.0
+ROBOT: Final = engine.rows["Robot"]  # ``robot.hpp`` describes its fields
+# By field, its column in the table as numbers: many rows are read much faster so.
+COLUMN: Final = {name: at[1] // 8 for name, at in (ROBOT.fields or {}).items()}
+_BODY: Final = tuple(
+    COLUMN[field] for field in ("x", "y", "body_z", "roll", "pitch", "yaw")
+)
+ODOMETRY: Final = engine.rows["Odometry"]
+FREE: Final = -1.0  # slot of a row without odometry
+_SPEEDS: Final = ("left_spin", "right_spin", "aside", "climb")
+UNKNOWN: Final = -1.0  # whether a robot touches something, until that is asked for
 
 
-def new_columns(rows: int) -> Floats:
-    """Return the table of robots that are not set up, (``rows``, ``COLUMNS``)."""
-    columns = np.zeros((rows, COLUMNS))
-    columns[:, REJECTED : REJECTED + 6] = np.nan
-    columns[:, TOUCHED] = UNKNOWN
-    return columns
+def new_rows(count: int) -> NDArray[np.void]:
+    """Return the rows of robots that are not set up, (``count``,) of type ``ROBOT``."""
+    rows = np.zeros(count, ROBOT)
+    rows["rejected"] = np.nan
+    rows["touched"] = UNKNOWN
+    return rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +79,7 @@ class Robot:
         footprint: Rectangle that it occupies on the floor.
         bicycle: How it moves if it steers as a car does; None for skid steering.
         fleet: The fleet that drives it; one of its own once it is removed.
-        slot: Its row in the columns of the fleet.
+        slot: Its row in the table of the fleet.
     """
 
     def __init__(
@@ -117,7 +98,7 @@ class Robot:
             model: Robot class.
             wheel_drive: Conversion of drive commands to wheel speeds.
             fleet: The fleet that drives it.
-            slot: Its row in the columns of the fleet.
+            slot: Its row in the table of the fleet.
         """
         self.name = name
         self.model = model
@@ -130,27 +111,31 @@ class Robot:
         self._normalized = False
 
     @property
+    def row(self) -> Any:
+        """Its row in the table of the fleet, which is not to be kept."""
+        return self.fleet.table[self.slot]
+
+    @property
     def number(self) -> int:
         """Counts the robots of the fleet in the order of spawning, from 1 on."""
-        return int(self.fleet.columns[self.slot, NUMBER])
+        return int(self.fleet.columns.item(self.slot, COLUMN["number"]))
 
     @property
     def pose(self) -> Pose2:
         """Pose on the floor, map frame."""
-        return Pose2(*self.fleet.columns[self.slot, X : YAW + 1].tolist())
+        first = COLUMN["x"]
+        return Pose2(*self.fleet.columns[self.slot, first : first + 3].tolist())
 
     @property
     def body(self) -> Pose3:
         """Pose of the body frame, map frame."""
         number, slot = self.fleet.columns.item, self.slot
-        x, y, z = number(slot, X), number(slot, Y), number(slot, BODY_Z)
-        roll, pitch = number(slot, ROLL), number(slot, PITCH)
-        return Pose3(x, y, z, roll, pitch, number(slot, YAW))
+        return Pose3(*[number(slot, column) for column in _BODY])
 
     @property
     def touched(self) -> bool:
         """Whether the last step was blocked, or something touches the robot."""
-        known = self.fleet.columns.item(self.slot, TOUCHED)
+        known = self.fleet.columns.item(self.slot, COLUMN["touched"])
         if known == UNKNOWN:
             return bool(self.fleet.touched([self.slot])[0])
         return known == 1.0
@@ -158,19 +143,13 @@ class Robot:
     @property
     def top_speed(self) -> float:
         """Highest speed of its centre, pushes included, m/s."""
-        return self.fleet.columns.item(self.slot, TOP_SPEED)
+        return float(self.row["top_speed"])
 
     @property
     def side_angles(self) -> tuple[float, float]:
         """Angles that the left and right wheels turned forward since the spawn, rad."""
-        row = self.fleet.columns[self.slot]
-        return row.item(LEFT_ANGLE), row.item(RIGHT_ANGLE)
-
-    @property
-    def wheel_angles(self) -> tuple[float, ...]:
-        """Angle that each wheel turned forward since the spawn, rad, in wire order."""
-        left, right = self.side_angles
-        return tuple(left if side == "left" else right for side in self.model.wheels)
+        row = self.row
+        return float(row["left_angle"]), float(row["right_angle"])
 
     def drive(
         self,
@@ -203,9 +182,9 @@ class Robot:
         if left is None or right is None or self.bicycle is not None:
             return
         spin = self.wheel_drive.spin
-        row = self.fleet.columns[self.slot]
-        row[LEFT_SPIN] = spin(left, normalized=self._normalized)
-        row[RIGHT_SPIN] = spin(right, normalized=self._normalized)
+        row, column = self.fleet.columns[self.slot], COLUMN["left_spin"]
+        row[column] = spin(left, normalized=self._normalized)
+        row[column + 1] = spin(right, normalized=self._normalized)
 
     def steer(
         self, speed: float, front: float | None = None, rear: float | None = None
@@ -223,18 +202,17 @@ class Robot:
         """
         if self.bicycle is None:
             raise ValueError(f"{self.model.name} is skid-steered, expected drive()")
-        row = self.fleet.columns[self.slot]
-        front = row.item(FRONT_STEER) if front is None else front
-        rear = row.item(REAR_STEER) if rear is None else rear
+        row = self.row
+        front = float(row["front_steer"]) if front is None else front
+        rear = float(row["rear_steer"]) if rear is None else rear
         if not all(map(math.isfinite, (speed, front, rear))):
             text = f"speed {speed!r} and angles {front!r}, {rear!r}"
             raise ValueError(f"{text}, expected finite numbers")
         front, rear = self.bicycle.limit(front, rear)
         spin = self.wheel_drive.spin(speed, normalized=self._normalized)
-        row[FRONT_STEER], row[REAR_STEER] = front, rear
-        row[LEFT_SPIN], row[RIGHT_SPIN], row[SIDESLIP] = self.bicycle.motion(
-            spin, front, rear
-        )
+        row["front_steer"], row["rear_steer"] = front, rear
+        motion = self.bicycle.motion(spin, front, rear)
+        row["left_spin"], row["right_spin"], row["sideslip"] = motion
 
     def fly(
         self,
@@ -263,18 +241,18 @@ class Robot:
         speeds = (ahead, left, up, turn)
         if not all(math.isfinite(speed or 0.0) for speed in speeds):
             raise ValueError(f"speeds {speeds!r}, expected finite numbers")
-        row, radius, half_track = self._row, model.wheel_radius, model.track / 2
+        row, radius, half_track = self.row, model.wheel_radius, model.track / 2
         before = (
-            (row[RIGHT_SPIN] + row[LEFT_SPIN]) / 2 * radius,
-            row[ASIDE],
-            row[CLIMB],
-            (row[RIGHT_SPIN] - row[LEFT_SPIN]) / 2 * radius / half_track,
+            (row["right_spin"] + row["left_spin"]) / 2 * radius,
+            row["aside"],
+            row["climb"],
+            (row["right_spin"] - row["left_spin"]) / 2 * radius / half_track,
         )
         limits = (
             *(flight.max_linear, flight.max_lateral, flight.max_altitude),
             math.radians(flight.max_turn_deg),
         )
-        along, row[ASIDE], row[CLIMB], rate = (
+        along, row["aside"], row["climb"], rate = (
             old if speed is None else _limited(speed, limit, normalized=normalized)
             for speed, old, limit in zip(speeds, before, limits, strict=True)
         )
@@ -282,11 +260,11 @@ class Robot:
         tilt = math.radians(flight.tilt_deg)
         tilt *= flight.tilt_deg / 100 if normalized else 1.0
         if ahead is not None:
-            row[PITCH_WANTED] = math.copysign(tilt, ahead) if ahead else 0.0
+            row["pitch_wanted"] = math.copysign(tilt, ahead) if ahead else 0.0
         if left is not None:
-            row[ROLL_WANTED] = math.copysign(tilt, -left) if left else 0.0
-        row[LEFT_SPIN] = (along - rate * half_track) / radius
-        row[RIGHT_SPIN] = (along + rate * half_track) / radius
+            row["roll_wanted"] = math.copysign(tilt, -left) if left else 0.0
+        row["left_spin"] = (along - rate * half_track) / radius
+        row["right_spin"] = (along + rate * half_track) / radius
 
     def lean(self, dt: float) -> None:
         """Let a robot that flies tilt for a time step towards how it is to tilt.
@@ -294,26 +272,46 @@ class Robot:
         Args:
             dt: s.
         """
-        flight, row = self.model.flight, self._row
+        flight, row = self.model.flight, self.row
         if flight is None or not flight.tilt_deg:
             return
         step = math.radians(flight.tilt_rate_deg) * dt
-        for angle, wanted in ((ROLL, ROLL_WANTED), (PITCH, PITCH_WANTED)):
-            row[angle] += max(-step, min(step, row[wanted] - row[angle]))
-
-    @property
-    def _row(self) -> Floats:
-        row: Floats = self.fleet.columns[self.slot]
-        return row
+        for angle in ("roll", "pitch"):
+            more = row[f"{angle}_wanted"] - row[angle]
+            row[angle] += max(-step, min(step, more))
 
     def halt(self) -> None:
         """Stop the wheels, or hover."""
-        row = self._row
-        row[LEFT_SPIN : RIGHT_SPIN + 1] = row[ASIDE : CLIMB + 1] = 0.0
-        row[ROLL_WANTED : PITCH_WANTED + 1] = 0.0
+        row = self.row
+        for name in (*_SPEEDS, "roll_wanted", "pitch_wanted"):
+            row[name] = 0.0
 
 
 def _limited(speed: float, limit: float, *, normalized: bool) -> float:
     """Return a speed within limits, or that of a percentage."""
     wanted = speed * limit / 100 if normalized else speed
     return max(-limit, min(limit, wanted))
+
+
+class WheelOdometry:
+    """The odometry of one robot, which its fleet integrates in each step.
+
+    Attributes:
+        robot: The robot.
+        row: Its row in the fleet's table of odometry, in which it stays.
+    """
+
+    def __init__(self, robot: Robot, row: int) -> None:
+        self.robot = robot
+        self.row = row
+
+    @property
+    def pose(self) -> Pose2:
+        """Pose relative to that of the spawn or reset, m and rad, not wrapped."""
+        _, _, x, y, yaw, *_ = self.robot.fleet.odometry[self.row].item()
+        return Pose2(x, y, yaw)
+
+    def reset(self) -> None:
+        """Make the pose of the last step the new origin."""
+        for name in ("x", "y", "yaw"):
+            self.robot.fleet.odometry[self.row][name] = 0.0

@@ -90,17 +90,10 @@ class WallStore:
         lines: The number of lines for which it has room.
     """
 
-    def __init__(
-        self, floors: Sequence[FloorWalls] = (), spare: Ints = _SPARE_ROWS
-    ) -> None:
-        """Create a table of some floors.
-
-        Args:
-            floors: The floors; there is room for as much again.
-            spare: Numbers of walls, entries and floors for which there is more room.
-        """
+    def __init__(self, floors: Sequence[FloorWalls] = ()) -> None:
+        """Create a table of some floors, with room for more; without any, for none."""
         needed = sum(map(_sizes, floors), np.zeros(3, np.int64))
-        room = (2 * needed + spare).tolist()
+        room = (2 * needed + (_SPARE_ROWS if floors else 0)).tolist()
         types = LINE, WALL_ENTRY, WALL_GRID
         self._tables = tuple(map(np.zeros, room, types))
         self.table = pack_walls(*self._tables)
@@ -108,11 +101,6 @@ class WallStore:
         self._used = np.zeros(3, np.int64)
         for floor in floors:
             self.add(floor)
-
-    @property
-    def count(self) -> int:
-        """Number of the floors in the table."""
-        return int(self._used[2])
 
     def add(self, floor: FloorWalls) -> bool:
         """Add a floor; its number is that of the floors before.

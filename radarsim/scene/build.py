@@ -6,7 +6,7 @@ What reads meshes is imported at the first mesh, since few maps have one.
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -20,19 +20,18 @@ from radarsim.scene.map_schema import (
     MAX_EXTENT,
     MAX_OBJECTS,
     MAX_PARTS,
-    MaterialEntry,
+    MaterialKeys,
     ObjectEntry,
     ScatterEntry,
 )
-from radarsim.scene.material import Material, library_material
+from radarsim.scene.material import PLAIN_KEYS, Material, library_material
 from radarsim.scene.mesh_files import (
     MAX_TRIANGLES,
     MeshBudget,
     MeshError,
     find_inside,
 )
-from radarsim.scene.reflectors import POINT_EDGE, REFLECTOR, Reflector
-from radarsim.scene.scene import Part
+from radarsim.scene.scene import POINT_EDGE, REFLECTOR, Part, Reflector
 from radarsim.scene.shapes import (
     Faces,
     Mesh,
@@ -58,6 +57,7 @@ _AROUND: Final = [i * _COLUMN + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
 _DRAWS: Final = 1000  # numbers that are drawn at once
 
 _Position: TypeAlias = tuple[float, float]
+_Copy: TypeAlias = tuple[str, Floats, float]
 _Piece: TypeAlias = tuple[Material, Mesh]
 
 
@@ -73,26 +73,8 @@ class BuildError(Exception):
         self.problems = problems
 
 
-# Keys of an entry that are attributes of the material, and replace those of the base.
-_PLAIN_KEYS: Final = {
-    "solid",
-    "absorption_db",
-    "laser_absorption_db",
-    "attenuation_db",
-    "sheet_attenuation_db",
-    "backscatter_db",
-    "albedo",
-    "constant_gamma",
-    "specular_db",
-    "slope_deg",
-    "sway_m_per_s",
-    "scatters_light",
-    "transmission_db",
-}
-
-
 def make_material(
-    name: str, entry: MaterialEntry, base: Material | None = None
+    name: str, entry: MaterialKeys, base: Material | None = None
 ) -> Material:
     """Create a material from an entry and the library material that it is based on.
 
@@ -136,11 +118,12 @@ def make_material(
     has_density = math.isfinite(given.get("density", math.inf))
     if has_density and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
         changes["attenuation_db"] = base.radar_db
-    if entry.absorption_db is not None:  # what is absorbed does not come back
-        changes["backscatter_db"] = base.backscatter_db - entry.absorption_db
+    if "absorption_db" in given:  # what is absorbed does not come back
+        absorbed = given["absorption_db"]
+        changes["backscatter_db"] = base.backscatter_db - absorbed
         if base.specular_db is not None:
-            changes["specular_db"] = base.specular_db - entry.absorption_db
-    changes |= {key: value for key, value in given.items() if key in _PLAIN_KEYS}
+            changes["specular_db"] = base.specular_db - absorbed
+    changes |= {key: value for key, value in given.items() if key in PLAIN_KEYS}
     return replace(base, **changes)
 
 
@@ -203,13 +186,13 @@ class PartBuilder:
         rotation = rotation_matrix(*entry.angles()).T
         parts = [
             Part(
-                copy.name,
+                name,
                 material,
                 # in this order: another one would change the last digits of ranges
-                copy.scale * vertices @ rotation + copy.position,
+                scale * vertices @ rotation + position,
                 faces,
             )
-            for copy in copies
+            for name, position, scale in copies
             for material, (vertices, faces) in pieces
         ]
         extent = np.abs([part.bounds for part in parts]).max()
@@ -265,8 +248,8 @@ class PartBuilder:
         return self._joined[key]
 
     def _read(self, mesh: str) -> list[Surface]:
-        from radarsim.scene.face_passes import weld_vertices  # noqa: PLC0415 - see above
         from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415
+        from radarsim.scene.topology import weld_vertices  # noqa: PLC0415 - see above
 
         if mesh not in self._surfaces:
             try:  # once: hundreds of objects may have the same broken file
@@ -295,10 +278,10 @@ def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
         return []
     trihedral, rcs_dbsm = entry.reflector.trihedral, entry.reflector.rcs_dbsm
     reflectors = []
-    for copy in place_copies(entry):
-        x, y, z = copy.position.tolist()
-        edge = None if trihedral is None else copy.scale * trihedral
-        reflectors.append(Reflector(copy.name, (x, y, z), edge, rcs_dbsm))
+    for name, position, scale in place_copies(entry):
+        x, y, z = position.tolist()
+        edge = None if trihedral is None else scale * trihedral
+        reflectors.append(Reflector(name, (x, y, z), edge, rcs_dbsm))
     return reflectors
 
 
@@ -363,21 +346,6 @@ def _group_by_material(
     return groups
 
 
-@dataclass(frozen=True, eq=False)
-class Copy:
-    """One copy of an object.
-
-    Attributes:
-        name: The object's name, with a number if there are several copies.
-        position: (3,) m, of its origin.
-        scale: Factor of its size.
-    """
-
-    name: str
-    position: Floats
-    scale: float = 1.0
-
-
 def copy_names(name: str, count: int | None) -> Iterator[str]:
     """Yield the names of an object's copies, ``name_1``, ``name_2``; or just its own.
 
@@ -391,8 +359,8 @@ def copy_names(name: str, count: int | None) -> Iterator[str]:
         yield from (f"{name}_{number}" for number in range(1, count + 1))
 
 
-def place_copies(entry: ObjectEntry) -> list[Copy]:
-    """Place an object's copies.
+def place_copies(entry: ObjectEntry) -> list[_Copy]:
+    """Return name, position, (3,) m, and factor of the size of an object's copies.
 
     Scattered positions are drawn one after the other from a stream of the entry's own
     seed and name, so that a larger count does not move the first copies.
@@ -405,10 +373,10 @@ def place_copies(entry: ObjectEntry) -> list[Copy]:
         return _scatter_copies(entry.name, origin, entry.scatter)
     step = np.array(entry.repeat.step) if entry.repeat else np.zeros(3)
     names = copy_names(entry.name, entry.copies)
-    return [Copy(name, origin + i * step) for i, name in enumerate(names)]
+    return [(name, origin + i * step, 1.0) for i, name in enumerate(names)]
 
 
-def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Copy]:
+def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_Copy]:
     # By seed and name, so that an entry more in the map moves no other one's copies.
     draws = _draw_forever(generator_for(scatter.seed, "scatter", name))
     (left, lower), (right, upper) = scatter.area
@@ -429,7 +397,7 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Co
         scales.append(smallest + spread * next(draws))
     names = copy_names(name, scatter.count)
     positions = origin + np.array(offsets)
-    return [Copy(*each) for each in zip(names, positions, scales, strict=True)]
+    return list(zip(names, positions, scales, strict=True))
 
 
 def _draw_forever(rng: np.random.Generator) -> Iterator[float]:

@@ -23,8 +23,7 @@ from radarsim.scene.map_loader import MapLoader
 from radarsim.scene.map_schema import MaterialEntry
 from radarsim.scene.map_writer import material_keys
 from radarsim.scene.material import Material, library_material, library_names
-from radarsim.scene.reflectors import REFLECTOR
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import REFLECTOR, Part, Scene
 from radarsim.validation import describe_settings
 from radarsim.yaml_reader import parse_yaml
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from radarsim.errors import MapError, did_you_mean
 from radarsim.geometry import Floats
-from radarsim.scene.map_schema import MAX_EXTENT, START_NAME, MaterialEntry
+from radarsim.scene.map_schema import MAX_EXTENT, START_NAME, MaterialKeys
 from radarsim.scene.material import (
     AMOUNTS,
     Material,
@@ -74,19 +74,20 @@ def material_problems(item: object) -> Iterator[Problem]:
             yield (key,), f"expected only with 'based_on' one of {bases}"
 
 
-def surface_problems(entry: MaterialEntry, material: Material) -> Iterator[Problem]:
+def surface_problems(entry: MaterialKeys, material: Material) -> Iterator[Problem]:
     """Check a valid material: only opaque surfaces absorb or mirror.
 
     The attenuation by a sheet belongs to a sheet, that inside to what has an inside.
     """
+    given = entry.model_dump(exclude_none=True)
     is_sheet = material.sheet_loss is not None
     for key, fits, of in (
         ("attenuation_db", not is_sheet, "has an inside"),
         ("sheet_attenuation_db", is_sheet, "has a 'sheet_loss'"),
     ):
-        if getattr(entry, key) and not (fits and math.isfinite(material.density)):
+        if given.get(key) and not (fits and math.isfinite(material.density)):
             yield (key,), f"expected only of what a radar enters and {of}"
-    if entry.transmission_db is not None and not material.radar_mirror:
+    if "transmission_db" in given and not material.radar_mirror:
         yield ("transmission_db",), "expected only of a mirror to radar"
     for wave, key, density in (
         ("radar", "absorption_db", material.density),
@@ -95,8 +96,8 @@ def surface_problems(entry: MaterialEntry, material: Material) -> Iterator[Probl
         if math.isinf(density):
             continue
         expected = f"expected only of what is opaque to a {wave}"
-        if getattr(entry, key):
-            yield (key,), f"{getattr(entry, key):g}, {expected}"
+        if given.get(key):
+            yield (key,), f"{given[key]:g}, {expected}"
         if entry.mirror in (wave, "both"):
             yield ("mirror",), f"{short_repr(entry.mirror)}, {expected}"
 

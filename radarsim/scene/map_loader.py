@@ -5,17 +5,15 @@ one only leaves out what would be built from it. A variant is a layer of further
 over those of the map; what it does not change is built once.
 """
 
-import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
-from typing import Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
 from radarsim.errors import expected_one_of
-from radarsim.geometry import Pose3
 from radarsim.scene.build import (
     Budget,
     BuildError,
@@ -24,7 +22,6 @@ from radarsim.scene.build import (
     make_material,
     make_reflectors,
 )
-from radarsim.scene.crates import MOST_CRATES, Crate
 from radarsim.scene.map_checks import (
     ProblemList,
     air_problems,
@@ -51,6 +48,7 @@ from radarsim.scene.map_schema import (
     Header,
     MaterialEntry,
     ObjectEntry,
+    PlacedEntry,
     StartEntry,
     TagEntry,
     TrialEntry,
@@ -60,9 +58,15 @@ from radarsim.scene.map_schema import (
     unknown_material,
 )
 from radarsim.scene.material import Material, library_material, library_names
-from radarsim.scene.reflectors import REFLECTOR, Reflector
-from radarsim.scene.scene import GPS_ORIGIN, Part, Scene, StartPose, Trial
-from radarsim.scene.victims import Tag, Victim
+from radarsim.scene.scene import (
+    GPS_ORIGIN,
+    MOST_CRATES,
+    REFLECTOR,
+    Part,
+    Reflector,
+    Scene,
+    Trial,
+)
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import KeyPath, YamlFile
 
@@ -131,7 +135,7 @@ class MapLoader:
         materials, invalid = self._materials(layers)
         air = self._air(layers, materials, invalid)
         entries = list(self._objects(layers, materials))
-        starts = tuple(self._starts(data))
+        starts = self._placed(data, "starts", StartEntry, MAX_STARTS)
         trial = self._trial(data)
         # What is too much is told before anything is built of the rest.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
@@ -151,9 +155,9 @@ class MapLoader:
             trial,
             header.gps_origin_deg if header else GPS_ORIGIN,
             tuple(reflectors),
-            tuple(self._tags(data)),
-            tuple(self._victims(data)),
-            tuple(self._crates(data)),
+            self._placed(data, "tags", TagEntry, MAX_TAGS),
+            self._placed(data, "victims", VictimEntry, MAX_VICTIMS),
+            self._placed(data, "crates", CrateEntry, MOST_CRATES),
         )
         self.problems.report(("objects",), extent_problems(scene.bounds))
         return scene
@@ -285,52 +289,18 @@ class MapLoader:
             raise built
         return built
 
-    def _starts(self, data: dict[str, object]) -> Iterator[StartPose]:
+    def _placed(
+        self, data: dict[str, object], key: str, model: type[PlacedEntry], most: int
+    ) -> tuple[Any, ...]:
+        """Return what the valid entries of a section describe."""
         taken: dict[str, KeyPath] = {}
-        for at, item in self._entries([((), data)], "starts", MAX_STARTS):
-            entry = self._validate(StartEntry, item, at)
+        found = []
+        for at, item in self._entries([((), data)], key, most):
+            entry = self._validate(model, item, at)
             if entry is not None:
-                self._claim(at, [entry.name], taken, ignore_case=True)
-                x, y, z = entry.position
-                pose = Pose3(x, y, z, yaw=math.radians(entry.yaw_deg))
-                yield StartPose(entry.name, pose)
-
-    def _tags(self, data: dict[str, object]) -> Iterator[Tag]:
-        taken: dict[str, KeyPath] = {}
-        for at, item in self._entries([((), data)], "tags", MAX_TAGS):
-            entry = self._validate(TagEntry, item, at)
-            if entry is not None:
-                self._claim(at, [str(entry.id)], taken)
-                x, y, z = entry.position
-                yield Tag(entry.id, (x, y, z))
-
-    def _victims(self, data: dict[str, object]) -> Iterator[Victim]:
-        taken: dict[str, KeyPath] = {}
-        for at, item in self._entries([((), data)], "victims", MAX_VICTIMS):
-            entry = self._validate(VictimEntry, item, at)
-            if entry is not None:
-                self._claim(at, [entry.name], taken, ignore_case=True)
-                x, y, z = entry.position
-                yield Victim(
-                    entry.name,
-                    (x, y, z),
-                    math.radians(entry.yaw_deg),
-                    entry.moves,
-                    entry.sound_db,
-                    entry.sound_s,
-                    entry.co2_percent,
-                )
-
-    def _crates(self, data: dict[str, object]) -> Iterator[Crate]:
-        taken: dict[str, KeyPath] = {}
-        for at, item in self._entries([((), data)], "crates", MOST_CRATES):
-            entry = self._validate(CrateEntry, item, at)
-            if entry is not None:
-                self._claim(at, [entry.name], taken, ignore_case=True)
-                length, width, height = entry.size
-                x, y, z = entry.position
-                size, yaw = (length, width, height), math.radians(entry.yaw_deg)
-                yield Crate(entry.name, size, (x, y, z), yaw)
+                self._claim(at, [entry.key], taken, ignore_case=True)
+                found.append(entry.build())
+        return tuple(found)
 
     def _trial(self, data: dict[str, object]) -> Trial | None:
         item = data.get("trial")

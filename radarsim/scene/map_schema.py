@@ -8,7 +8,16 @@ import math
 import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, TypedDict, cast
+from typing import (
+    Annotated,
+    Any,
+    Final,
+    Literal,
+    TypeAlias,
+    TypedDict,
+    cast,
+    get_type_hints,
+)
 
 from annotated_types import Ge, Gt, Le, Len, MaxLen
 from pydantic import (
@@ -19,16 +28,37 @@ from pydantic import (
     PlainValidator,
     Strict,
     ValidationInfo,
+    create_model,
     field_validator,
     model_validator,
 )
 
 from radarsim.errors import did_you_mean, expected_one_of, list_names
-from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.scene.crates import LARGEST, SMALLEST
-from radarsim.scene.material import OPAQUE, library_names
+from radarsim.geometry import Pose3
+from radarsim.scene.material import (
+    MAX_DB,
+    MAX_LEVEL,
+    OPAQUE,
+    PLAIN_KEYS,
+    BandDecibels,
+    Level,
+    Material,
+    Real,
+    Truth,
+    library_names,
+    number_up_to,
+)
 from radarsim.scene.mesh_files import MeshError, find_inside
-from radarsim.scene.scene import GPS_ORIGIN
+from radarsim.scene.scene import (
+    GPS_ORIGIN,
+    LARGEST,
+    SMALLEST,
+    Crate,
+    Place,
+    StartPose,
+    Tag,
+    Victim,
+)
 from radarsim.validation import point_hint, rejection, short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
@@ -44,20 +74,12 @@ MAX_VARIANTS = 100
 MAX_ENTRIES = 100_000  # objects in a file, counted once for each variant
 MAX_NAME = 200  # characters in the name of an object or a level
 MAX_START_NAME = 40  # characters, so that the one line that lists starts holds many
-MAX_DB = 1e6  # per metre; a material that attenuates more is opaque
 MAX_AMOUNT = 1000.0  # mm/h, g/m^3
-MAX_LEVEL = 200.0  # dB, of what returns to a radar
-MIN_SLOPE = 0.2  # degrees, of facets
-MAX_SLOPE = 30.0
-MAX_SWAY = 10.0  # m/s
 MAX_TAG = 2**31 - 1  # clients read numbers of tags into 32 bits
 MAX_DURATION = 3600.0  # s, of a sound
 
 LEVEL_NAME = rf"[!-z|~]{{1,{MAX_NAME}}}"  # one word of a line on the wire
 START_NAME = r"(Robot|Player|ComSt|Point)[A-Za-z]*[0-9]*(_[0-9])?"
-_BAND_KEYS = [str(band) for band in BANDS_GHZ]
-
-Bands: TypeAlias = tuple[float, float, float]
 
 
 class EntryContext(TypedDict):
@@ -131,7 +153,7 @@ def _mesh_file(value: str, info: ValidationInfo) -> str:
 
 
 def _density(value: object) -> float:
-    number = OPAQUE if value == "opaque" else _number(value)
+    number = OPAQUE if value == "opaque" else number_up_to(value)
     if number is None:
         raise ValueError(
             f"{short_repr(value)}, expected 'opaque' or a number, at least 0"
@@ -140,38 +162,12 @@ def _density(value: object) -> float:
     return number
 
 
-def _absorption(value: object) -> float:
-    number = math.inf if value == "all" else _number(value, MAX_DB)
-    if number is None:
-        expected = f"expected 'all' or a number from 0 to {MAX_DB:g}"
-        raise ValueError(f"{short_repr(value)}, {expected}")
-    return number
-
-
-def _bands(value: object) -> Bands:
-    """Parse one number for all bands, or one for each."""
-    given = value if isinstance(value, dict) else dict.fromkeys(_BAND_KEYS, value)
-    first, second, third = (_number(given.get(key), MAX_DB) for key in _BAND_KEYS)
-    if first is None or second is None or third is None or len(given) > 3:
-        expected = f"expected a number from 0 to {MAX_DB:g}, or one for each of"
-        raise ValueError(f"{short_repr(value)}, {expected} {', '.join(_BAND_KEYS)}")
-    return first, second, third
-
-
-def _number(value: object, most: float = math.inf) -> float | None:
-    # To Python a bool is an int: true would be the number 1.
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return None
-    return float(value) if 0 <= value <= most else None
-
-
 def _in_library(value: str) -> str:
     if value not in library_names():
         raise ValueError(expected_one_of(value, library_names()))
     return value
 
 
-Real: TypeAlias = Annotated[float, Strict()]
 Coordinate: TypeAlias = Annotated[Real, Ge(-MAX_EXTENT), Le(MAX_EXTENT)]
 Size: TypeAlias = Annotated[Real, Gt(0), Le(MAX_EXTENT)]
 Vector: TypeAlias = Annotated[list[Coordinate], Len(3, 3)]
@@ -197,9 +193,6 @@ VariantName: TypeAlias = Annotated[
 ]
 Density: TypeAlias = Annotated[float, PlainValidator(_density)]
 Decibels: TypeAlias = Annotated[Real, Ge(0), Le(MAX_DB)]
-Level: TypeAlias = Annotated[Real, Ge(-MAX_LEVEL), Le(MAX_LEVEL)]
-BandDecibels: TypeAlias = Annotated[Bands, PlainValidator(_bands)]
-Absorption: TypeAlias = Annotated[float, PlainValidator(_absorption)]
 Amount: TypeAlias = Annotated[Real, Ge(0), Le(MAX_AMOUNT)]
 LibraryName: TypeAlias = Annotated[Text, AfterValidator(_in_library)]
 
@@ -245,8 +238,8 @@ class VariantEntry(Entry):
     air: Text | None = None
 
 
-class MaterialEntry(Entry):
-    """A material; missing keys are taken from the material that it is based on.
+class MaterialKeys(Entry):
+    """The keys of a material from which several of its attributes follow.
 
     Attributes:
         based_on: Name of a material of the library.
@@ -255,27 +248,10 @@ class MaterialEntry(Entry):
         laser_density: Power that a laser beam loses per metre inside.
         db_per_m: One-way attenuation of radar waves inside, dB/m, in each band.
         laser_db_per_m: One-way attenuation of light inside, dB/m.
-        solid: Whether it stops robots.
         sheet_loss: Power that a radar beam loses at each surface, and nowhere else.
-        absorption_db: Part of a radar wave that an opaque surface absorbs, dB.
-        laser_absorption_db: Part of a light beam that an opaque surface absorbs, dB.
         mirror: The beams to which an opaque surface is a mirror.
         g_per_m3: Mass concentration of the library material's particles, g/m³.
         mm_per_h: Rain rate of the library material, mm/h.
-        attenuation_db: What a radar that counts in decibels loses inside, one way,
-            dB/m, in each band, instead of ``density`` and ``db_per_m``.
-        sheet_attenuation_db: The same at each surface, dB, instead of ``sheet_loss``.
-        backscatter_db: What an opaque surface that is met head-on returns to a radar,
-            dB, without what it absorbs.
-        albedo: Share of what it takes from a radar wave that it scatters.
-        constant_gamma: Whether it returns the same at all angles, as open ground does;
-            in a spectrum such ground goes on beyond the edge of the map.
-        specular_db: What facets of an opaque surface reflect to a radar that they face,
-            dB.
-        slope_deg: Rms slope of these facets, degrees.
-        sway_m_per_s: Rms speed at which the wind moves leaves along a radar wave, m/s.
-        transmission_db: What a radar wave loses on its way through a pane, dB.
-        scatters_light: Whether a volume sends light back from every depth, as smoke.
     """
 
     based_on: LibraryName | None = None
@@ -283,23 +259,22 @@ class MaterialEntry(Entry):
     laser_density: Density | None = None
     db_per_m: BandDecibels | None = None
     laser_db_per_m: Decibels | None = None
-    solid: Annotated[bool, Strict()] | None = None
     sheet_loss: Annotated[Real, Ge(0)] | None = None
-    absorption_db: Absorption | None = None
-    laser_absorption_db: Absorption | None = None
     mirror: Literal["radar", "laser", "both", "none"] | None = None
     g_per_m3: Amount | None = None
     mm_per_h: Amount | None = None
-    attenuation_db: BandDecibels | None = None
-    sheet_attenuation_db: BandDecibels | None = None
-    backscatter_db: Level | None = None
-    albedo: Annotated[Real, Ge(0), Le(1)] | None = None
-    constant_gamma: Annotated[bool, Strict()] | None = None
-    specular_db: Annotated[Real, Ge(-MAX_LEVEL), Le(0)] | None = None
-    slope_deg: Annotated[Real, Ge(MIN_SLOPE), Le(MAX_SLOPE)] | None = None
-    sway_m_per_s: Annotated[Real, Ge(0), Le(MAX_SWAY)] | None = None
-    transmission_db: BandDecibels | None = None
-    scatters_light: Annotated[bool, Strict()] | None = None
+
+
+def _plain_keys() -> dict[str, Any]:
+    """Return the keys that are attributes of materials, with their types."""
+    hints = get_type_hints(Material, include_extras=True)
+    return {key: (hints[key] | None, None) for key in PLAIN_KEYS}
+
+
+# A material; missing keys are taken from the material that it is based on.
+MaterialEntry: Final = create_model(
+    "MaterialEntry", __base__=MaterialKeys, **_plain_keys()
+)
 
 
 class ReflectorEntry(Entry):
@@ -405,22 +380,70 @@ class ObjectEntry(Entry):
         return copies.count if copies else None
 
 
-class StartEntry(Entry):
-    """A pose on the floor where robots start."""
+class PlacedEntry(Entry):
+    """An entry of which a map has several in different places."""
 
-    name: StartName
     position: Vector
-    yaw_deg: Real = 0.0
+
+    @property
+    def place(self) -> Place:
+        """Its position."""
+        x, y, z = self.position
+        return x, y, z
+
+    @property
+    def key(self) -> str:
+        """What no other entry of its section has, in any case."""
+        raise NotImplementedError
+
+    def build(self) -> object:
+        """Return what scenes have of it."""
+        raise NotImplementedError
 
 
-class TagEntry(Entry):
+class TagEntry(PlacedEntry):
     """An RFID tag."""
 
     id: Annotated[Whole, Ge(0), Le(MAX_TAG)]
-    position: Vector
+
+    @property
+    def key(self) -> str:
+        """Its number."""
+        return str(self.id)
+
+    def build(self) -> Tag:
+        """Return the tag."""
+        return Tag(self.id, self.place)
 
 
-class VictimEntry(Entry):
+class NamedEntry(PlacedEntry):
+    """An entry with a name and a direction."""
+
+    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
+    yaw_deg: Real = 0.0
+
+    @property
+    def key(self) -> str:
+        """Its name."""
+        return self.name
+
+    @property
+    def yaw(self) -> float:
+        """Its direction, rad."""
+        return math.radians(self.yaw_deg)
+
+
+class StartEntry(NamedEntry):
+    """A pose on the floor where robots start."""
+
+    name: StartName
+
+    def build(self) -> StartPose:
+        """Return the start."""
+        return StartPose(self.name, Pose3(*self.place, yaw=self.yaw))
+
+
+class VictimEntry(NamedEntry):
     """A victim, which lies on the floor.
 
     Attributes:
@@ -432,16 +455,18 @@ class VictimEntry(Entry):
         co2_percent: Share of carbon dioxide in its breath, %.
     """
 
-    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
-    position: Vector
-    yaw_deg: Real = 0.0
-    moves: Annotated[bool, Strict()] = False
+    moves: Truth = False
     sound_db: Annotated[Real, Ge(0), Le(MAX_LEVEL)] | None = None
     sound_s: Annotated[Real, Gt(0), Le(MAX_DURATION)] = 1.0
     co2_percent: Annotated[Real, Ge(0), Le(100)] = 0.0
 
+    def build(self) -> Victim:
+        """Return the victim."""
+        signs = self.moves, self.sound_db, self.sound_s, self.co2_percent
+        return Victim(self.name, self.place, self.yaw, *signs)
 
-class CrateEntry(Entry):
+
+class CrateEntry(NamedEntry):
     """A box that clients may move.
 
     Attributes:
@@ -449,10 +474,12 @@ class CrateEntry(Entry):
         position: Position of its middle, m.
     """
 
-    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
     size: Annotated[list[Annotated[Real, Ge(SMALLEST), Le(LARGEST)]], Len(3, 3)]
-    position: Vector
-    yaw_deg: Real = 0.0
+
+    def build(self) -> Crate:
+        """Return the crate."""
+        length, width, height = self.size
+        return Crate(self.name, (length, width, height), self.place, self.yaw)
 
 
 class TrialEntry(Entry):

@@ -14,30 +14,10 @@ import yaml
 
 from radarsim.files import write_atomically
 from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.scene.material import Losses, Material, library_material
-from radarsim.scene.reflectors import REFLECTOR
-from radarsim.scene.scene import Part, Scene, Trial
-from radarsim.scene.victims import Victim
+from radarsim.scene.material import PLAIN_KEYS, Losses, Material, library_material
+from radarsim.scene.scene import REFLECTOR, Part, Scene, Trial
 
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-# Attributes of materials that are keys of a map file under the same names.
-_PLAIN: Final = (
-    "solid",
-    "sheet_loss",
-    "backscatter_db",
-    "albedo",
-    "constant_gamma",
-    "specular_db",
-    "slope_deg",
-    "sway_m_per_s",
-    "scatters_light",
-)
-_BANDS: Final = {
-    "radar_db": "db_per_m",
-    "attenuation_db": "attenuation_db",
-    "sheet_attenuation_db": "sheet_attenuation_db",
-    "transmission_db": "transmission_db",
-}
 
 
 def material_keys(material: Material) -> dict[str, Any]:
@@ -56,27 +36,28 @@ def material_keys(material: Material) -> dict[str, Any]:
         keys[name] = density if math.isfinite(density) else "opaque"
     if math.isfinite(material.laser_density) and material.laser_db != 0:
         keys["laser_db_per_m"] = material.laser_db
-    for attribute, key in _BANDS.items():
-        losses: Losses | None = getattr(material, attribute)
-        # A density replaces the losses of a base.
-        if losses is not None and (any(losses) or material.rain):
-            keys[key] = dict(zip(map(str, BANDS_GHZ), losses, strict=True))
-    for key in ("absorption_db", "laser_absorption_db"):
-        absorbed = getattr(material, key)
-        if absorbed:
-            keys[key] = absorbed if math.isfinite(absorbed) else "all"
-    for key in _PLAIN:
+    if material.sheet_loss is not None:
+        keys["sheet_loss"] = material.sheet_loss
+    # A density replaces the losses of a base.
+    if any(material.radar_db) or material.rain:
+        keys["db_per_m"] = _by_band(material.radar_db)
+    for key in PLAIN_KEYS:
         value = getattr(material, key)
         is_given = value != getattr(base, key)
         if key == "backscatter_db":  # else it is less what is absorbed
             is_given |= material.absorption_db != 0
         if is_given and value != -math.inf:  # which follows from what is absorbed
-            keys[key] = value
+            value = _by_band(value) if isinstance(value, tuple) else value
+            keys[key] = "all" if value == math.inf else value
     if material.radar_mirror or material.laser_mirror:
         is_both = material.radar_mirror and material.laser_mirror
         one = "radar" if material.radar_mirror else "laser"
         keys["mirror"] = "both" if is_both else one
     return keys
+
+
+def _by_band(losses: Losses) -> dict[str, float]:
+    return dict(zip(map(str, BANDS_GHZ), losses, strict=True))
 
 
 def write_map(scene: Scene, path: Path) -> None:
@@ -115,24 +96,27 @@ def write_map(scene: Scene, path: Path) -> None:
         "air": scene.air and scene.air.name,
         "objects": objects,
         "starts": [
-            {
-                "name": start.name,
-                "position": list(start.pose.numbers()[:3]),
-                "yaw_deg": _degrees(start.pose.yaw),
-            }
+            _placed_keys(start.pose.numbers()[:3], start.pose.yaw, name=start.name)
             for start in scene.starts
         ],
-        "tags": [{"id": t.id, "position": list(t.position)} for t in scene.tags]
+        "tags": [_placed_keys(each.position, id=each.id) for each in scene.tags]
         or None,
-        "victims": [_victim_keys(each) for each in scene.victims] or None,
+        "victims": [
+            _placed_keys(
+                each.position,
+                each.yaw,
+                name=each.name,
+                moves=each.moves,
+                sound_db=each.loudness,
+                sound_s=each.duration,
+                co2_percent=each.co2,
+            )
+            for each in scene.victims
+        ]
+        or None,
         "crates": [
-            {
-                "name": crate.name,
-                "size": list(crate.size),
-                "position": list(crate.position),
-                "yaw_deg": _degrees(crate.yaw),
-            }
-            for crate in scene.crates
+            _placed_keys(each.position, each.yaw, name=each.name, size=list(each.size))
+            for each in scene.crates
         ]
         or None,
         "trial": _trial_keys(scene.trial),
@@ -175,16 +159,12 @@ def _degrees(yaw: float) -> float:
     return next(exact, degrees)
 
 
-def _victim_keys(victim: Victim) -> dict[str, Any]:
-    keys = {
-        "name": victim.name,
-        "position": list(victim.position),
-        "yaw_deg": _degrees(victim.yaw),
-        "moves": victim.moves,
-        "sound_db": victim.loudness,
-        "sound_s": victim.duration,
-        "co2_percent": victim.co2,
-    }
+def _placed_keys(
+    position: Sequence[float], yaw: float | None = None, **others: Any
+) -> dict[str, Any]:
+    """Return the keys of an entry in some place, without those that it lacks."""
+    angle = None if yaw is None else _degrees(yaw)
+    keys = {**others, "position": list(position), "yaw_deg": angle}
     return {key: value for key, value in keys.items() if value is not None}
 
 

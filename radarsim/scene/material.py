@@ -10,24 +10,30 @@ rain, and a default amount. All losses are one-way. Light means that of a laser 
 import math
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from annotated_types import Ge, Le
+from pydantic import BaseModel, ConfigDict, PlainValidator, Strict, TypeAdapter
 
 from radarsim.errors import PresetError
-from radarsim.presets.preset_files import (
+from radarsim.presets import (
     SourcedValue,
     preset_names,
     read_preset,
     unknown_preset,
 )
 from radarsim.presets.sensor_settings import BANDS_GHZ
+from radarsim.validation import short_repr
 
 OPAQUE: Final = math.inf
 ALBEDO: Final = 0.2  # of foliage
 BACKSCATTER_DB: Final = -10.0  # of a rough surface of which nothing is known
 SLOPE_DEG: Final = 2.0  # of facets of which only the reflection is known
+
+MAX_DB: Final = 1e6  # per metre; a material that attenuates more is opaque
+MAX_LEVEL: Final = 200.0  # dB, of what returns to a radar
+_BAND_KEYS: Final = [str(band) for band in BANDS_GHZ]
 
 Losses: TypeAlias = tuple[float, float, float]  # in each of ``BANDS_GHZ``
 Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]
@@ -44,9 +50,44 @@ RAIN_REFLECTIVITY_DB: Final = (
 )
 
 
+def _absorption(value: object) -> float:
+    number = math.inf if value == "all" else number_up_to(value, MAX_DB)
+    if number is None:
+        expected = f"expected 'all' or a number from 0 to {MAX_DB:g}"
+        raise ValueError(f"{short_repr(value)}, {expected}")
+    return number
+
+
+def _bands(value: object) -> Losses:
+    """Parse one number for all bands, or one for each."""
+    given = value if isinstance(value, dict) else dict.fromkeys(_BAND_KEYS, value)
+    first, second, third = (number_up_to(given.get(key), MAX_DB) for key in _BAND_KEYS)
+    if first is None or second is None or third is None or len(given) > 3:
+        expected = f"expected a number from 0 to {MAX_DB:g}, or one for each of"
+        raise ValueError(f"{short_repr(value)}, {expected} {', '.join(_BAND_KEYS)}")
+    return first, second, third
+
+
+def number_up_to(value: object, most: float = math.inf) -> float | None:
+    """Return a number from 0 on; None if it is none, or too large."""
+    # To Python a bool is an int: true would be the number 1.
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    return float(value) if 0 <= value <= most else None
+
+
+Real: TypeAlias = Annotated[float, Strict()]
+Truth: TypeAlias = Annotated[bool, Strict()]
+Level: TypeAlias = Annotated[Real, Ge(-MAX_LEVEL), Le(MAX_LEVEL)]
+BandDecibels: TypeAlias = Annotated[Losses, PlainValidator(_bands)]
+Absorption: TypeAlias = Annotated[float, PlainValidator(_absorption)]
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Material:
     """A named material.
+
+    Attributes with limits are keys of maps and of the library, under the same names.
 
     Attributes:
         name: Name, as the map file spells it.
@@ -99,25 +140,25 @@ class Material:
     name: str
     density: float = OPAQUE
     laser_density: float = OPAQUE
-    solid: bool = True
+    solid: Truth = True
     sheet_loss: float | None = None
     radar_db: Losses = (0.0, 0.0, 0.0)
     laser_db: float = 0.0
-    absorption_db: float = 0.0
-    laser_absorption_db: float = 0.0
+    absorption_db: Absorption = 0.0
+    laser_absorption_db: Absorption = 0.0
     radar_mirror: bool = False
     laser_mirror: bool = False
     rain: float = 0.0
-    attenuation_db: Losses | None = None
-    sheet_attenuation_db: Losses | None = None
-    backscatter_db: float = BACKSCATTER_DB
-    albedo: float = ALBEDO
-    sway_m_per_s: float = 0.0
-    constant_gamma: bool = False
-    specular_db: float | None = None
-    slope_deg: float = SLOPE_DEG
-    transmission_db: Losses | None = None
-    scatters_light: bool | None = None
+    attenuation_db: BandDecibels | None = None
+    sheet_attenuation_db: BandDecibels | None = None
+    backscatter_db: Level = BACKSCATTER_DB
+    albedo: Annotated[Real, Ge(0), Le(1)] = ALBEDO
+    sway_m_per_s: Annotated[Real, Ge(0), Le(10)] = 0.0
+    constant_gamma: Truth = False
+    specular_db: Annotated[Real, Ge(-MAX_LEVEL), Le(0)] | None = None
+    slope_deg: Annotated[Real, Ge(0.2), Le(30)] = SLOPE_DEG
+    transmission_db: BandDecibels | None = None
+    scatters_light: Truth | None = None
 
     def __repr__(self) -> str:
         """Return the call that makes it, without what is by default."""
@@ -145,6 +186,17 @@ class Material:
             scatters = not self.solid and not self.rain
         lost = self.laser_density + self.laser_db
         return scatters and self.sheet_loss is None and 0 < lost < OPAQUE
+
+
+_MATERIAL: Final = TypeAdapter(Material)
+# Attributes that follow from other keys of maps, such as ``db_per_m`` and ``mirror``.
+_DERIVED: Final = {
+    *("name", "density", "laser_density", "sheet_loss", "radar_db", "laser_db"),
+    *("radar_mirror", "laser_mirror", "rain"),
+}
+PLAIN_KEYS: Final = tuple(
+    field.name for field in fields(Material) if field.name not in _DERIVED
+)
 
 
 class LibraryEntry(BaseModel):
@@ -222,14 +274,11 @@ def library_material(
             expected = entry.amount or "no amount"
             raise PresetError(f"material {name!r}: {key} {amount}, expected {expected}")
         values[key] = amount
-    none = dict.fromkeys(map(str, BANDS_GHZ), 0.0)
-    radar_db = _by_band(values.get("db_per_m", none))
+    radar_db = _bands(values.get("db_per_m", 0.0))
     laser_db = float(values.get("laser_db_per_m", 0.0))
     if entry.amount == "mm_per_h":
         rate = values["mm_per_h"]
-        laws = zip(
-            _by_band(values["rain_k"]), _by_band(values["rain_alpha"]), strict=True
-        )
+        laws = zip(_bands(values["rain_k"]), _bands(values["rain_alpha"]), strict=True)
         first, second, third = (rain_attenuation(k, alpha, rate) for k, alpha in laws)
         radar_db = first, second, third
         laser_db = rain_attenuation(
@@ -237,35 +286,24 @@ def library_material(
         )
     elif entry.amount == "g_per_m3":
         grammes = values["g_per_m3"]
-        first, second, third = (grammes * db for db in _by_band(values["db_per_g"]))
+        first, second, third = (grammes * db for db in _bands(values["db_per_g"]))
         radar_db = first, second, third
         laser_db = grammes * values["laser_db_per_g"]
     mirror = values.get("mirror", "none")
-    transmission = values.get("transmission_db")
-    return Material(
-        name,
-        density=OPAQUE if values.get("density") == "opaque" else 0.0,
-        laser_density=OPAQUE if values.get("laser_density") == "opaque" else 0.0,
-        solid=values["solid"],
-        radar_db=radar_db,
-        laser_db=laser_db,
-        absorption_db=values.get("absorption_db", 0.0),
-        laser_absorption_db=values.get("laser_absorption_db", 0.0),
-        radar_mirror=mirror in ("radar", "both"),
-        laser_mirror=mirror in ("laser", "both"),
-        rain=float(values.get("mm_per_h", 0.0)),
-        backscatter_db=float(values.get("backscatter_db", BACKSCATTER_DB)),
-        albedo=float(values.get("albedo", ALBEDO)),
-        specular_db=values.get("specular_db"),
-        slope_deg=float(values.get("slope_deg", SLOPE_DEG)),
-        transmission_db=None if transmission is None else _by_band(transmission),
-        scatters_light=entry.amount == "g_per_m3",
+    return _MATERIAL.validate_python(
+        {
+            "name": name,
+            "density": OPAQUE if values.get("density") == "opaque" else 0.0,
+            "laser_density": OPAQUE if values.get("laser_density") == "opaque" else 0.0,
+            "radar_db": radar_db,
+            "laser_db": laser_db,
+            "radar_mirror": mirror in ("radar", "both"),
+            "laser_mirror": mirror in ("laser", "both"),
+            "rain": values.get("mm_per_h", 0.0),
+            "scatters_light": entry.amount == "g_per_m3",
+            **{key: values[key] for key in PLAIN_KEYS if key in values},
+        }
     )
-
-
-def _by_band(numbers: dict[str, float]) -> Losses:
-    first, second, third = (float(numbers[str(band)]) for band in BANDS_GHZ)
-    return first, second, third
 
 
 def rain_attenuation(k: float, alpha: float, mm_per_h: float) -> float:

@@ -16,7 +16,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.scene.face_passes import connect_faces, weld_vertices
 from radarsim.scene.gltf import GltfFile
 from radarsim.scene.mesh_files import (
     MeshBudget,
@@ -27,14 +26,16 @@ from radarsim.scene.mesh_files import (
     check_vertices,
 )
 from radarsim.scene.obj import read_obj
-from radarsim.scene.shapes import Mesh, Surface, concatenate
+from radarsim.scene.shapes import Faces, Mesh, Surface, concatenate
 from radarsim.scene.topology import (
-    OrientedFaces,
+    Connections,
+    connect_faces,
     count_degenerate,
     orient_outward,
+    weld_vertices,
 )
 
-_OrientedSurface: TypeAlias = tuple[Floats, OrientedFaces]
+_OrientedSurface: TypeAlias = tuple[Floats, Faces, Connections]
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -87,7 +88,7 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
     welded = _weld(surfaces)
     vertices, faces = _concatenate_oriented(welded)
     # Connecting the faces takes long; those of a single surface are connected already.
-    known = welded[0][1].connections if len(welded) == 1 else None
+    known = welded[0][2] if len(welded) == 1 else None
     doubled, flat = count_degenerate(vertices, faces, known)
     if doubled:
         text = "faces are present in both orientations, with nothing inside"
@@ -110,7 +111,7 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
 
 
 def _concatenate_oriented(surfaces: list[_OrientedSurface]) -> Mesh:
-    return concatenate([(vertices, oriented.faces) for vertices, oriented in surfaces])
+    return concatenate([(vertices, faces) for vertices, faces, _ in surfaces])
 
 
 def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
@@ -128,7 +129,7 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
         if oriented is None:
             remaining.append((vertices, faces))
         else:
-            closed.append((vertices, oriented))
+            closed.append((vertices, *oriented))
     if remaining:
         vertices, faces = remaining[0]
         if len(remaining) > 1:
@@ -137,7 +138,7 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
         if oriented is None:
             count = connect_faces(faces).open_edges
             raise MeshError(f"not closed: {count} edges have no partner")
-        closed.append((vertices, oriented))
+        closed.append((vertices, *oriented))
     return closed
 
 

@@ -1,11 +1,11 @@
-"""The scene: parts with their materials, and the poses where robots start."""
+"""The scene: parts with their materials, starts of robots, victims, tags, crates."""
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -17,12 +17,32 @@ from radarsim.scene.shapes import Faces
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from radarsim.scene.crates import Crate
-    from radarsim.scene.reflectors import Reflector
-    from radarsim.scene.victims import Tag, Victim
+Place: TypeAlias = tuple[float, float, float]
 
 # Degrees; that of the original server: 39° 8.0273' N, 77° 12.998' W.
 GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
+MOST_CRATES = 20  # that one line can tell of
+SMALLEST, LARGEST = 0.05, 10.0  # m; sides of crates
+
+# What reflectors are made of. Their faces return nothing, in addition to the point.
+REFLECTOR: Final = Material("reflector", backscatter_db=-math.inf)
+POINT_EDGE: Final = 0.05  # m
+
+# Parts of the body of a man of average size (height 1.75 m, an estimate): how far along
+# the body from the pelvis towards the head, and to its left, m.
+BODY_PARTS: Final = (
+    ("Head", 0.75, 0.0),
+    ("Chest", 0.40, 0.0),
+    ("Pelvis", 0.0, 0.0),
+    ("Arm", 0.35, 0.30),
+    ("Arm", 0.35, -0.30),
+    ("Hand", 0.0, 0.40),
+    ("Hand", 0.0, -0.40),
+    ("Leg", -0.45, 0.12),
+    ("Leg", -0.45, -0.12),
+    ("Foot", -0.90, 0.12),
+    ("Foot", -0.90, -0.12),
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,6 +134,120 @@ class Trial:
     safety_distance: float
 
 
+@dataclass(frozen=True, slots=True)
+class Tag:
+    """An RFID tag.
+
+    Attributes:
+        id: Its number.
+        position: x, y, z, m, map frame.
+    """
+
+    id: int
+    position: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Victim:
+    """Somebody who lies on the floor, whom sensors of rescue robots look for.
+
+    A victim is no obstacle, and neither scanners nor cameras see it: who wants that
+    adds an object.
+
+    Attributes:
+        name: Name in the map.
+        position: x, y, z of the pelvis, m, map frame.
+        yaw: Direction from the feet to the head, rad, map frame.
+        moves: Whether sensors of motion react.
+        loudness: How loud the victim calls, dB at a distance of 1 m; None if not.
+        duration: How long each call lasts, s.
+        co2: Share of carbon dioxide in its breath, %; 0 if it does not breathe.
+    """
+
+    name: str
+    position: Place
+    yaw: float = 0.0
+    moves: bool = False
+    loudness: float | None = None
+    duration: float = 1.0
+    co2: float = 0.0
+
+    @property
+    def head(self) -> Place:
+        """The place of the head, m, map frame."""
+        return self.parts[0][1]
+
+    @property
+    def parts(self) -> list[tuple[str, Place]]:
+        """The parts of the body, each with its place, m, map frame."""
+        x, y, z = self.position
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return [
+            (part, (x + along * c - left * s, y + along * s + left * c, z))
+            for part, along, left in BODY_PARTS
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Crate:
+    """An upright box that clients may move.
+
+    It is no part of the scene: like a robot, it stops what meets it and is seen by all
+    sensors, but only as long as a simulation runs.
+
+    Attributes:
+        name: Its name; no two differ in case alone.
+        size: Length, width and height, m.
+        position: x, y, z of its middle, m, map frame.
+        yaw: Rad, map frame.
+    """
+
+    name: str
+    size: Place
+    position: Place
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Reflector:
+    """A point reflector: a small target whose radar cross section is known.
+
+    What is smaller than a beam returns a power that its radar cross section determines,
+    not its size. A trihedral, three triangular plates of metal at right angles, returns
+    a wave to where it came from. Eight of them back to back make the octahedron that
+    ships carry, which returns from all sides alike; so a reflector has no direction.
+
+    A radar that computes power takes the cross section. To the rays of a range scanner,
+    and to robots, a reflector is an opaque octahedron of that size, which is among the
+    parts of the scene; of another target it is ``POINT_EDGE`` large.
+
+    Attributes:
+        name: Name of the object in the map.
+        position: x, y, z, m, map frame.
+        trihedral: Length of the legs of the trihedral's plates, m; None if it is none.
+        rcs_dbsm: Radar cross section of another target, at every wavelength, dBsm.
+    """
+
+    name: str
+    position: Place
+    trihedral: float | None = None
+    rcs_dbsm: float | None = None
+
+    def rcs(self, wavelength: float) -> float:
+        """Return the radar cross section at a wavelength in m, m^2.
+
+        That of a trihedral is seen along its axis, as textbooks have it for a target
+        that is much larger than the wavelength, and far away.
+
+        >>> trihedral = Reflector("corner", (0.0, 0.0, 0.0), trihedral=0.1)
+        >>> round(10 * math.log10(trihedral.rcs(299792458 / 77e9)), 2)
+        14.41
+        """
+        if self.trihedral is not None:
+            return 4 * math.pi * self.trihedral**4 / (3 * wavelength**2)
+        return float(10 ** ((self.rcs_dbsm or 0.0) / 10))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """A loaded map; immutable.
@@ -143,10 +277,10 @@ class Scene:
     air: Material | None = None
     trial: Trial | None = None
     gps_origin: tuple[float, float] = GPS_ORIGIN
-    reflectors: tuple["Reflector", ...] = ()
-    tags: tuple["Tag", ...] = ()
-    victims: tuple["Victim", ...] = ()
-    crates: tuple["Crate", ...] = ()
+    reflectors: tuple[Reflector, ...] = ()
+    tags: tuple[Tag, ...] = ()
+    victims: tuple[Victim, ...] = ()
+    crates: tuple[Crate, ...] = ()
 
     def __repr__(self) -> str:
         objects = len({part.object_name for part in self.parts})

@@ -58,7 +58,6 @@ class BeamPattern:
         angles: (N,) directions of the beams, rad, counter-clockwise from the right.
         radius: Largest distance from the sensor at which a ray starts, m.
         has_random_rays: Whether each scan has rays of its own, instead of nodes.
-        draws_nodes: Whether one node of each beam is drawn for each scan.
         weights: (K,) share of each node in its beam; equal for random rays.
         rays: Number of rays of each beam that are traced.
         shares: (M,) share of each ray of a scan in its beam.
@@ -66,7 +65,6 @@ class BeamPattern:
             they start: the medium's, as in ``DEFAULT_CLASSES``.
         selects_ray: Whether one ray of each beam is selected after all are traced.
         needs_events: Whether the events along the rays are needed.
-        is_noisy: Whether ranges have random errors.
         kinds: The random numbers of a scan, in the order in which they are drawn: the
             name, method of the generator, and shape of each kind.
     """
@@ -99,7 +97,6 @@ class BeamPattern:
         settings, beams = self.settings, len(self.angles)
         is_whole = settings.combines_rays
         self.rays = len(self.weights) if is_whole or settings.incidence_weights else 1
-        self.draws_nodes = not self.has_random_rays and self.rays < len(self.weights)
         self.shares = np.tile(self.weights, beams) if self.rays > 1 else np.ones(beams)
         self.selects_ray = self.rays > 1 and not is_whole
         self.needs_events = (
@@ -107,15 +104,14 @@ class BeamPattern:
             or settings.range_resolution > 0
             or (self.rays > 1 and is_whole)
         )
-        self.is_noisy = settings.range_noise > 0 or settings.range_noise_share > 0
         self.kinds: list[tuple[str, Any, tuple[int, ...]]] = []
         if self.has_random_rays:
             self.kinds.append(("rays", NORMAL, (self.rays, beams, 2)))
-        elif self.draws_nodes:
+        elif self.rays < len(self.weights):
             self.kinds.append(("nodes", UNIFORM, (beams,)))
         if self.selects_ray:
             self.kinds.append(("selected", UNIFORM, (beams,)))
-        if self.is_noisy:
+        if settings.range_noise > 0 or settings.range_noise_share > 0:
             self.kinds.append(("errors", NORMAL, (beams,)))
 
     def source(self, drawn: Floats | None) -> Packed:
@@ -125,11 +121,9 @@ class BeamPattern:
             drawn: (K, N, 2) the angles of random rays to the left and up, in standard
                 deviations; None for a sensor without them, whose scans share one.
         """
-        return (
-            self._source
-            if drawn is None
-            else self._pack_source(self._drawn_nodes(drawn))
-        )
+        if drawn is None:
+            return self._source
+        return self._pack_source(self._drawn_nodes(drawn))
 
     def aim(self, places: Floats, nodes: Nodes, drawn: Floats | None = None) -> Rays:
         """Return rays of scans.

@@ -16,16 +16,19 @@ satellites.
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar, Final
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from radarsim.geometry import Floats
-from radarsim.presets.sensor_settings import GpsSettings
+from radarsim.presets.sensor_settings import NotNegative
+from radarsim.protocol.reports import Gps
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
-from radarsim.sensors.sonar import SONAR_CLASS
+from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
 METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # of latitude, of longitude
 LEAST_SATELLITES: Final = 4  # for a fix
@@ -53,81 +56,61 @@ SATELLITES: Final = np.array(
 # fmt: on
 
 
-@dataclass(frozen=True, slots=True)
-class GpsFix:
-    """A reading.
+class GpsSettings(BaseModel):
+    """All settings of a GPS receiver.
 
     Attributes:
-        position: Latitude and longitude, degrees, north and east positive; None without
-            a fix.
-        satellites: Number of satellites in sight.
+        max_noise: Three standard deviations of north and east with 4 satellites, m.
+        min_noise: Three standard deviations of north and east with 12 satellites, m.
     """
 
-    position: tuple[float, float] | None
-    satellites: int
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    max_noise: NotNegative
+    min_noise: NotNegative
 
 
-class Gps:
+class GpsReceiver(Sensor, types=["GPS"]):
     """A GPS receiver."""
 
-    def __init__(
-        self,
-        origin: tuple[float, float],
-        settings: GpsSettings,
-        rng: np.random.Generator,
-        carrier_id: int = -1,
-    ) -> None:
-        """Find the satellites above the horizon.
+    settings: ClassVar[type[BaseModel]] = GpsSettings
 
-        Args:
-            origin: Latitude and longitude of the map's origin, degrees.
-            settings: Size of the error.
-            rng: Source of the error.
-            carrier_id: Id of the box of its robot, which hides no satellite; -1 for
-                none.
-        """
-        self._origin = origin
-        self._settings = settings
-        self._rng = rng
-        directions = _directions(origin)
-        self._aimed = Rays.uniform(
-            np.zeros_like(directions),
-            directions,
-            max_range=REACH,
-            carrier_id=carrier_id,
-            ray_classes=(SONAR_CLASS,),
-        )
+    def __init__(self, mounting: Mounting) -> None:
+        """Find the satellites above the horizon."""
+        super().__init__(mounting)
+        self._origin = mounting.scene.gps_origin
+        self._noise: GpsSettings = mounting.settings
+        self._offset = self.item.mount.position()
+        directions = _directions(self._origin)
+        starts = np.zeros_like(directions)
+        self._aimed = sight_rays(starts, directions, REACH, self.robot.number)
 
-    def rays(self, place: Floats) -> Rays:
-        """Return a ray to each satellite above the horizon.
+    def rays(self) -> Rays:
+        """Return a ray to each satellite above the horizon."""
+        count = len(self._aimed.origins)
+        return replace(self._aimed, origins=np.tile(self._place(), (count, 1)))
 
-        Args:
-            place: (3,) m, the receiver's position, map frame.
-        """
-        return replace(
-            self._aimed, origins=np.tile(place, (len(self._aimed.origins), 1))
-        )
-
-    def fix(self, place: Floats, traces: Traces) -> GpsFix:
+    def read(self, time: float, traces: Traces) -> Sequence[Gps]:
         """Return a reading.
 
         Every reading draws as many random numbers, whether there is a fix or not.
-
-        Args:
-            place: (3,) m, the receiver's position, map frame.
-            traces: The traced rays.
         """
+        place, position = self._place(), None
         seen = int((traces.outcomes == Outcome.NOTHING).sum())
         north, east = self._rng.standard_normal(2) * self._sigma(seen)
-        if seen < LEAST_SATELLITES:
-            return GpsFix(None, seen)
-        latitude = self._origin[0] + (place[0] + north) / METRES_PER_DEGREE[0]
-        longitude = self._origin[1] + (east - place[1]) / METRES_PER_DEGREE[1]
-        return GpsFix((float(latitude), math.remainder(longitude, 360.0)), seen)
+        if seen >= LEAST_SATELLITES:
+            latitude = self._origin[0] + (place[0] + north) / METRES_PER_DEGREE[0]
+            longitude = self._origin[1] + (east - place[1]) / METRES_PER_DEGREE[1]
+            position = float(latitude), math.remainder(longitude, 360.0)
+        return [Gps(time, self.item.name, position, seen)]
+
+    def _place(self) -> Floats:
+        body = self.robot.body
+        return body.position() + body.rotation() @ self._offset
 
     def _sigma(self, satellites: int) -> float:
         """Return the standard deviation of the error, m; linear in their number."""
-        most, least = self._settings.max_noise, self._settings.min_noise
+        most, least = self._noise.max_noise, self._noise.min_noise
         size = most + (least - most) * (satellites - 4) / 8
         return max(0.0, size) / 3
 

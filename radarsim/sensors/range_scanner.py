@@ -11,8 +11,8 @@ from radarsim import plugins
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_fmcw_settings, load_settings
-from radarsim.raycast.rays import LASER, RADAR, Rays
-from radarsim.raycast.tracer import Tracer, tracer_of
+from radarsim.raycast.rays import LASER, RADAR
+from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import as_generator
 from radarsim.scene.scene import Scene, expected_scene
 from radarsim.sensors.beams import pattern_of
@@ -191,7 +191,9 @@ class RangeScanner:
         if self._has_detector:
             scan = self._scan_by_detector(scene, placed, rng)
         else:
-            batch = self._draw_batch(tracer_of(scene), placed, rng)
+            places = np.array([(*placed.numbers(), -1.0)], np.float64)
+            batch = ScanBatch(self.pattern, tracer_of(scene), places)
+            batch.draw(0, rng, self.name)
             batch.trace()
             scan = batch.scan(0, self.name, placed, scene)
         if self._noise is not None:
@@ -243,31 +245,6 @@ class RangeScanner:
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
         scan: Scan = self.fmcw.scan(scene, pose, rng)
         return scan
-
-    def draw_rays(
-        self, tracer: Tracer, pose: Pose3, rng: np.random.Generator | None
-    ) -> Rays:
-        """Return all rays that a scan would trace, and draw its random numbers.
-
-        Args:
-            tracer: Tracer of the scene.
-            pose: Pose of the sensor, map frame.
-            rng: Source of randomness.
-
-        Raises:
-            ValueError: If an rng is needed and missing.
-        """
-        batch = self._draw_batch(tracer, pose, rng)
-        batch.trace()
-        return batch.all_rays(0)
-
-    def _draw_batch(
-        self, tracer: Tracer, pose: Pose3, rng: np.random.Generator | None
-    ) -> ScanBatch:
-        places = np.array([(*pose.numbers(), -1.0)], np.float64)
-        batch = ScanBatch(self.pattern, tracer, places)
-        batch.draw(0, rng, self.name)
-        return batch
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:

@@ -97,6 +97,8 @@ class ScanBatch:
 
     Attributes:
         pattern: The beams.
+        kinds: The kinds of random numbers, as of the pattern; and of the scene.
+        needs_events: Whether the events along the rays are traced.
         drawn: The random numbers of each kind, J rows.
         ranges: (J, N) m, as of ``ScanArrays``; and so the next.
         rays: (J, N), or None.
@@ -258,9 +260,8 @@ class ScanBatch:
         pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
         # The ray that stands for a beam where none was selected is the middle one.
-        rows = np.arange(per_beam // 2, self.nodes.size, per_beam)
-        if self._rows is not None:
-            rows = self._rows
+        middle = np.arange(per_beam // 2, self.nodes.size, per_beam)
+        rows = middle if self._rows is None else self._rows
         echoes = self._all_echoes(rows)
         ranges, rays = np.full(len(rows), np.inf), rows.copy()
         kept = select_echoes(echoes, settings, ranges, rays)

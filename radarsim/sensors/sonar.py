@@ -20,15 +20,16 @@ ever counts. Angle, limits and rate are the original's.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
-from radarsim.geometry import Floats, Pose3
-from radarsim.presets.sensor_settings import SonarSettings
-from radarsim.raycast.rays import SONAR, RayClass, Rays, Traces
-
-SONAR_CLASS: Final = RayClass(SONAR)
+from radarsim.geometry import Floats
+from radarsim.presets.sensor_settings import NotNegative, Positive, RightAngle
+from radarsim.protocol.reports import Sonar
+from radarsim.raycast.rays import Rays, Traces
+from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
 # The directions of the rays as angles to the left and upward, in half angles of the
 # cone; the first is the axis.
@@ -42,23 +43,38 @@ _ANGLES: Final = np.array([*_LEVEL, *_CIRCLES])
 RAYS_PER_CONE: Final = len(_ANGLES)
 
 
-class SonarArray:
-    """The sonars of a robot, whose cones are cast together."""
+class SonarSettings(BaseModel):
+    """All settings of a sonar.
 
-    def __init__(
-        self,
-        mounts: Sequence[Pose3],
-        settings: Sequence[SonarSettings],
-        carrier_id: int = -1,
-    ) -> None:
-        """Aim the rays of all cones in the body frame.
+    Attributes:
+        beam_angle_deg: Angle of the whole cone, degrees.
+        min_range: Shortest range that is read, m; shorter ones read it as well.
+        max_range: Longest range that is read, m; so does a cone without return.
+        max_incidence_deg: Largest angle between a ray and the normal of a surface that
+            sends sound back, degrees; the ray on the axis has no such limit.
+    """
 
-        Args:
-            mounts: Pose of each sonar in the body frame.
-            settings: Settings of each sonar.
-            carrier_id: Id of the robot's box, which stops none of the rays; -1 for
-                none.
-        """
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    beam_angle_deg: RightAngle
+    min_range: NotNegative
+    max_range: Positive
+    max_incidence_deg: RightAngle
+
+
+class Sonars(Sensor, types=["Sonar"]):
+    """All sonars of a robot, whose cones are cast together."""
+
+    settings: ClassVar[type[BaseModel]] = SonarSettings
+    is_joined = True
+
+    def __init__(self, *mountings: Mounting) -> None:
+        """Aim the rays of all cones in the body frame."""
+        super().__init__(*mountings)
+        self._in_one_report = mountings[0].dialect.joins_sonars
+        self._names = [mounting.item.name for mounting in mountings]
+        settings = [mounting.settings for mounting in mountings]
+        mounts = [mounting.item.mount for mounting in mountings]
         bundles = [
             _cone(math.radians(each.beam_angle_deg)) @ mount.rotation().T
             for mount, each in zip(mounts, settings, strict=True)
@@ -68,20 +84,16 @@ class SonarArray:
         self._max_range = np.array([each.max_range for each in settings])
         limits = np.radians([each.max_incidence_deg for each in settings])
         self._least_cosine = np.cos(limits)[:, None]
-        self._aimed = Rays.uniform(
+        self._aimed = sight_rays(
             np.repeat(positions, RAYS_PER_CONE, axis=0),
             np.concatenate(bundles),
-            max_range=np.repeat(self._max_range, RAYS_PER_CONE),
-            carrier_id=carrier_id,
-            ray_classes=(SONAR_CLASS,),
+            np.repeat(self._max_range, RAYS_PER_CONE),
+            self.robot.number,
         )
 
-    def rays(self, body: Pose3) -> Rays:
-        """Return the rays of all cones, cone by cone.
-
-        Args:
-            body: Pose of the robot's body, map frame.
-        """
+    def rays(self) -> Rays:
+        """Return the rays of all cones, cone by cone."""
+        body = self.robot.body
         rotation = body.rotation().T
         return replace(
             self._aimed,
@@ -89,11 +101,10 @@ class SonarArray:
             directions=self._aimed.directions @ rotation,
         )
 
-    def ranges(self, traces: Traces) -> Floats:
-        """Return the range of each sonar, (S,) m; the longest where nothing returned.
+    def read(self, time: float, traces: Traces) -> Sequence[Sonar]:
+        """Return all ranges in one report, or one report for each sonar.
 
-        Args:
-            traces: The traced rays, with their angles of incidence.
+        A range is the longest one where nothing returned.
         """
         found = traces.ranges.reshape(-1, RAYS_PER_CONE)
         cosine = traces.incidence.reshape(found.shape)
@@ -101,8 +112,11 @@ class SonarArray:
         # As of the original, of which only the ray on the axis ever counts.
         returns[:, 0] = True
         nearest = np.where(returns, found, np.inf).min(axis=1)
-        clipped: Floats = np.clip(nearest, self._min_range, self._max_range)
-        return clipped
+        ranges = np.clip(nearest, self._min_range, self._max_range).tolist()
+        named = tuple(zip(self._names, ranges, strict=True))
+        if self._in_one_report:
+            return [Sonar(time, named)]
+        return [Sonar(time, (each,)) for each in named]
 
 
 def _cone(beam_angle: float) -> Floats:

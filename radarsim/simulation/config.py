@@ -13,27 +13,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
-from radarsim.presets.sensor_settings import (
-    CameraSettings,
-    GpsSettings,
-    InsNoise,
-    SearchSettings,
-    SensorSettings,
-    SonarSettings,
-)
+from radarsim.presets.sensor_settings import CameraSettings, SensorSettings
 from radarsim.presets.sensors import (
-    camera_settings,
-    gps_settings,
     has_fmcw,
-    item_presets,
+    item_settings,
     load_fmcw_settings,
     load_settings,
-    search_settings,
-    sonar_settings,
 )
 from radarsim.protocol.dialect import (
     COMPAT,
@@ -54,6 +43,7 @@ MOST_EXTRA_RAYS: Final = (
     500_000  # a second that all robots add to those of their classes
 )
 MOST_DIRECTIONS: Final = 5_000  # of which rays are drawn; preparing them takes 1 ms
+LIMITS: Final = (MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
 NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan")
 
 
@@ -130,18 +120,8 @@ class SimulationConfig:
     def _check_item(self, item: Item) -> None:
         if item.type == "RangeScanner":
             self.scanner_settings(item)
-        elif item.type == "INS":
-            InsNoise.from_settings(self.settings(item))
-        elif item.type == "Sonar":
-            self.sonar_settings(item)
-        elif item.type == "GPS":
-            self.gps_settings(item)
-        elif item.type == "Camera":
-            self.camera_settings(item)
-        elif item.type.lower() in item_presets():
-            self.search_settings(item)
-        elif self.settings(item):
-            raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
+        else:
+            self.settings_of(item)
 
     @property
     def wheel_unit(self) -> DriveUnit:
@@ -224,37 +204,24 @@ class SimulationConfig:
         """
         return load_settings(self.sensor_name(item), **self.settings(item))
 
-    def sonar_settings(self, item: Item) -> SonarSettings:
-        """Return the settings of a sonar.
+    def settings_of(self, item: Item) -> Any:
+        """Return the settings of an item that is no scanner; None if it has none.
 
         Raises:
             PresetError: If a setting is unknown or out of range.
         """
-        return sonar_settings(**self.settings(item))
+        from radarsim.sensors.sensor import kinds  # noqa: PLC0415
 
-    def gps_settings(self, item: Item) -> GpsSettings:
-        """Return the settings of a GPS receiver.
-
-        Raises:
-            PresetError: If a setting is unknown or out of range.
-        """
-        return gps_settings(**self.settings(item))
-
-    def camera_settings(self, item: Item) -> CameraSettings:
-        """Return the settings of a camera.
-
-        Raises:
-            PresetError: If a setting is unknown or out of range.
-        """
-        return camera_settings(**self.settings(item))
-
-    def search_settings(self, item: Item) -> SearchSettings:
-        """Return the settings of a sensor of victims or tags.
-
-        Raises:
-            PresetError: If a setting is unknown or out of range.
-        """
-        return search_settings(item.type, **self.settings(item))
+        kind = kinds().get(item.type)
+        model = kind.settings if kind else None
+        if item.type == "Camera":
+            model = CameraSettings
+        settings = self.settings(item)
+        if model is not None:
+            return item_settings(item.type, model, **settings)
+        if settings:
+            raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
+        return None
 
     def interval(self, item: Item) -> float:
         """Return the time between two readings of an item, s."""
@@ -275,34 +242,17 @@ class SimulationConfig:
         return intervals.get(item.type, DEFAULT_INTERVAL)
 
 
-class RayCounts(NamedTuple):
-    """How much a scanner asks for.
-
-    Attributes:
-        rays: Rays of a scan.
-        rate: Rays in a second.
-        directions: Directions that the rays of a scan can have.
-    """
-
-    rays: int
-    rate: float
-    directions: int
-
-    @classmethod
-    def of(cls, item: Item, config: SimulationConfig) -> RayCounts:
-        """Count those of an item that is a range scanner."""
-        settings = config.scanner_settings(item)
-        if settings.has_detector:
-            fmcw = load_fmcw_settings(config.sensor_name(item))
-            # Those of a turn, before thin things are refined.
-            rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
-            return cls(rays, rays / config.interval(item), rays)
-        directions = settings.beams * settings.rays_per_beam
-        rays = directions if settings.combines_rays else settings.beams
-        return cls(rays, rays / config.interval(item), directions)
-
-
-LIMITS: Final = RayCounts(MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
+def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
+    """Return how much a range scanner asks for, in the order of ``NAMES``."""
+    settings, interval = config.scanner_settings(item), config.interval(item)
+    if settings.has_detector:
+        fmcw = load_fmcw_settings(config.sensor_name(item))
+        # Those of a turn, before thin things are refined.
+        rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
+        return rays, rays / interval, rays
+    directions = settings.beams * settings.rays_per_beam
+    rays = directions if settings.combines_rays else settings.beams
+    return rays, rays / interval, directions
 
 
 def check_rays(item: Item, config: SimulationConfig, first: SimulationConfig) -> None:
@@ -316,7 +266,7 @@ def check_rays(item: Item, config: SimulationConfig, first: SimulationConfig) ->
     Raises:
         PresetError: If they are too many.
     """
-    counts, before = RayCounts.of(item, config), RayCounts.of(item, first)
+    counts, before = _count_rays(item, config), _count_rays(item, first)
     for name, count, old, limit in zip(NAMES, counts, before, LIMITS, strict=True):
         if count > max(limit, old):
             most = f"expected at most {max(limit, old):.0f}"
@@ -334,7 +284,7 @@ def count_extra_rays(
         first: The configuration that the robot was spawned with.
     """
     return sum(
-        max(0.0, RayCounts.of(item, config).rate - RayCounts.of(item, first).rate)
+        max(0.0, _count_rays(item, config)[1] - _count_rays(item, first)[1])
         for item in items
     )
 

@@ -14,9 +14,8 @@ from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
-from radarsim.robots.robot import BOTTOM, TOP, Robot
-from radarsim.scene.crates import MOST_CRATES, Crate
-from radarsim.scene.scene import Scene
+from radarsim.robots.robot import Robot
+from radarsim.scene.scene import MOST_CRATES, Crate, Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,13 +113,13 @@ class Crates:
         """Return the names of robots and crates that a crate would overlap."""
         length, width, height = crate.size
         x, y, z = crate.position
-        footprint, rows = Footprint(length, width), self._fleet.columns
+        footprint = Footprint(length, width)
         return [
             each.name
             for each in self._fleet.near(x, y, footprint.radius)
             if each is not own
-            and rows[each.slot, BOTTOM] < z + height / 2
-            and rows[each.slot, TOP] > z - height / 2
+            and each.row["bottom"] < z + height / 2
+            and each.row["top"] > z - height / 2
             and overlaps(footprint, Pose2(x, y, crate.yaw), each)
         ]
 

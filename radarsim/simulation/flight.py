@@ -8,35 +8,23 @@ meet nothing that stops robots or light, and the slices of the next band leave i
 """
 
 import math
-from collections.abc import Iterable
-from dataclasses import replace
-from typing import Final, NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Final, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.robots.fleet import WALL_RANGE, Fleet
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import (
-    BLOCKED,
-    BODY_Z,
-    CLIMB,
-    NUMBER,
-    TOUCHED,
-    UNKNOWN,
-    VELOCITY_Z,
-    Robot,
-    X,
-    Y,
-)
-from radarsim.robots.solid_mesh import Area, SolidMesh
-from radarsim.scene.scene import Scene
-from radarsim.sensors.sonar import SONAR_CLASS
+from radarsim.robots.robot import UNKNOWN, Robot
+from radarsim.scene.scene import Part, Scene
+from radarsim.scene.shapes import Faces, Mesh, concatenate
+from radarsim.sensors.sensor import sight_rays
 from radarsim.simulation.clock import TICK
 
 BAND: Final = 0.1  # m
@@ -47,7 +35,14 @@ _LOOK_AHEAD: Final = 4  # ticks between two looks at the next band
 _SIDES: Final = (-1.0, 0.0, 1.0)
 # Places of the rays, in half lengths and half widths.
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
-_PLACE_AND_CLIMB: Final = [X, Y, BODY_Z, CLIMB]
+
+
+_BLOCK: Final = 32  # triangles
+_CELL: Final = np.array([0.5, 0.5, 0.2])  # m
+_NOTHING: Final[Mesh] = (np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+
+
+Area: TypeAlias = tuple[float, float, float, float]
 
 
 class Surroundings(NamedTuple):
@@ -113,7 +108,7 @@ class Airspace:
         old = known[0].slices if known and known[0].tile == tile else {}
         left, lower = tile[0] * TILE - reach, tile[1] * TILE - reach
         width = TILE + 2 * reach
-        area = Area(left, left + width, lower, lower + width)
+        area = left, left + width, lower, lower + width
         slices = {}
         for number in range(band, band + math.ceil(model.height / BAND) + 1):
             cut = old.get(number)
@@ -139,21 +134,21 @@ class Airspace:
                 neither.
             dt: s.
         """
-        x, y, z, climb = fleet.columns[robot.slot, _PLACE_AND_CLIMB].tolist()
+        row = robot.row
+        x, y, z = robot.body.numbers()[:3]
         if room is not None:
-            self._climb(fleet, robot, room, climb * dt)
-            row = fleet.columns[robot.slot]
-            row[VELOCITY_Z] = (row[BODY_Z] - z) / dt
+            self._climb(fleet, robot, room, float(row["climb"]) * dt)
+            row["velocity_z"] = (row["body_z"] - z) / dt
             return
-        fleet.columns[robot.slot, VELOCITY_Z] = 0.0
+        row["velocity_z"] = 0.0
         tile = math.floor(x / TILE), math.floor(y / TILE)
         if self._around[robot][0].tile != tile:
             self.lift(fleet, robot, z)
 
     def _climb(self, fleet: Fleet, robot: Robot, room: float, wanted: float) -> None:
         """Let a robot rise by ``wanted`` m, or descend, as far as there is room."""
-        row = fleet.columns[robot.slot]
-        z = row.item(BODY_Z)
+        row = robot.row
+        z = float(row["body_z"])
         room = min(room, self.ceiling - z)
         target = z + math.copysign(max(0.0, min(abs(wanted), room)), wanted)
         here = self._around_robot(robot, z)
@@ -170,8 +165,8 @@ class Airspace:
         others = (beyond, here, *self._around[robot])
         other = next((each for each in others if each is not around), around)
         self._around[robot] = around, other
-        row[TOUCHED] = UNKNOWN
-        row[BLOCKED] = row[BLOCKED] or abs(target - z) < abs(wanted) - 1e-9
+        row["touched"] = UNKNOWN
+        row["blocked"] = row["blocked"] or abs(target - z) < abs(wanted) - 1e-9
         fleet.lift(robot, target, around.obstacles)
 
     def rooms(
@@ -186,11 +181,11 @@ class Airspace:
             dt: s.
         """
         self._ticks += 1
-        robots = [robot for robot in robots if fleet.columns[robot.slot, CLIMB]]
+        robots = [robot for robot in robots if robot.row["climb"]]
         if not robots:
             return {}
-        rows = fleet.columns[[robot.slot for robot in robots]]
-        signs = np.copysign(1.0, rows[:, CLIMB])
+        rows = fleet.table[[robot.slot for robot in robots]]
+        signs = np.copysign(1.0, rows["climb"])
         hulls = np.array(
             [
                 robot.model.height - robot.model.origin_height
@@ -203,12 +198,9 @@ class Airspace:
         starts = np.concatenate([_ray_starts(robot) for robot in robots])
         directions = np.zeros((len(starts), 3))
         directions[:, 2] = np.repeat(signs, count)
-        rays = replace(
-            Rays.uniform(starts, directions, max_range=0.0),
-            max_range=np.repeat(hulls + np.abs(rows[:, CLIMB] * dt), count),
-            carrier_id=np.repeat(rows[:, NUMBER].astype(np.int64), count),
-            ray_classes=(SONAR_CLASS,),
-        )
+        reach = np.repeat(hulls + np.abs(rows["climb"] * dt), count)
+        numbers = np.repeat(rows["number"].astype(np.int64), count)
+        rays = sight_rays(starts, directions, reach, numbers)
         ranges = self._tracer.trace(rays, boxes).ranges.reshape(-1, count)
         rooms = ranges.min(axis=1) - hulls
         return dict(zip(robots, rooms.tolist(), strict=True))
@@ -221,6 +213,74 @@ class Airspace:
         reach = radius + WALL_RANGE + robot.top_speed * TICK
         known += self._around.get(robot, ())
         return self.surroundings(robot.model, (pose.x, pose.y, z), reach, known)
+
+
+class SolidMesh:
+    """The triangles of the solid ones among some parts, of which some are sliced fast.
+
+    Triangles are sorted by cells of space and cut into blocks of equal size. A slice
+    looks at the bounds of all blocks, and only then at the triangles of those that it
+    meets: how long it takes hardly depends on the size of a map.
+    """
+
+    def __init__(self, parts: Iterable[Part]) -> None:
+        """Sort the triangles of the solid ones among some parts."""
+        solid = [(p.vertices, p.faces) for p in parts if p.material.solid]
+        self._vertices, self._faces = map(
+            np.ascontiguousarray, concatenate(solid or [_NOTHING])
+        )
+        count = len(self._faces)
+        cells = np.zeros((3, count), np.float32)
+        for some in _chunks(count):
+            lows, highs = self._bounds(self._faces[some])
+            cells[:, some] = np.floor((lows + highs) / 2 / _CELL).T
+        self._order = np.lexsort(cells).astype(np.int32)
+        self._lows, self._highs = np.zeros((2, 3, math.ceil(count / _BLOCK)))
+        for some in _chunks(count):
+            lows, highs = self._bounds(self._faces[self._order[some]])
+            firsts = np.arange(0, len(lows), _BLOCK)
+            blocks = some.start // _BLOCK + np.arange(len(firsts))
+            self._lows[:, blocks] = np.minimum.reduceat(lows, firsts).T
+            self._highs[:, blocks] = np.maximum.reduceat(highs, firsts).T
+        self._packed = engine.structures["SolidMesh"].pack(
+            vertices=self._vertices,
+            faces=self._faces,
+            order=self._order,
+            lows=self._lows,
+            highs=self._highs,
+        )
+        self._room = np.zeros(0, np.int32), np.zeros((0, 2, 2))
+
+    def slice(self, area: Area, height: float) -> Floats:
+        """Slice the triangles in an area at one height.
+
+        Args:
+            area: Least and largest x, least and largest y, m, map frame.
+            height: z of the plane, m, map frame.
+
+        Returns:
+            Line segments, as of ``slice_mesh``, in the order of the parts and of their
+            faces: all that reach into the area, and perhaps others.
+        """
+        while (count := self._slice(area, height)) < 0:
+            self._room = np.zeros(-count, np.int32), np.zeros((-count, 2, 2))
+        return self._room[1][:count].copy()
+
+    def _slice(self, area: Area, height: float) -> int:
+        """Fill the room with the slice; return its size, or minus the room needed."""
+        count: int = engine.slice_area(self._packed, *area, height, *self._room)
+        return count
+
+    def _bounds(self, faces: Faces) -> tuple[Floats, Floats]:
+        """Return the smallest and the largest coordinates of triangles, (N, 3) m."""
+        a, b, c = (self._vertices[corners] for corners in faces.T)
+        return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    """Divide triangles: bounds of millions at once would fill the memory."""
+    size = 4096 * _BLOCK
+    return (slice(first, first + size) for first in range(0, count, size))
 
 
 def _ray_starts(robot: Robot) -> Floats:

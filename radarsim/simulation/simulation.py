@@ -28,19 +28,18 @@ from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, finish, overlaps
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
-from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
+from radarsim.sensors.ins import INS_DRIFT_INTERVAL
+from radarsim.sensors.readings import Program, ReadingTable
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import ScanRequest, scan_ranges
+from radarsim.sensors.sensor import Sensor
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.crates import Crates
-from radarsim.simulation.faults import Faults
 from radarsim.simulation.flight import Airspace, Surroundings
-from radarsim.simulation.items import RayItem
-from radarsim.simulation.readings import Program, ReadingTable
 from radarsim.simulation.tick_output import (
     DueScan,
-    ScanDetails,
+    Faults,
     ScanEchoes,
     ScannerItems,
     TickOutput,
@@ -295,12 +294,12 @@ class Simulation:
         scanners = [
             (v, each) for v, items in due for each in items.scanners if each.scans
         ]
-        ray_items = [(v, item) for v, items in due for item in items.ray_items]
+        sensors = [(v, sensor) for v, items in due for sensor in items.sensors]
         # Robots are boxes of this tick for all sensors, so that no reading depends on
         # the order in which they are taken.
-        boxes = self.boxes() if scanners or ray_items else NOTHING
+        boxes = self.boxes() if scanners or sensors else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v, _ in due}
-        echoes: dict[int, list[ScanEchoes | ScanDetails]] = {}
+        echoes: dict[int, list[ScanEchoes | DueScan]] = {}
         listing = self._select_listing(scanners)
         read, taken = self._scan(scanners, listing, boxes)
         for (vehicle, mounted), ranges in zip(scanners, read, strict=True):
@@ -315,9 +314,9 @@ class Simulation:
         for due_scan in read_by_others:
             number = due_scan.vehicle.number
             scans[number].append(due_scan.scan)
-            if due_scan.details is not None:
-                echoes.setdefault(number, []).append(due_scan.details)
-        cast = self._cast(ray_items, boxes)
+            if due_scan.reports:
+                echoes.setdefault(number, []).append(due_scan)
+        cast = self._cast(sensors, boxes)
         # Found out for all robots at once, where a reading asks for it.
         self._fleet.touched([v.robot.slot for v, _ in due if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
@@ -391,9 +390,9 @@ class Simulation:
         return scan_ranges(self._tracer, requests, boxes)
 
     def _cast(
-        self, due: list[tuple[Vehicle, RayItem]], boxes: Boxes
+        self, due: list[tuple[Vehicle, Sensor]], boxes: Boxes
     ) -> dict[int, list[SensorReport]]:
-        """Take the readings of all sonars and GPS, by number of the robot."""
+        """Take the readings of sensors that cast rays, by number of the robot."""
         if not due:
             return {}
         batches = [item.rays() for _, item in due]

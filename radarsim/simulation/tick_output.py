@@ -1,9 +1,9 @@
-"""What robots report in one tick, and who else than the simulation reads scanners."""
+"""What comes out of one tick: reports of robots, and errors of single ones."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, ParamSpec, Protocol, TypeVar
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
@@ -11,8 +11,10 @@ from radarsim.protocol.fields import ReportGroup, SensorReport
 from radarsim.protocol.reports import RangeScan, Status
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.sensors.scan import Echoes
-from radarsim.simulation.faults import Faults
 from radarsim.simulation.vehicle import Vehicle
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +32,6 @@ class ScanEchoes:
     is_requested: bool
 
 
-class ScanDetails(NamedTuple):
-    """What belongs to one scan of a scanner of an add-on, besides its ranges.
-
-    Attributes:
-        reports: Such as targets; they come before the scan.
-        is_requested: As of ``ScanEchoes``.
-    """
-
-    reports: Sequence[SensorReport]
-    is_requested: bool
-
-
 class TickOutput(NamedTuple):
     """The reports of one robot in one tick.
 
@@ -56,7 +46,7 @@ class TickOutput(NamedTuple):
     group: ReportGroup
     numbers: Sequence[float]
     cast: Sequence[SensorReport]
-    echoes: Sequence[ScanEchoes | ScanDetails]
+    echoes: "Sequence[ScanEchoes | DueScan]"
     scans: Sequence[RangeScan]
 
     @property
@@ -66,18 +56,47 @@ class TickOutput(NamedTuple):
         return bool(samples) and isinstance(samples[0], Status)
 
 
+class Faults:
+    """The robots in which something has failed, which only a bug can cause.
+
+    Attributes:
+        errors: The errors by the robot's number; whoever steps the simulation raises
+            them, or removes these robots.
+    """
+
+    def __init__(self) -> None:
+        self.errors: dict[int, Exception] = {}
+
+    def call(
+        self,
+        vehicle: Vehicle,
+        function: Callable[Arguments, Result],
+        *args: Arguments.args,
+        **kwargs: Arguments.kwargs,
+    ) -> Result | None:
+        """Call a function for a robot; keep its error and return None if it fails."""
+        try:
+            return function(*args, **kwargs)
+        except Exception as error:  # noqa: BLE001 - a bug of one robot ends no other
+            self.errors[vehicle.number] = error
+            return None
+
+
 class DueScan(NamedTuple):
     """What a scanner of an add-on reads in a tick.
 
     Attributes:
         vehicle: The robot that carries it.
         scan: The reading.
-        details: What belongs to it; None if nobody gets that.
+        reports: What belongs to it, such as targets, which come before the scan; empty
+            if nobody gets that.
+        is_requested: As of ``ScanEchoes``.
     """
 
     vehicle: Vehicle
     scan: RangeScan
-    details: ScanDetails | None
+    reports: Sequence[SensorReport] = ()
+    is_requested: bool = False
 
 
 class ScannerItems(Protocol):

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.robots.robot import BOTTOM, Robot
+from radarsim.robots.robot import Robot
 from radarsim.simulation.clock import Clock
 
 MOST_MARKS: Final = 200  # of a robot; the oldest vanish
@@ -68,8 +68,8 @@ class Trails:
         """Leave the marks that are due in this tick."""
         for trail in self._trails.values():
             if (self._clock.ticks - trail.start) % trail.interval == 0:
-                pose, row = trail.robot.pose, trail.robot.fleet.columns
-                z = row.item(trail.robot.slot, BOTTOM) + LIFT
+                pose = trail.robot.pose
+                z = float(trail.robot.row["bottom"]) + LIFT
                 mark = (pose.x, pose.y, z, *trail.colour)
                 trail.rows[trail.count % MOST_MARKS] = mark
                 trail.count += 1

@@ -18,7 +18,20 @@ from radarsim.protocol.reports import AerialStatus, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.scene.scene import Scene
+from radarsim.sensors.body import TouchSensor
+from radarsim.sensors.ins import Ins
+from radarsim.sensors.mission_package import MissionPackage
 from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.readings import Job, Program, ReadingTable, RobotState
+from radarsim.sensors.sensor import (
+    EngineSensor,
+    Mounting,
+    Reading,
+    Sensor,
+    kinds,
+    rank,
+)
+from radarsim.sensors.wheels import join_encoders
 from radarsim.simulation.clock import Schedule, seconds, ticks_of
 from radarsim.simulation.config import (
     DEFAULT_INTERVAL,
@@ -27,29 +40,6 @@ from radarsim.simulation.config import (
     check_rays,
     count_extra_rays,
 )
-from radarsim.simulation.items import (
-    SENSOR_ITEMS,
-    GpsItem,
-    InsItem,
-    Mounting,
-    PackageItem,
-    RayItem,
-    SensorItem,
-    SonarItems,
-    Source,
-    TouchItem,
-    join_encoders,
-)
-from radarsim.simulation.readings import (
-    CHARGE,
-    STEERING,
-    TIME,
-    Job,
-    Program,
-    ReadingTable,
-    RobotState,
-)
-from radarsim.simulation.search_items import SEARCH_ITEMS
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
 MOST_VIEWPORTS: Final = 4  # of a picture
@@ -94,13 +84,13 @@ class DueItems(NamedTuple):
         groups: The status, if it is due, and the readings of items that cast no rays:
             one group with the light off, and one with the light on.
         program: What computes their numbers.
-        ray_items: Sonars and GPS.
+        sensors: Sensors whose rays are cast, or that are read in Python.
         scanners: Range scanners, in mounting order.
     """
 
     groups: tuple[ReportGroup, ReportGroup]
     program: Program
-    ray_items: tuple[RayItem, ...]
+    sensors: tuple[Sensor, ...]
     scanners: tuple[MountedScanner, ...]
 
 
@@ -154,53 +144,67 @@ class Vehicle:
         dialect = config.dialect.of_generation(robot.model.generation)
         self.dialect = dialect
         self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
-        self._empty_age = math.inf  # ticks after which the battery is empty
-        if self.battery.runs_out:
-            ages = range(ticks_of(self.battery.life) + 1)
-            # Searched for, so that the engine, status and this agree to the tick,
-            # whatever is rounded on the way to whole seconds.
-            self._empty_age = bisect_left(
-                ages, True, key=lambda age: self.battery.is_empty(seconds(age))
-            )
-        self._schedule = schedule
-        self._clock = schedule.clock
+        self._empty_age = _empty_age(self.battery)
+        self._schedule, self._clock = schedule, schedule.clock
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
-        self.shows_echoes, self.extra_rays = False, 0.0
-        self.address = ""
+        self._changed: set[str] = set()  # scanners that are to be replaced
+        self.shows_echoes, self.extra_rays, self.address = False, 0.0, ""
         self.cameras = cameras = robot.model.items_of("Camera")
-        self.fovs = {c.name: config.camera_settings(c).fov_deg for c in cameras}
-        shown = [camera.name for camera in cameras[:MOST_VIEWPORTS]]
-        self.viewports: list[str | None] = [
-            *shown,
-            *[None] * (MOST_VIEWPORTS - len(shown)),
-        ]
+        self.fovs = {c.name: config.settings_of(c).fov_deg for c in cameras}
+        shown = [*(camera.name for camera in cameras), *[None] * MOST_VIEWPORTS]
+        self.viewports: list[str | None] = shown[:MOST_VIEWPORTS]
         self.is_quad = len(cameras) > 1
-        self._interval_ticks: dict[str, int] = {}
-        self._sensor_items: dict[str, SensorItem] = {}
         self._due_items: dict[tuple[int, ...], DueItems] = {}
-        self._readings = readings
-        self._state = RobotState(readings, robot.slot)
+        self._readings, self._state = readings, RobotState(readings, robot.slot)
+        self._status_jobs = self._power_status()
+        items = robot.model.items
+        self._interval_ticks = {i.name: ticks_of(config.interval(i)) for i in items}
+        rngs = {i.name: generator_for(seed, robot.name, i.name) for i in items}
+        self.scanners = tuple(
+            MountedScanner(item, config.scanner(item), rngs[item.name])
+            for item in robot.model.items_of("RangeScanner")
+        )
+        self._sensors = self._mount_sensors(rngs, scene)
+        self.has_touch = any(isinstance(s, TouchSensor) for s in self._sensors)
+        drifting = [each.drift for each in self._sensors if isinstance(each, Ins)]
+        self.drift = readings.program(drifting, 0)
+        self._reschedule()
+
+    def _power_status(self) -> dict[str, list[Job]]:
+        """Return the jobs of the status, of which the battery has a state."""
         charge = np.zeros(1, engine.rows["Charge"])
         charge["life"], charge["spawn_tick"] = self.battery.life, self.spawn_tick
         charge["least"] = 0.0 if self.battery.runs_out else 1.0
-        self._status_jobs = {
-            "time": [Job(TIME)],
-            "battery": [Job(CHARGE, self._state.add(charge).start)],
-            "steering": [Job(STEERING)],
+        return {
+            "time": [Job(Reading.TIME)],
+            "battery": [Job(Reading.CHARGE, self._state.add(charge).start)],
+            "steering": [Job(Reading.STEERING)],
         }
-        self._changed: set[str] = set()  # scanners that are to be replaced
-        self._mount_items(seed, scene)
-        order = list(SENSOR_ITEMS)
-        self._reading_order = sorted(
-            (item for item in robot.model.items if item.name in self._sensor_items),
-            key=lambda item: order.index(item.type),
-        )
-        items = self._sensor_items.values()
-        self.has_touch = any(isinstance(i, TouchItem) for i in items)
-        drifting = [item.drift for item in items if isinstance(item, InsItem)]
-        self.drift = readings.program(drifting, 0)
-        self._reschedule()
+
+    def _mount_sensors(
+        self, rngs: Mapping[str, np.random.Generator], scene: Scene
+    ) -> list[Sensor]:
+        """Return the sensors, in the order of their readings."""
+        mountings: dict[str, list[Mounting]] = {}
+        for item in self.model.items:
+            kind = kinds().get(item.type)
+            if kind is None:
+                continue
+            mounting = Mounting(
+                item,
+                self.config.settings_of(item),
+                self.robot,
+                self._state,
+                rngs[item.name],
+                scene,
+                self.config.dialect,
+                self._clock.time,
+            )
+            key = item.type if kind.is_joined else item.name
+            mountings.setdefault(key, []).append(mounting)
+        sensors = [kinds()[each[0].item.type](*each) for each in mountings.values()]
+        return sorted(sensors, key=lambda sensor: rank(sensor.item.type))
 
     @property
     def model(self) -> RobotModel:
@@ -250,8 +254,8 @@ class Vehicle:
         """Draw random numbers for the readings that follow, if some are used up."""
         if self._state.is_depleted:
             self._state.is_depleted = False
-            for item in self._sensor_items.values():
-                item.draw()
+            for sensor in self._sensors:
+                sensor.draw()
 
     def sensor_pose(self, item: Item) -> Pose3:
         """Return the pose of an item in the map frame."""
@@ -260,9 +264,9 @@ class Vehicle:
     def camera_pose(self, item: Item) -> Pose3:
         """Return the pose of a camera in the map frame; it looks along its x axis."""
         body = self.robot.body
-        package = self._sensor_items.get(item.parent or "")
-        if isinstance(package, PackageItem):
-            body = body.compose(package.tip(self._clock.ticks))
+        for sensor in self._sensors:
+            if isinstance(sensor, MissionPackage) and sensor.item.name == item.parent:
+                body = body.compose(sensor.tip(self._clock.ticks))
         return body.compose(item.mount)
 
     def zoom(self, camera: Item, fov_deg: float) -> None:
@@ -272,7 +276,7 @@ class Vehicle:
             camera: A camera of the robot.
             fov_deg: Angle from left to right, degrees; 0 for the one at first.
         """
-        settings = self.config.camera_settings(camera)
+        settings = self.config.settings_of(camera)
         self.fovs[camera.name] = settings.limit(fov_deg or settings.fov_deg)
 
     def request_scan(self, item: Item) -> None:
@@ -318,51 +322,20 @@ class Vehicle:
 
     def reset(self, item: Item) -> None:
         """Let an item count from zero again, if it counts."""
-        if item.name in self._sensor_items:
-            self._sensor_items[item.name].reset()
+        for sensor in self._sensors:
+            if sensor.item.name == item.name:
+                sensor.reset()
 
     def move_link(self, order: LinkOrder) -> bool:
         """Tell a link of a mission package to move; return whether it is there."""
-        wanted, number = order.name.casefold(), order.link
-        for item in self._sensor_items.values():
-            if not isinstance(item, PackageItem):
-                continue
-            for k, link in enumerate(item.links):
-                is_named = number is None and link.name.casefold() == wanted
-                if is_named or (number == k + 1 and item.name.casefold() == wanted):
-                    item.move(k, order, self._clock.ticks)
-                    return True
-        return False
+        packages = (s for s in self._sensors if isinstance(s, MissionPackage))
+        return any(package.move(order, self._clock.ticks) for package in packages)
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
         """Replace the pose of an INS; do nothing if the item is not one."""
-        ins = self._sensor_items.get(item.name)
-        if isinstance(ins, InsItem):
-            ins.overwrite(pose)
-
-    def _mount_items(self, seed: int, scene: Scene) -> None:
-        """Create the items; arguments as of ``__init__``."""
-        robot, config, number = self.robot, self.config, self.number
-        scanners = []
-        ray_items: list[RayItem] = []
-        sonars = robot.model.items_of("Sonar")
-        if sonars:
-            ray_items.append(SonarItems(sonars, robot, config, carrier_id=number))
-        for item in robot.model.items:
-            rng = generator_for(seed, robot.name, item.name)
-            self._interval_ticks[item.name] = ticks_of(config.interval(item))
-            mounting = Mounting(item, robot, self._state, rng, config, self._clock.time)
-            if item.type == "RangeScanner":
-                scanners.append(MountedScanner(item, config.scanner(item), rng))
-            elif item.type == "GPS":
-                origin = scene.gps_origin
-                ray_items.append(GpsItem(mounting, origin, carrier_id=number))
-            elif item.type in SEARCH_ITEMS:
-                create = SEARCH_ITEMS[item.type]
-                ray_items.append(create(mounting, scene, carrier_id=number))
-            elif item.type in SENSOR_ITEMS:
-                self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
-        self.scanners, self._ray_items = tuple(scanners), tuple(ray_items)
+        for sensor in self._sensors:
+            if isinstance(sensor, Ins) and sensor.item.name == item.name:
+                sensor.overwrite(pose)
 
     def _reschedule(self) -> None:
         """Add the vehicle for all its intervals, which count from its spawn."""
@@ -380,8 +353,8 @@ class Vehicle:
         due = {name for name, each in self._interval_ticks.items() if each in intervals}
         if STATUS_ONLY in intervals:
             due.clear()
-        names = [item.name for item in self._reading_order if item.name in due]
-        sources = [self._sensor_items[name].source for name in names]
+        sensors = [each for each in self._sensors if each.item.name in due]
+        sources = [each.source for each in sensors if isinstance(each, EngineSensor)]
         if self.dialect.joins_encoders:
             sources = join_encoders(sources)
         lit = sources
@@ -389,7 +362,7 @@ class Vehicle:
         if STATUS_TICKS in intervals:
             kind = Status if self.model.flight is None else AerialStatus
             sources, lit = (
-                [Source(kind(0.0, 0, light, steering), self._status_jobs), *sources]
+                [(kind(0.0, 0, light, steering), self._status_jobs), *sources]
                 for light in (False, True)
             )
         # Jobs are in the order in which the lines have their numbers.
@@ -400,12 +373,22 @@ class Vehicle:
                 jobs += jobs_of[attribute]
             size += len(sample.split(self.dialect)[1])
         off, on = (
-            ReportGroup([source.sample for source in each], self.dialect)
+            ReportGroup([sample for sample, _ in each], self.dialect)
             for each in (sources, lit)
         )
         return DueItems(
             (off, on),
             self._readings.program(jobs, size),
-            tuple([each for each in self._ray_items if each.item.name in due]),
+            tuple([s for s in sensors if not isinstance(s, EngineSensor)]),
             tuple([each for each in self.scanners if each.item.name in due]),
         )
+
+
+def _empty_age(battery: Battery) -> float:
+    """Return the number of ticks after which a battery is empty."""
+    if not battery.runs_out:
+        return math.inf
+    ages = range(ticks_of(battery.life) + 1)
+    # Searched for, so that the engine, status and this agree to the tick, whatever is
+    # rounded on the way to whole seconds.
+    return bisect_left(ages, True, key=lambda age: battery.is_empty(seconds(age)))

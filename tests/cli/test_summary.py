@@ -4,9 +4,8 @@ import pytest
 
 from radarsim.cli.check import summarise
 from radarsim.geometry import Pose3
-from radarsim.scene.crates import Crate
 from radarsim.scene.material import OPAQUE, Material
-from radarsim.scene.scene import Part, Scene, StartPose, Trial
+from radarsim.scene.scene import Crate, Part, Scene, StartPose, Trial
 from radarsim.scene.shapes import box, sphere
 
 WOOD = Material("wood")

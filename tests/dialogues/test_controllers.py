@@ -10,8 +10,7 @@ from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import CrateStates, decode_report
-from radarsim.scene.crates import Crate
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Crate, Scene
 from radarsim.server.host import Host
 
 CONTROLLER = (

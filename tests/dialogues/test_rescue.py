@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.scene.scene import Scene
-from radarsim.scene.victims import Tag, Victim
+from radarsim.scene.scene import Scene, Tag, Victim
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 

@@ -18,20 +18,18 @@ import radarsim
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid, distance_field
 from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
 from radarsim.autonomy.mapping.scan_matching import ScanPoints, best_start, fit
-from radarsim.autonomy.navigation.footprint_planning import Hull, plan_footprint
+from radarsim.autonomy.navigation.footprint_planning import Footprint, plan_footprint
 from radarsim.autonomy.navigation.grid_search import shortest_path
 from radarsim.engine import engine
 from radarsim.engine.library import Packed
 from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.scene.face_passes import weld_vertices
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box, cylinder
-from radarsim.scene.topology import orient_outward
+from radarsim.scene.topology import orient_outward, weld_vertices
 from radarsim.server.camera import Renderer
 from radarsim.server.host import Host
 from radarsim.server.views import View
@@ -133,9 +131,8 @@ def scan() -> None:
     for name in ("radar", "laser", "hokuyo", "k2pi"):
         sensor = radarsim.load_sensor(name, resolution_deg=20)
         for scanner in (sensor, sensor.with_all_echoes):
-            scanner.scan(SCENE, EYE, 1)
             scanner.scan_many(SCENE, [EYE, Pose3(1, 1, 1)], 1)
-            scanner.draw_rays(tracer_of(SCENE), EYE, generator_for(1))
+            assert len(scanner.scan(SCENE, EYE, 1).cast.power)
 
 
 def turn() -> None:
@@ -200,7 +197,7 @@ def plan() -> None:
     targets[5, 4] = True
     shortest_path(cost, (0, 0), targets)
     around = np.array([[-2.0, -1], [2, -1], [2, 1], [-2, 1], [0, 1]])
-    plan_footprint(Hull(0.5, 0.4), around, Pose2(-1.0, 0.0, 0.0), (1.0, 0.0))
+    plan_footprint(Footprint(0.5, 0.4), around, Pose2(-1.0, 0.0, 0.0), (1.0, 0.0))
 
 
 class Mutator:

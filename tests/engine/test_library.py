@@ -11,9 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from radarsim.addons.fmcw import scattering, speckle
+from radarsim.autonomy.mapping.occupancy_grid import NEAR, SENSED
+from radarsim.autonomy.mapping.scan import _ECHO_KINDS, BeamEnd, Layer
+from radarsim.autonomy.navigation import footprint_planning
 from radarsim.engine import build, engine, library
 from radarsim.engine.library import Engine
 from radarsim.errors import EngineError
+from radarsim.protocol import line_template
+from radarsim.raycast import embree, traced_scene
+from radarsim.raycast.attenuation import EventKind, Outcome
+from radarsim.sensors import echo_extraction
+from radarsim.sensors.echo_extraction import _MODES
 
 
 def numbers(count: int = 2) -> Any:
@@ -209,6 +218,54 @@ def test_structure_of_numbers_is_a_row_of_an_array() -> None:
     assert event.names is not None
     assert event.names[:4] == ("ray", "t", "part", "kind")
     assert event.itemsize == 64
+
+
+HEADERS = "".join(path.read_text() for path in build.FOLDER.glob("*.hpp"))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("Kind", {kind.name: kind for kind in EventKind}),
+        ("Outcome", Outcome.__members__),
+        ("Role", {"COLLECT": traced_scene.COLLECT, "OPAQUE": traced_scene.OPAQUE}),
+        ("BeamEnd", BeamEnd.__members__),
+        ("Layer", {f"{layer.name}_LAYER": layer for layer in Layer}),
+        ("EchoKind", {kind.upper(): i for kind, i in _ECHO_KINDS.items()}),
+        ("Mode", {k.upper(): i for k, i in _MODES.items() if k != "all"}),
+        ("CellFlag", {"SENSED": SENSED, "NEAR": NEAR}),
+    ],
+)
+def test_enumerations_are_those_of_python(name: str, expected: dict[str, int]) -> None:
+    found = re.search(rf"enum (?:class )?{name} [^{{]*{{([^}}]*)}}", HEADERS)
+    assert found
+    values, last = {}, -1
+    for member in re.split(r",\s*", found[1].strip()):
+        key, _, value = member.partition(" = ")
+        values[key] = last = int(value or last + 1)
+    assert values.items() >= expected.items()
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("HEADINGS", len(footprint_planning._HEADINGS)),
+        ("HASH_LEVELS", speckle._LEVELS),
+        ("LONGEST_NUMBER", line_template._LONGEST_NUMBER),
+        ("TOO_LARGE", line_template._TOO_LARGE),
+        ("TINY", embree.TINY),
+        ("GRAZING", scattering.GRAZING),
+        ("DENT_AREA", scattering.DENT_AREA),
+        ("NEPER_DB", scattering.NEPER_DB),
+        ("NOTHING_LEFT", echo_extraction.NOTHING_LEFT),
+        ("LEAF_BACKSCATTER", echo_extraction.LEAF_BACKSCATTER),
+    ],
+)
+def test_constants_are_those_of_python(name: str, expected: float) -> None:
+    found = re.search(rf"\b{name} = ([-\d.e/ ]+)[;,]", HEADERS)
+    assert found
+    numerator, _, denominator = found[1].partition(" / ")
+    assert float(numerator) / float(denominator or 1) == expected
 
 
 def test_missing_library_is_reported(tmp_path: Path) -> None:

@@ -188,7 +188,7 @@ class HostileClient:
     def take(self) -> bytes:
         """Read what there is, most of the time; connect anew when it has to."""
         assert self._host.unsent_bytes(self._number) <= MAX_UNSENT + MAX_COPIES
-        if self._host.must_close(self._number) or self._rng.random() < 0.002:
+        if self._host.close_reason(self._number) or self._rng.random() < 0.002:
             self._host.disconnect(self._number)
             self._number = self._host.connect()
         elif self._rng.random() < 0.1:

@@ -91,7 +91,7 @@ def test_path_around_a_disc_is_as_long_as_tangents_and_arc() -> None:
 def test_first_maps_have_all_expectations_that_matter() -> None:
     counts = Counter(
         raster_truth(make_random_map(number), 0.5, 0.0).expectation
-        for number in range(28)
+        for number in range(14)
     )
-    assert counts[Expectation.REACHED] >= 15
-    assert counts[Expectation.NO_PATH] >= 2
+    assert counts[Expectation.REACHED] >= 7
+    assert counts[Expectation.NO_PATH] >= 1

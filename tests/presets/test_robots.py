@@ -13,7 +13,6 @@ from radarsim.presets.robots import (
     read_robot,
     robot_names,
 )
-from radarsim.simulation.search_items import SEARCH_ITEMS
 
 NAMES = (
     "ARDrone",
@@ -162,7 +161,7 @@ def test_items_of_a_p2dx_report_five_times_a_second_as_recorded() -> None:
 
 def test_p3at_variants_differ_only_in_what_they_scan_or_search_with() -> None:
     plain = load_robot("P3AT")
-    others = {"RangeScanner", *SEARCH_ITEMS}
+    others = {"RangeScanner", "RFID", "VictSensor", "HumanMotion", "Sound", "CO2Sensor"}
     for name in NAMES:
         if name.startswith("P3AT_"):
             variant = load_robot(name)
@@ -208,30 +207,19 @@ def test_based_on_can_add_items_to_a_class_without_items(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "place"),
     [
-        pytest.param("wheel: 3\n", ":13:1: wheel: ", id="unknown key"),
-        pytest.param("cog: [1, 2]\n", ":13:6: cog", id="too few numbers"),
-        pytest.param(
-            "items: [{type: GSP, name: A}]\n", ":13:16: items.0.type", id="type"
-        ),
-        pytest.param("items: [{type: INS, name: 'A B'}]\n", ":13:27: ", id="blank"),
-        pytest.param(
-            "items: [{type: RangeScanner, name: A}]\n", ":13:9: items.0", id="no sensor"
-        ),
-        pytest.param(
-            "items: [{type: INS, name: A, sensor: sick}]\n", ":13:9: ", id="a sensor"
-        ),
-        pytest.param(
-            "items: [{type: INS, name: A}, {type: INS, name: a}]\n",
-            ":1:1: ",
-            id="twice",
-        ),
-        pytest.param("mass: 2\n", ":13:1: mass: ", id="a key twice"),
-        pytest.param(
+        ("wheel: 3\n", ":13:1: wheel: "),
+        ("cog: [1, 2]\n", ":13:6: cog"),
+        ("items: [{type: GSP, name: A}]\n", ":13:16: items.0.type"),
+        ("items: [{type: INS, name: 'A B'}]\n", ":13:27: "),
+        ("items: [{type: RangeScanner, name: A}]\n", ":13:9: items.0"),
+        ("items: [{type: INS, name: A, sensor: sick}]\n", ":13:9: "),
+        ("items: [{type: INS, name: A}, {type: INS, name: a}]\n", ":1:1: "),
+        ("mass: 2\n", ":13:1: mass: "),
+        (
             "sources: [{of: [masss], source: me, confidence: choice}]\n",
             ":1:1: source of 'masss' (did you mean 'mass'?), expected",
-            id="source of no key",
         ),
-        pytest.param("steering: {max_front_deg: 90}\n", ":13:27: ", id="wheels across"),
+        ("steering: {max_front_deg: 90}\n", ":13:27: "),
     ],
 )
 def test_invalid_file_is_reported_with_its_place(

@@ -1,7 +1,5 @@
 """The shipped sensor presets: their values and sources."""
 
-import math
-
 import pytest
 
 from radarsim.presets.sensor_settings import SensorSettings
@@ -33,21 +31,11 @@ def test_shipped_presets_are_the_known_ones() -> None:
 
 
 @presets
-def test_preset_loads_and_uses_known_settings(name: str) -> None:
+def test_every_value_is_known_and_has_a_source(name: str) -> None:
     load_settings(name)
-    assert set(preset(name).settings) <= set(SensorSettings.model_fields)
-
-
-@presets
-def test_every_value_has_a_source(name: str) -> None:
     for setting, number in preset(name).settings.items():
-        assert len(number.source) > 4, setting
-        assert number.source == number.source.strip(), setting
-
-
-@presets
-def test_recalled_value_has_nominal_confidence(name: str) -> None:
-    for setting, number in preset(name).settings.items():
+        assert setting in SensorSettings.model_fields
+        assert len(number.source.strip()) > 4, setting
         recalled = "recalled" in number.source and number.confidence != "choice"
         assert not recalled or number.confidence == "nominal", setting
 
@@ -64,7 +52,7 @@ def test_description_mentions_values_that_are_not_verified(name: str) -> None:
     [
         pytest.param("thesis", 360, 1.0, id="thesis"),
         pytest.param("k2pi", 360, 1.0, id="k2pi"),
-        pytest.param("hss94_marulan", 180, 2.0, id="hss94_marulan"),
+        ("hss94_marulan", 180, 2.0),
         *(pytest.param(name, 400, 0.9, id=name) for name in sorted(NAVTECH)),
     ],
 )
@@ -79,13 +67,13 @@ def test_full_circle_has_no_duplicate_direction(
 @pytest.mark.parametrize(
     ("name", "beams", "fov", "max_range"),
     [
-        pytest.param("hokuyo_urg04lx", 682, 239.4140625, 5.6, id="steps 44 to 725"),
-        pytest.param("hokuyo_utm30lx", 1081, 270.0, 30, id="steps 0 to 1080"),
-        pytest.param("sick_lms200", 181, 180, 81.92, id="8192 centimetres"),
-        pytest.param("sick_lms291", 181, 180, 80, id="sick_lms291"),
-        pytest.param("usarsim_sick", 181, 180, 20, id="usarsim_sick"),
-        pytest.param("usarsim_hokuyo", 228, 239.4140625, 4, id="usarsim_hokuyo"),
-        pytest.param("usarsim_rangescanner", 21, 179.846, 4, id="usarsim_rangescanner"),
+        ("hokuyo_urg04lx", 682, 239.4140625, 5.6),
+        ("hokuyo_utm30lx", 1081, 270.0, 30),
+        ("sick_lms200", 181, 180, 81.92),
+        ("sick_lms291", 181, 180, 80),
+        ("usarsim_sick", 181, 180, 20),
+        ("usarsim_hokuyo", 228, 239.4140625, 4),
+        ("usarsim_rangescanner", 21, 179.846, 4),
     ],
 )
 def test_beams_and_range_of_the_lasers(
@@ -99,10 +87,10 @@ def test_beams_and_range_of_the_lasers(
 @pytest.mark.parametrize(
     ("name", "bins", "bin_size", "max_range"),
     [
-        pytest.param("navtech_cts350x", 3768, 0.0438, 165.0, id="Oxford"),
-        pytest.param("navtech_cir204h", 3360, 0.0595238, 200.0, id="MulRan"),
-        pytest.param("navtech_cts350x_radiate", 576, 0.173611, 100.0, id="RADIATE"),
-        pytest.param("navtech_cir304h", 3360, 0.0596, 200.256, id="Boreas"),
+        ("navtech_cts350x", 3768, 0.0438, 165.0),
+        ("navtech_cir204h", 3360, 0.0595238, 200.0),
+        ("navtech_cts350x_radiate", 576, 0.173611, 100.0),
+        ("navtech_cir304h", 3360, 0.0596, 200.256),
     ],
 )
 def test_range_bins_of_a_data_set_add_up_to_its_range(
@@ -144,14 +132,6 @@ def test_radar_with_an_antenna_has_a_cone_of_rays(name: str) -> None:
     assert (up > 1) == (settings.beamwidth_el_deg > 0)
 
 
-@pytest.mark.parametrize("name", sorted(REAL_LASERS))
-def test_real_lasers_have_noise_and_unlimited_power(name: str) -> None:
-    settings = load_settings(name)
-    assert settings.medium == "laser"
-    assert settings.penetration_power == math.inf
-    assert settings.range_noise > 0
-
-
 @pytest.mark.parametrize(
     ("distance", "deviation"),
     [
@@ -171,8 +151,8 @@ def test_noise_of_the_utm30lx_grows_beyond_10_m(
 @pytest.mark.parametrize(
     ("name", "of", "changed"),
     [
-        pytest.param("usarsim_sick", "sick", {"max_range", "scan_rate_hz"}, id="SICK"),
-        pytest.param("usarsim_hokuyo", "hokuyo", {"scan_rate_hz"}, id="Hokuyo"),
+        ("usarsim_sick", "sick", {"max_range", "scan_rate_hz"}),
+        ("usarsim_hokuyo", "hokuyo", {"scan_rate_hz"}),
     ],
 )
 def test_usarsim_variants_differ_only_in_known_settings(

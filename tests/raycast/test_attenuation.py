@@ -46,7 +46,7 @@ def expected_end(
     return wall, Outcome.HIT, power
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(layers=LAYERS, power=st.floats(0.01, 10), wall=st.floats(0.5, 40))
 def test_random_stacks_of_layers_match_a_direct_sum(
     layers: list[tuple[float, float, float]], power: float, wall: float
@@ -63,6 +63,7 @@ def test_random_stacks_of_layers_match_a_direct_sum(
     assert found.power[0] == pytest.approx(left, abs=1e-7)
 
 
+@settings(max_examples=25)
 @given(
     st.lists(
         st.tuples(st.sampled_from([0.5, 1.0, 2.5]), st.integers(0, 3)), max_size=60

@@ -99,7 +99,7 @@ def places_around(rng: np.random.Generator, boxes: Boxes, spread: float) -> Floa
     return places
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32),
     count=st.sampled_from([1, 7, 8, 40, 150]),
@@ -151,6 +151,7 @@ def test_rays_along_the_borders_of_cells_meet_what_is_there(
     assert_equal(Rays.concatenate([rays, rays]), boxes)
 
 
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32),
     count=st.integers(8, 200),

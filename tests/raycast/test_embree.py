@@ -109,10 +109,6 @@ def test_first_hits_match_those_of_embreex() -> None:
     np.testing.assert_allclose(found.ranges[hit], other["tfar"][hit], atol=2e-5)
 
 
-def test_library_is_opened_once() -> None:
-    assert open_library() is open_library()
-
-
 @pytest.mark.parametrize("names", [[], ["libembree4.so.4", "libembree4.so.5"]])
 def test_exactly_one_library_is_expected(names: list[str]) -> None:
     with pytest.raises(EngineError) as caught:

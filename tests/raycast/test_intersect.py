@@ -51,6 +51,7 @@ def bush(x: float) -> Part:
     return Part("bush", LEAF, vertices + np.array([x, 0, 0]), faces)
 
 
+@settings(max_examples=40)
 @given(x=st.floats(-6, 6), y=st.floats(-4, 4), radius=st.floats(0.01, 3))
 def test_ray_is_replaced_if_a_wall_is_before_its_start(
     x: float, y: float, radius: float

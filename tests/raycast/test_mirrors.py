@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from parts import brick
 
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.raycast.attenuation import EventKind, Outcome
@@ -21,17 +22,6 @@ WALL = Material("wall")
 MIRROR = Material("metal", radar_mirror=True)
 LEAF = Material("leaf", density=0.1)
 POST = Material("post")
-
-
-def brick(
-    material: Material,
-    size: tuple[float, float, float],
-    at: tuple[float, float, float],
-    yaw_deg: float = 0.0,
-) -> Part:
-    vertices, faces = shapes.box(*size)
-    turned = vertices @ rotation_matrix(0, 0, math.radians(yaw_deg)).T
-    return Part(material.name, material, turned + np.array(at), faces)
 
 
 def cast(
@@ -102,7 +92,7 @@ def test_two_mirrors_show_the_image_of_an_image() -> None:
     assert kinds == [EventKind.MIRRORED, EventKind.MIRRORED, EventKind.HIT]
 
 
-@settings(deadline=None)
+@settings(max_examples=40)
 @given(
     st.floats(-70, 70),
     st.floats(-30, 30),
@@ -368,7 +358,7 @@ def test_rays_of_several_classes_are_traced_together() -> None:
     assert len(Rays.concatenate(batches).ray_classes) == 3
 
 
-@settings(deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(
         st.tuples(st.floats(0.01, 2), st.floats(0.01, 3), st.floats(0, 8)),

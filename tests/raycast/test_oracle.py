@@ -294,7 +294,7 @@ def some_rays(
 def test_scenes_match_the_oracle(make: Make, medium: int) -> None:
     rng = np.random.Generator(np.random.PCG64(7))
     parts = make(rng)
-    origins, directions = some_rays(rng, parts, 600)
+    origins, directions = some_rays(rng, parts, 300)
     compare(parts, origins, directions, medium=medium)
 
 
@@ -308,15 +308,6 @@ def test_hundreds_of_thousands_of_rays_match_the_oracle(make: Make, seed: int) -
     origins, directions = some_rays(rng, parts, 6000)
     compare(parts, origins, directions)
     compare(parts, origins[:3000], directions[:3000], medium=LASER, power=0.4)
-
-
-@pytest.mark.parametrize("make", SCENES)
-def test_scenes_half_a_kilometre_from_the_centre_match_the_oracle(make: Make) -> None:
-    rng = np.random.Generator(np.random.PCG64(11))
-    parts = moved(make(rng), [480, -470, 3])
-    origins, directions = some_rays(rng, parts, 120)
-    far = part(CONCRETE, brick([1, 1, 1], [-499, 499, 0]))
-    compare([*parts, far], origins, directions)
 
 
 @pytest.mark.parametrize("make", SCENES)

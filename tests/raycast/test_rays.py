@@ -41,7 +41,7 @@ def rays(**changed: Any) -> Rays:
         ),
         pytest.param(
             {"origins": np.zeros((2, 3)), "directions": np.zeros((2, 3))},
-            "rays or scans of lengths that do not belong together",
+            "trace_rays was called with lengths or indices that do not belong together",
             id="too few origins",
         ),
     ],

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from parts import layer
 
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import box
 
 # 1 of power is 25 dB one way, as for a margin of 50 dB; the rays start with 75 dB
 PER_DB = 1 / 25
@@ -22,12 +22,6 @@ LEAF = Material(
     "leaf", density=0.0, sheet_loss=0.4, sheet_attenuation_db=(0.1, 0.2, 0.3)
 )
 SOIL = Material("soil", absorption_db=math.inf, backscatter_db=-25.0)
-
-
-def layer(material: Material, near: float, far: float) -> Part:
-    vertices, faces = box(far - near, 4, 4)
-    middle = np.array([(near + far) / 2, 0, 0])
-    return Part(material.name, material, vertices + middle, faces)
 
 
 def trace(ray_class: RayClass, *parts: Part) -> Traces:
@@ -60,14 +54,18 @@ def trace(ray_class: RayClass, *parts: Part) -> Traces:
 def test_decibels_of_a_material_apply_instead_of_its_units(
     ray_class: RayClass, material: Material, lost: float
 ) -> None:
-    traces = trace(ray_class, layer(material, 2, 4), layer(Material("wall"), 9, 10))
+    traces = trace(
+        ray_class, layer("m", material, 2, 4), layer("wall", Material("wall"), 9, 10)
+    )
     assert traces.outcomes.tolist() == [Outcome.HIT]
     assert (3.0 - traces.power[0]) / PER_DB == pytest.approx(lost)
 
 
 def test_surface_that_absorbs_in_units_is_hit_in_decibels() -> None:
-    assert trace(IN_UNITS, layer(SOIL, 2, 4)).outcomes.tolist() == [Outcome.ABSORBED]
-    traces = trace(IN_DECIBELS, layer(SOIL, 2, 4))
+    assert trace(IN_UNITS, layer("soil", SOIL, 2, 4)).outcomes.tolist() == [
+        Outcome.ABSORBED
+    ]
+    traces = trace(IN_DECIBELS, layer("soil", SOIL, 2, 4))
     assert traces.outcomes.tolist() == [Outcome.HIT]
     assert traces.power.tolist() == [3.0]
     assert traces.incidence.tolist() == [1.0]
@@ -76,7 +74,7 @@ def test_surface_that_absorbs_in_units_is_hit_in_decibels() -> None:
 def test_light_knows_no_such_decibels() -> None:
     passes = Material("m", 0.7, 0.5, attenuation_db=(2.0, 3.0, 4.0))
     plain, counting = (
-        trace(RayClass(LASER, in_decibels=flag), layer(passes, 2, 4))
+        trace(RayClass(LASER, in_decibels=flag), layer("m", passes, 2, 4))
         for flag in (False, True)
     )
     assert plain.power.tolist() == counting.power.tolist() == [pytest.approx(2.0)]

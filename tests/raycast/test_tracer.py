@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from parts import brick
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats, rotation_matrix
@@ -35,12 +36,6 @@ def foliage(density: float) -> Material:
 
 def solid(material: Material, shape: Solid, at: tuple[float, float, float]) -> Part:
     return Part(material.name, material, shape[0] + np.array(at), shape[1])
-
-
-def brick(
-    material: Material, size: tuple[float, float, float], at: tuple[float, float, float]
-) -> Part:
-    return solid(material, shapes.box(*size), at)
 
 
 def rays(
@@ -192,20 +187,6 @@ def test_ray_along_a_face_or_an_edge_is_inside_or_outside_throughout(
 def test_side_by_side_volumes_leave_no_gap_between_them() -> None:
     bushes = [brick(foliage(0.1), (2, 2, 2), (5, y, 0)) for y in (-1, 1)]
     assert one(bushes)[3] == pytest.approx(1 - 0.2)
-
-
-def test_first_of_coincident_walls_is_hit() -> None:
-    walls = [brick(CONCRETE, (1, 2, 2), (5, 0, 0)) for _ in range(3)]
-    assert one(walls) == (4.5, Outcome.HIT, 0, 1.0)
-
-
-def test_ray_from_far_away_hits_the_same_point() -> None:
-    bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
-    wall = brick(CONCRETE, (1, 2, 2), (5, 0, 0))
-    t, outcome, part, power = one([bush, wall], (-1e6, 0.3, 0.2), max_range=1e7)
-    assert (outcome, part) == (Outcome.HIT, 1)
-    assert t == pytest.approx(1e6 + 4.5)
-    assert power == pytest.approx(0.8)
 
 
 def test_robots_stop_all_rays_but_their_own() -> None:

@@ -158,24 +158,6 @@ def test_robot_slides_into_a_corner_and_leaves_it() -> None:
     assert not driven.touched
 
 
-def test_robot_is_not_stuck_in_a_wedge() -> None:
-    wedge = Obstacles(wall((0, 1), (2, 0.1), (2, -0.1), (0, -1)))
-    driven = robot(wedge, Pose2(0, 0, 0.05))
-    drive(driven, FULL, FULL, 500)
-    assert driven.touched
-    caught = driven.pose
-    drive(driven, -FULL, -FULL, 50)
-    assert caught.x - driven.pose.x > 0.35
-
-
-def test_turning_beside_a_wall_pushes_the_robot_away() -> None:
-    beside = P3AT.width / 2 + 0.002
-    driven = robot(Obstacles(wall((-5, beside), (5, beside))), Pose2(0, 0))
-    drive(driven, -2, 2, 100)
-    assert driven.pose.yaw == pytest.approx(4 * 0.098 / 0.36)
-    assert driven.pose.y < -0.02
-
-
 def test_turning_in_a_narrow_corridor_stops_at_its_walls() -> None:
     half = P3AT.width / 2 + 0.02
     corridor = np.concatenate(
@@ -197,28 +179,11 @@ def test_thin_wall_is_not_passed_through(thickness: float, speed: float) -> None
     assert driven.pose.x < 1 - P3AT.length / 2
 
 
-def test_step_of_one_second_passes_through_nothing() -> None:
-    driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
-    driven.drive(FULL, FULL)
-    driven.fleet.step(1.0)
-    assert driven.pose.x < 0.5 - P3AT.length / 2
-
-
 def test_wheels_keep_turning_while_a_wall_blocks_the_robot() -> None:
     driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
     drive(driven, 5, 5, 200)
     assert driven.pose.x < 0.3
     assert driven.side_angles == pytest.approx((10, 10))
-
-
-def test_slow_approach_to_a_wall_does_not_bounce() -> None:
-    driven = robot(Obstacles(wall((0.3, -5), (0.3, 5))), Pose2(0, 0))
-    seen = []
-    for _ in range(400):
-        drive(driven, 0.1, 0.1, 1)
-        seen.append(driven.pose.x)
-    assert driven.touched
-    assert np.diff(seen).min() > -1e-9
 
 
 def test_touch_lasts_until_the_robot_backs_off() -> None:

@@ -45,7 +45,7 @@ def sheet(low: float, high: float, *, x: float = 1.0, solid: bool = True) -> Par
     ],
 )
 def test_which_parts_are_obstacles(part: Part, blocks: bool) -> None:
-    obstacles = Obstacles.from_parts([part])
+    obstacles = Obstacles.from_scene(Scene("room", "room", (part,)))
     assert obstacles.clear(ROBOT, Pose2(0, 0))
     assert obstacles.clear(ROBOT, Pose2(1, 0)) is not blocks
 
@@ -61,7 +61,7 @@ def test_bumper_heights_count_from_the_floor() -> None:
 def test_floor_without_solid_parts_is_clear() -> None:
     obstacles = Obstacles.from_scene(Scene("void", "DM-Void"))
     assert obstacles.clear(ROBOT, Pose2(3, 4, 5))
-    assert obstacles.near(0, 0, 1000).shape == (0, 2, 2)
+    assert obstacles.segments.shape == (0, 2, 2)
 
 
 def test_obstacles_are_surfaces_and_bodies_are_filled() -> None:
@@ -69,12 +69,6 @@ def test_obstacles_are_surfaces_and_bodies_are_filled() -> None:
     assert room.clear(ROBOT, Pose2(0, 0))
     post = Obstacles(ring(-0.01, -0.01, 0.01, 0.01))
     assert not post.clear(ROBOT, Pose2(0, 0))
-
-
-def test_near_segments_keep_their_order() -> None:
-    walls = np.array([[[x, -1.0], [x, 1.0]] for x in range(20, 0, -1)])
-    near = Obstacles(walls).near(10, 0.5, 1.5)
-    assert near[:, 0, 0].tolist() == [11, 10, 9]
 
 
 @pytest.mark.parametrize(
@@ -94,11 +88,6 @@ def test_near_segments_keep_their_order() -> None:
 )
 def test_bodies_do_not_overlap(other: StandingBody, free: bool) -> None:
     assert Obstacles().clear(ROBOT, Pose2(0, 0), [other]) is free
-
-
-def test_free_pose_is_its_own_nearest() -> None:
-    pose = Pose2(0, 0, 0.3)
-    assert Obstacles(ring(-1, -1, 1, 1)).nearest_free_pose(ROBOT, pose) == pose
 
 
 def test_nearest_free_pose_keeps_the_yaw() -> None:

@@ -38,7 +38,7 @@ def test_robot_stands_until_it_is_driven() -> None:
     driven = robot(Pose2(1, 2, 3))
     run(driven, 1)
     assert driven.pose == Pose2(1, 2, 3)
-    assert driven.wheel_angles == (0, 0, 0, 0)
+    assert driven.side_angles == (0, 0)
     assert not driven.light
     assert not driven.touched
 
@@ -89,13 +89,6 @@ def test_normalized_holds_for_later_commands() -> None:
     assert driven.side_angles == pytest.approx((1.0817, 1.0817))
 
 
-def test_speeds_in_revolutions_per_second() -> None:
-    driven = robot(wheel_drive=WheelDrive(1.3, "rev_per_s"))
-    driven.drive(1, 1)
-    run(driven, 1)
-    assert driven.side_angles == pytest.approx((2 * math.pi, 2 * math.pi))
-
-
 def test_light_is_independent_of_the_wheels() -> None:
     driven = robot()
     driven.drive(light=True)
@@ -113,15 +106,6 @@ def test_halt_stops_the_wheels() -> None:
     driven.halt()
     run(driven, 1)
     assert driven.pose == Pose2(0, 0)
-
-
-def test_wheel_angles_are_in_wire_order() -> None:
-    driven = robot()
-    driven.drive(-1, 2)
-    run(driven, 1)
-    assert driven.wheel_angles == pytest.approx((2, -1, 2, -1))
-    two_wheels = robot(class_name="P2DX")
-    assert two_wheels.wheel_angles == (0, 0)
 
 
 @pytest.mark.parametrize("speed", [math.nan, math.inf, -math.inf])
@@ -176,9 +160,3 @@ def test_top_speed_is_never_exceeded() -> None:
 def test_battery_seconds_left(elapsed: float, endless: int, mortal: int) -> None:
     assert Battery(1200.0).seconds_left(elapsed) == endless
     assert Battery(1200.0, runs_out=True).seconds_left(elapsed) == mortal
-
-
-def test_battery_gets_empty_only_if_it_runs_out() -> None:
-    assert not Battery(3600.0).is_empty(1e6)
-    assert Battery(1200.0, runs_out=True).is_empty(1200.0)
-    assert not Battery(1200.0, runs_out=True).is_empty(1198.9)

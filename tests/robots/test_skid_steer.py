@@ -46,13 +46,13 @@ def test_known_arcs(left: float, right: float, end: Pose2) -> None:
 @pytest.mark.parametrize(
     ("unit", "limit", "value", "normalized", "spin"),
     [
-        pytest.param("rad_per_s", 8.17, 2.5, False, 2.5, id="as it is"),
-        pytest.param("rad_per_s", 8.17, -9, False, -8.17, id="clamped"),
-        pytest.param("rad_per_s", 8.17, 50, True, 4.085, id="percent"),
-        pytest.param("rad_per_s", 8.17, -250, True, -8.17, id="percent clamped"),
-        pytest.param("rev_per_s", 1.3, 1, False, 2 * math.pi, id="turns"),
-        pytest.param("rev_per_s", 1.3, 5, False, 2.6 * math.pi, id="turns clamped"),
-        pytest.param("rev_per_s", 1.3, 100, True, 2.6 * math.pi, id="turns percent"),
+        ("rad_per_s", 8.17, 2.5, False, 2.5),
+        ("rad_per_s", 8.17, -9, False, -8.17),
+        ("rad_per_s", 8.17, 50, True, 4.085),
+        ("rad_per_s", 8.17, -250, True, -8.17),
+        ("rev_per_s", 1.3, 1, False, 2 * math.pi),
+        ("rev_per_s", 1.3, 5, False, 2.6 * math.pi),
+        ("rev_per_s", 1.3, 100, True, 2.6 * math.pi),
     ],
 )
 def test_conversion_of_commanded_speeds(

@@ -24,15 +24,15 @@ def scatter(**keys: Any) -> ObjectEntry:
 @given(st.integers(0, 2**64), st.integers(1, 50))
 def test_scattered_objects_are_in_their_area(seed: int, count: int) -> None:
     copies = place_copies(scatter(seed=seed, count=count, scale=[0.5, 2]))
-    places = np.array([copy.position for copy in copies])
-    assert [copy.name for copy in copies] == list(copy_names("bush", count))
+    places = np.array([position for _, position, _ in copies])
+    assert [name for name, *_ in copies] == list(copy_names("bush", count))
     assert (places >= [-5, 1, 0.6]).all()
     assert (places <= [5, 3, 0.6]).all()
-    assert all(0.5 <= copy.scale <= 2 for copy in copies)
+    assert all(0.5 <= scale <= 2 for *_, scale in copies)
 
 
 def places(copies: ObjectEntry) -> list[tuple[float, ...]]:
-    return [(*copy.position, copy.scale) for copy in place_copies(copies)]
+    return [(*position, scale) for _, position, scale in place_copies(copies)]
 
 
 def test_same_seed_gives_the_same_positions_and_another_one_others() -> None:

@@ -16,25 +16,22 @@ START = "expected Robot, Player, ComSt or Point, then letters, then digits"
             " 'objects'",
             id="empty",
         ),
-        pytest.param(
+        (
             "version: 1\nobjects: [{name: a, sphere: '1,5', material: concrete}]",
             "m.yaml:2:29: objects.0.sphere: '1,5', expected a number"
             " with a decimal point, 1.5",
-            id="decimal comma",
         ),
-        pytest.param("version: 2", "m.yaml:1:10: version: 2, expected 1", id="version"),
-        pytest.param("level: x", "m.yaml:1:1: version: missing", id="no version"),
-        pytest.param(
+        ("version: 2", "m.yaml:1:10: version: 2, expected 1"),
+        ("level: x", "m.yaml:1:1: version: missing"),
+        (
             "version: 1\nlevel: a b",
             "m.yaml:2:8: level: 'a b', expected ASCII without blanks and braces",
-            id="blank in the level",
         ),
-        pytest.param(
+        (
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
             " expected one of ['air', 'crates', 'gps_origin_deg', 'level', 'materials',"
             " 'objects', 'starts', 'tags', 'trial', 'variants', 'version', 'victims']",
-            id="unknown section",
         ),
     ],
 )
@@ -76,19 +73,13 @@ def test_problem_of_a_material_has_place_and_expectation(
 @pytest.mark.parametrize(
     ("line", "column", "expected"),
     [
-        pytest.param(
-            "name: Start1, position: [0, 0, 0]",
-            12,
-            f".name: 'Start1', {START}",
-            id="no known beginning",
-        ),
-        pytest.param(
+        ("name: Start1, position: [0, 0, 0]", 12, f".name: 'Start1', {START}"),
+        (
             f"name: Robot{'1' * 36}, position: [0, 0, 0]",
             12,
             f".name: 'Robot{'1' * 36}', expected at most 40 characters",
-            id="endless name",
         ),
-        pytest.param("name: Robot1", 5, ".position: missing", id="nowhere"),
+        ("name: Robot1", 5, ".position: missing"),
     ],
 )
 def test_problem_of_a_start_has_place_and_expectation(

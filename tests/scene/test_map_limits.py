@@ -33,7 +33,7 @@ pytestmark = pytest.mark.usefixtures("mesh_folder")
     [
         pytest.param("objects", 20, 5, id="copies"),
         pytest.param("parts", 20, 5, id="parts"),
-        pytest.param("triangles", 240, 60, id="triangles"),
+        ("triangles", 240, 60),
     ],
 )
 def test_copies_of_all_objects_are_limited(
@@ -214,8 +214,8 @@ def test_places_are_those_of_comparing_all_pairs(
         expected[number] = position
         scales.append(rng.uniform(0.5, 2))
     copies = place_copies(entry(count, min_distance, half))
-    assert [copy.position[:2].tolist() for copy in copies] == expected.tolist()
-    assert [copy.scale for copy in copies] == scales
+    assert [place[:2].tolist() for _, place, _ in copies] == expected.tolist()
+    assert [scale for *_, scale in copies] == scales
 
 
 def test_tiny_area_takes_as_long_as_a_large_one() -> None:
@@ -229,8 +229,11 @@ def test_tiny_area_takes_as_long_as_a_large_one() -> None:
     assert min(duration(1e-4) for _ in range(3)) < 10 * large  # 1000 times if it fails
 
 
-def test_copies_of_all_variants_are_limited(tmp_path: Path) -> None:
-    scatter = "scatter: {count: 10000, area: [[-90, -90], [90, 90]], seed: 1}"
+def test_copies_of_all_variants_are_limited(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim.scene.map_loader.MAX_BUILT", 60)
+    scatter = "scatter: {count: 10, area: [[-90, -90], [90, 90]], seed: 1}"
     file = tmp_path / "variants.yaml"
     variants = "".join(
         f"  v{i}:\n    objects: [{{name: o, {SMALL}, {scatter}}}]\n" for i in range(8)
@@ -239,7 +242,7 @@ def test_copies_of_all_variants_are_limited(tmp_path: Path) -> None:
     with pytest.raises(MapError) as raised:
         load_variants(file)
     assert [problem.partition(": ")[2] for problem in raised.value.problems] == [
-        f"variants.v{i}.objects.0: 10000 objects of the map and its variants,"
-        " expected at most 60000 in all, 0 more"
+        f"variants.v{i}.objects.0: 10 objects of the map and its variants,"
+        " expected at most 60 in all, 0 more"
         for i in (6, 7)
     ]

@@ -30,92 +30,55 @@ def material(entry: str) -> Material:
 @pytest.mark.parametrize(
     ("entry", "attributes"),
     [
-        pytest.param(
+        (
             "{db_per_m: 2.5}",
             {"density": 0.0, "laser_density": OPAQUE, "radar_db": (2.5, 2.5, 2.5)},
-            id="one number for all bands",
         ),
-        pytest.param(
+        (
             "{db_per_m: {24: 2, 77: 3.5, 94: 4}}",
             {"density": 0.0, "radar_db": (2.0, 3.5, 4.0)},
-            id="a number for each band",
         ),
-        pytest.param(
-            "{density: 0.7, db_per_m: 1}",
-            {"density": 0.7, "radar_db": (1.0, 1.0, 1.0)},
-            id="density and dB add",
-        ),
-        pytest.param(
+        ("{density: 0.7, db_per_m: 1}", {"density": 0.7, "radar_db": (1.0, 1.0, 1.0)}),
+        (
             "{density: 0, laser_db_per_m: 4.3, solid: false}",
             {"density": 0.0, "laser_density": 0.0, "laser_db": 4.3, "solid": False},
-            id="smoke in dB",
         ),
-        pytest.param(
-            "{density: 0, laser_density: 0.5, laser_db_per_m: 4.3}",
-            {"density": 0.0, "laser_density": 0.5, "laser_db": 4.3},
-            id="of light too",
-        ),
-        pytest.param(
+        (
             "{density: opaque, absorption_db: 12, laser_absorption_db: all}",
             {
                 "absorption_db": 12.0,
                 "backscatter_db": -22.0,
                 "laser_absorption_db": math.inf,
             },
-            id="absorbing",
         ),
-        pytest.param(
-            "{density: opaque, mirror: radar}", {"radar_mirror": True}, id="radar"
-        ),
-        pytest.param(
-            "{density: 1, mirror: laser}",
-            {"density": 1.0, "laser_mirror": True},
-            id="laser",
-        ),
-        pytest.param(
+        ("{density: opaque, mirror: radar}", {"radar_mirror": True}),
+        (
             "{density: opaque, mirror: both}",
             {"radar_mirror": True, "laser_mirror": True},
-            id="both",
         ),
-        pytest.param("{density: opaque, mirror: none}", {}, id="none"),
-        pytest.param(
+        (
             "{density: 0.7, attenuation_db: {24: 2, 77: 3, 94: 4}, albedo: 0.3}",
             {"density": 0.7, "attenuation_db": (2.0, 3.0, 4.0), "albedo": 0.3},
-            id="dB beside a density",
         ),
-        pytest.param(
-            "{density: 0.7, sway_m_per_s: 0.1}",
-            {"density": 0.7, "sway_m_per_s": 0.1},
-            id="in a wind",
-        ),
-        pytest.param(
+        (
             "{sheet_loss: 0.4, sheet_attenuation_db: 0.2}",
             {
                 "density": 0.0,
                 "sheet_loss": 0.4,
                 "sheet_attenuation_db": (0.2, 0.2, 0.2),
             },
-            id="dB beside a sheet loss",
         ),
-        pytest.param(
+        (
             "{density: opaque, backscatter_db: -25, constant_gamma: true}",
             {"backscatter_db": -25.0, "constant_gamma": True},
-            id="soil",
         ),
-        pytest.param(
-            "{density: opaque, absorption_db: 30}",
-            {"absorption_db": 30.0, "backscatter_db": -40.0},
-            id="an absorber returns less",
-        ),
-        pytest.param(
+        (
             "{density: opaque, absorption_db: all}",
             {"absorption_db": math.inf, "backscatter_db": -math.inf},
-            id="an absorber of all returns nothing",
         ),
-        pytest.param(
+        (
             "{density: opaque, absorption_db: all, backscatter_db: -25}",
             {"absorption_db": math.inf, "backscatter_db": -25.0},
-            id="absorbs for one radar, and returns to another",
         ),
     ],
 )
@@ -133,7 +96,7 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
 @pytest.mark.parametrize(
     ("entry", "base", "attributes"),
     [
-        pytest.param(
+        (
             "{based_on: foliage, density: 0.7}",
             "foliage",
             {
@@ -141,51 +104,28 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
                 "radar_db": (0.0, 0.0, 0.0),
                 "attenuation_db": (2.37, 3.31, 3.5),
             },
-            id="a density beside dB",
         ),
-        pytest.param(
-            "{based_on: foliage, db_per_m: 1, solid: false}",
-            "foliage",
-            {"radar_db": (1.0, 1.0, 1.0), "solid": False},
-            id="other dB",
-        ),
-        pytest.param(
+        (
             "{based_on: foliage, laser_db_per_m: 3}",
             "foliage",
             {"laser_density": 0.0, "laser_db": 3.0},
-            id="not opaque to a laser",
         ),
-        pytest.param(
+        (
             "{based_on: foliage, sheet_loss: 0.1}",
             "foliage",
             {"sheet_loss": 0.1, "radar_db": (0.0, 0.0, 0.0)},
-            id="a sheet",
         ),
-        pytest.param(
-            "{based_on: foliage, density: opaque}",
-            "foliage",
-            {"density": OPAQUE, "radar_db": (0.0, 0.0, 0.0)},
-            id="opaque",
-        ),
-        pytest.param(
-            "{based_on: smoke, laser_density: opaque}",
-            "smoke",
-            {"laser_density": OPAQUE, "laser_db": 0.0},
-            id="opaque to light",
-        ),
-        pytest.param(
+        (
             "{based_on: metal, density: 1}",
             "metal",
             {"density": 1.0, "radar_mirror": False, "absorption_db": 0.0},
-            id="mirror that is not opaque to a radar",
         ),
-        pytest.param(
+        (
             "{based_on: metal, laser_density: 0}",
             "metal",
             {"laser_density": 0.0, "laser_mirror": False, "laser_absorption_db": 0.0},
-            id="mirror that is not opaque to a laser",
         ),
-        pytest.param(
+        (
             "{based_on: metal, mirror: none, absorption_db: 20}",
             "metal",
             {
@@ -195,13 +135,6 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
                 "backscatter_db": -30.0,
                 "specular_db": -20.01,
             },
-            id="dull",
-        ),
-        pytest.param(
-            "{based_on: concrete, mirror: both}",
-            "concrete",
-            {"radar_mirror": True, "laser_mirror": True},
-            id="polished",
         ),
     ],
 )
@@ -224,96 +157,57 @@ def test_amounts_are_those_of_the_entry() -> None:
 @pytest.mark.parametrize(
     ("entry", "key", "message"),
     [
-        pytest.param("{db_per_m: -1}", "db_per_m", f"-1, {NUMBER}", id="negative"),
-        pytest.param(
+        ("{db_per_m: -1}", "db_per_m", f"-1, {NUMBER}"),
+        (
             "{db_per_m: {24: 1, 77: 2, 94: 3, 60: 4}}",
             "db_per_m",
             f"{{'24': 1, '77': 2, '94': 3, '60': 4}}, {NUMBER}",
-            id="another band",
         ),
-        pytest.param(
+        (
             "{density: opaque, db_per_m: 1}",
             "db_per_m",
             "1 with 'opaque', expected a density that is a number, or none",
-            id="opaque, and dB",
         ),
-        pytest.param(
+        (
             "{sheet_loss: 1, db_per_m: 1}",
             "db_per_m",
             "expected either 'sheet_loss' or 'db_per_m'",
-            id="a sheet with an inside",
         ),
-        pytest.param(
+        (
             "{density: opaque, absorption_db: some}",
             "absorption_db",
             "'some', expected 'all' or a number from 0 to 1e+06",
-            id="absorbing some",
         ),
-        pytest.param(
+        (
             "{density: 1, absorption_db: 3}",
             "absorption_db",
             "3, expected only of what is opaque to a radar",
-            id="an absorbing volume",
         ),
-        pytest.param(
-            "{density: opaque, laser_density: 0, laser_absorption_db: all}",
-            "laser_absorption_db",
-            "inf, expected only of what is opaque to a laser",
-            id="a volume that absorbs light",
-        ),
-        pytest.param(
+        (
             "{density: 1, mirror: radar}",
             "mirror",
             "'radar', expected only of what is opaque to a radar",
-            id="a volume as mirror",
         ),
-        pytest.param(
-            "{density: opaque, mirror: yes}",
-            "mirror",
-            "'yes', expected 'radar', 'laser', 'both' or 'none'",
-            id="another mirror",
-        ),
-        pytest.param(
-            "{density: opaque, attenuation_db: 3}",
-            "attenuation_db",
-            "3 with 'opaque', expected a density that is a number, or none",
-            id="decibels inside of what is opaque",
-        ),
-        pytest.param(
+        (
             "{based_on: concrete, attenuation_db: 3}",
             "attenuation_db",
             "expected only of what a radar enters and has an inside",
-            id="decibels inside of concrete",
         ),
-        pytest.param(
+        (
             "{density: 1, sheet_attenuation_db: 3}",
             "sheet_attenuation_db",
             "expected only of what a radar enters and has a 'sheet_loss'",
-            id="decibels of a sheet for a volume",
         ),
-        pytest.param(
-            "{density: 1, albedo: 1.5}",
-            "albedo",
-            "1.5, expected at most 1",
-            id="scatters more than it takes",
-        ),
-        pytest.param(
+        ("{density: 1, albedo: 1.5}", "albedo", "1.5, expected at most 1"),
+        (
             "{based_on: leaf}",
             "based_on",
             f"'leaf', expected one of {list(library_names())}",
-            id="not in the library",
         ),
-        pytest.param(
-            "{density: 1, mm_per_h: 3}",
-            "mm_per_h",
-            "expected only with 'based_on' one of ['rain']",
-            id="rain of nothing",
-        ),
-        pytest.param(
+        (
             "{based_on: rain, g_per_m3: 3}",
             "g_per_m3",
             "expected only with 'based_on' one of ['dust', 'fog', 'smoke']",
-            id="another amount",
         ),
     ],
 )
@@ -351,12 +245,11 @@ def test_mesh_may_have_library_materials() -> None:
 @pytest.mark.parametrize(
     ("text", "air"),
     [
-        pytest.param("air: fog", library_material("fog"), id="of the library"),
-        pytest.param(
+        ("air: fog", library_material("fog")),
+        (
             "materials:\n  fog: {density: 0.01, laser_density: 1, solid: false}\n"
             "air: fog",
             Material("fog", 0.01, 1.0, solid=False),
-            id="the map's own comes first",
         ),
         pytest.param("air:", None, id="none"),
         pytest.param("", None, id="not said"),
@@ -371,36 +264,25 @@ def test_air_fills_the_scene(text: str, air: Material | None) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        pytest.param(
+        (
             "air: foliage",
             "m.yaml:2:6: air: 'foliage' is opaque to a laser and solid,"
             " expected a material that beams and robots can enter",
-            id="foliage",
         ),
-        pytest.param(
-            "air: metal",
-            "m.yaml:2:6: air: 'metal' is opaque to a radar and opaque to a laser and"
-            " solid, expected a material that beams and robots can enter",
-            id="metal",
-        ),
-        pytest.param(
+        (
             "air: m\nmaterials: {m: {sheet_loss: 1, laser_density: 0, solid: false}}",
             "m.yaml:2:6: air: 'm' is a sheet,"
             " expected a material that beams and robots can enter",
-            id="a sheet",
         ),
-        pytest.param(
+        (
             "air: mist",
             "m.yaml:2:6: air: 'mist', expected one of the library,"
             f" {list(library_names())}",
-            id="unknown",
         ),
-        pytest.param("air: 3", "m.yaml:2:6: air: 3, expected text", id="a number"),
-        pytest.param(
+        (
             "air: m\nmaterials: {m: {density: -1}}",
             "m.yaml:3:26: materials.m.density: -1,"
             " expected 'opaque' or a number, at least 0",
-            id="of a material that is wrong by itself",
         ),
     ],
 )

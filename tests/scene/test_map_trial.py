@@ -39,21 +39,14 @@ def test_trial_is_optional(line: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "column", "expected"),
     [
-        pytest.param(
+        (
             "RobotStart1",
             "RobotStart2",
             16,
             f".start: 'RobotStart2' (did you mean 'RobotStart1'?), {KNOWN}",
-            id="no such start",
         ),
-        pytest.param("start: RobotStart1, ", "", 8, ".start: missing", id="nowhere"),
-        pytest.param(
-            "[7, -2.5]",
-            "[7, 1001]",
-            39,
-            ".goal.1: 1001, expected at most 1000",
-            id="goal beyond all maps",
-        ),
+        ("start: RobotStart1, ", "", 8, ".start: missing"),
+        ("[7, -2.5]", "[7, 1001]", 39, ".goal.1: 1001, expected at most 1000"),
         pytest.param(
             "0.5",
             "0",

@@ -8,6 +8,7 @@ from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.scene.map_schema import MaterialEntry
 from radarsim.scene.material import (
     AMOUNTS,
+    Material,
     library,
     library_entry,
     library_material,
@@ -54,22 +55,6 @@ def test_plants_stop_light_and_attenuate_radar(name: str) -> None:
     assert plant.solid is (name != "tall_grass")
 
 
-@pytest.mark.parametrize("name", WALLS)
-def test_walls_are_opaque_and_solid(name: str) -> None:
-    wall = library_material(name)
-    assert math.isinf(wall.density)
-    assert math.isinf(wall.laser_density)
-    assert wall.solid
-
-
-@pytest.mark.parametrize("name", AIR)
-def test_air_and_weather_are_penetrable_by_beams_and_robots(name: str) -> None:
-    air = library_material(name)
-    assert (air.density, air.laser_density, air.solid) == (0, 0, False)
-    assert min(air.radar_db) > 0
-    assert air.rain == (25 if name == "rain" else 0)
-
-
 def test_only_glass_and_metal_are_mirrors() -> None:
     glass, metal = library_material("glass"), library_material("metal")
     assert (glass.radar_mirror, glass.laser_mirror) == (True, False)
@@ -93,11 +78,6 @@ def test_only_weather_has_an_amount() -> None:
         "rain": AMOUNTS[1],
     }
     assert library_entry("wood").amount is None
-
-
-def test_default_amount_is_that_of_the_file() -> None:
-    assert library_material("dust") == library_material("dust", g_per_m3=3)
-    assert library_material("rain") == library_material("rain", mm_per_h=25)
 
 
 def test_amount_of_the_wrong_unit_is_rejected() -> None:
@@ -127,3 +107,17 @@ def test_deep_canopy_returns_what_is_known_of_plants(name: str) -> None:
 def test_clouds_scatter_nothing_but_rain_by_its_drops() -> None:
     for name in WEATHER:
         assert library_material(name).albedo == 0
+
+
+@pytest.mark.parametrize(
+    ("material", "penetrable"),
+    [
+        pytest.param(Material("concrete"), False, id="opaque"),
+        pytest.param(Material("foliage", density=0.7), True, id="to the radar"),
+        pytest.param(Material("glass", laser_density=0.0), True, id="to the laser"),
+    ],
+)
+def test_penetrable_is_what_radar_or_laser_enters(
+    material: Material, penetrable: bool
+) -> None:
+    assert material.penetrable is penetrable

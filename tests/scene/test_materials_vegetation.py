@@ -25,13 +25,13 @@ def test_weissbergers_law_matches_published_values(
 @pytest.mark.parametrize(
     ("name", "at_ghz", "measured"),
     [
-        pytest.param("sparse_foliage", 73, (0.4, 0.4), id="small trees"),
+        ("sparse_foliage", 73, (0.4, 0.4)),
         pytest.param("twigs", 28.8, (0.75, 0.75), id="bare pecan"),
         pytest.param("foliage", 28.8, (2.5, 2.5), id="leafy pecan"),
-        pytest.param("woodland", 28.8, (1.3, 2.0), id="the first 30 m of a wood"),
-        pytest.param("woodland", 57.6, (1.3, 2.0), id="the same in a higher band"),
+        ("woodland", 28.8, (1.3, 2.0)),
+        ("woodland", 57.6, (1.3, 2.0)),
         pytest.param("foliage", 38, (2.0, 4.0), id="dry leaves"),
-        pytest.param("wet_foliage", 38, (6.0, 8.0), id="wet leaves"),
+        ("wet_foliage", 38, (6.0, 8.0)),
     ],
 )
 def test_library_is_within_50_percent_of_measurements(
@@ -56,11 +56,11 @@ def test_woodland_follows_weissbergers_law_in_each_band() -> None:
 @pytest.mark.parametrize(
     ("name", "db", "at_ghz"),
     [
-        pytest.param("sparse_foliage", 0.4, 73, id="sparse"),
+        ("sparse_foliage", 0.4, 73),
         pytest.param("twigs", 0.75, 28.8, id="twigs"),
         pytest.param("foliage", 2.5, 28.8, id="in leaf"),
-        pytest.param("dense_foliage", 6, 38, id="dense"),
-        pytest.param("wet_foliage", 7, 38, id="wet"),
+        ("dense_foliage", 6, 38),
+        ("wet_foliage", 7, 38),
         pytest.param("hedge", 8, 38, id="hedge"),
     ],
 )

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.scene.face_passes import connect_faces, weld_vertices
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.meshes import (
     join_surfaces,
@@ -16,7 +15,7 @@ from radarsim.scene.meshes import (
     read_surfaces,
 )
 from radarsim.scene.shapes import Surface, box
-from radarsim.scene.topology import is_closed
+from radarsim.scene.topology import connect_faces, is_closed, weld_vertices
 
 CORNERS, TRIANGLES = box(1, 1, 1)
 
@@ -127,7 +126,6 @@ def volume(vertices: Floats, faces: Any) -> float:
         pytest.param("box.obj", obj_box(), id="OBJ"),
         pytest.param("box.stl", stl_box(), id="STL"),
         pytest.param("box.ply", ply_box(), id="PLY"),
-        pytest.param("BOX.STL", stl_box(), id="upper case"),
     ],
 )
 def test_box_without_materials_is_one_closed_surface(
@@ -194,14 +192,9 @@ def test_obj_has_material_names_without_reading_their_library(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("reference", "message"),
     [
-        pytest.param("../out.stl", "expected a file in the map's own folder", id="up"),
-        pytest.param("link.stl", "expected a file in the map's own folder", id="link"),
-        pytest.param(
-            "../nowhere.stl",
-            "expected a file in the map's own folder",
-            id="up, missing",
-        ),
-        pytest.param("nowhere.stl", "expected an existing file", id="missing"),
+        ("../out.stl", "expected a file in the map's own folder"),
+        ("link.stl", "expected a file in the map's own folder"),
+        ("nowhere.stl", "expected an existing file"),
         pytest.param("meshes", "expected an existing file", id="a folder"),
         pytest.param("a\0b", "expected the path of a file", id="NUL"),
         pytest.param("loop", "expected the path of a file", id="a link to itself"),
@@ -269,12 +262,6 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
             "'a.stl': 12 triangles in the header,"
             " expected a file of 684 bytes, not of 384",
             id="cut binary STL",
-        ),
-        pytest.param(
-            "a.gltf",
-            "{",
-            "'a.gltf': not JSON: EOF while parsing an object at line 1 column 1",
-            id="cut glTF",
         ),
         pytest.param(
             "a.gltf",

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.shapes import Faces, box, cylinder, octahedron, sphere
-from radarsim.scene.topology import is_closed
+from radarsim.scene.topology import connect_faces, is_closed
 
 Mesh = tuple[Floats, Faces]
 SIZE = st.floats(1e-3, 1e3)

@@ -1,13 +1,25 @@
+from collections import Counter
+from typing import Any
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.scene.face_passes import Labels, connect_faces, weld_vertices
 from radarsim.scene.shapes import Faces, Mesh, box, concatenate, cylinder, sphere
-from radarsim.scene.topology import count_degenerate, is_closed, orient_outward
+from radarsim.scene.topology import (
+    Labels,
+    connect_faces,
+    count_degenerate,
+    is_closed,
+    orient_outward,
+    weld_vertices,
+)
 
+NUMBERS = st.sampled_from([-1.0, -0.0, 0.0, 1.0, 1e-300, 0.1])
+POINTS = st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=12)
+PLACES = st.tuples(*[st.integers(0, 3)] * 3)
 QUAD = (
     np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]),
     np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
@@ -44,8 +56,8 @@ def volume(vertices: Floats, faces: Faces) -> float:
 def oriented_volume(mesh: Mesh) -> float:
     oriented = orient_outward(*mesh)
     assert oriented is not None
-    assert is_closed(oriented.faces)
-    return volume(mesh[0], oriented.faces)
+    assert is_closed(oriented[0])
+    return volume(mesh[0], oriented[0])
 
 
 def test_welding_closes_a_soup_of_triangles() -> None:
@@ -58,54 +70,10 @@ def test_welding_closes_a_soup_of_triangles() -> None:
     assert is_closed(joined)
 
 
-def test_welding_equates_both_zeros_and_drops_collapsed_faces() -> None:
-    vertices = np.array([[0, 0, 0], [-0.0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 9, 9]])
-    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 2, 3]], dtype=np.int32)
-    merged, joined = weld_vertices(vertices, faces)
-    assert (len(merged), len(joined)) == (3, 2)
-
-
 def test_mesh_without_faces_is_closed_and_has_no_components() -> None:
     nothing = np.zeros((0, 3), dtype=np.int32)
     assert is_closed(nothing)
     assert label_components(nothing).shape == (0,)
-
-
-def test_missing_face_leaves_three_open_edges() -> None:
-    faces = cube()[1][1:]
-    assert count_open_edges(faces) == 3
-    assert orient_outward(cube()[0], faces) is None
-
-
-@given(st.permutations(range(24)))
-def test_components_do_not_depend_on_the_order_of_faces(order: list[int]) -> None:
-    _, faces = stack(cube(), cube(at=(3, 0, 0)))
-    labels = label_components(faces[order])
-    assert len(set(labels)) == 2
-    assert (
-        len({(label, place >= 12) for label, place in zip(labels, order, strict=True)})
-        == 2
-    )
-
-
-def test_common_edge_connects_but_common_vertex_does_not() -> None:
-    by_vertex = weld_vertices(*stack(cube(), cube(at=(1, 1, 1))))[1]
-    by_edge = weld_vertices(*stack(cube(), cube(at=(1, 1, 0))))[1]
-    assert label_components(by_vertex).max() == 1
-    assert label_components(by_edge).max() == 0
-    assert is_closed(by_edge)
-
-
-def test_same_volume_twice_is_closed() -> None:
-    assert is_closed(weld_vertices(*stack(cube(), cube()))[1])
-
-
-def test_long_strip_is_one_component() -> None:
-    count = 5000
-    here = np.arange(count, dtype=np.int32)
-    strip = np.column_stack([here, here + 1, here + 2])
-    order = np.random.Generator(np.random.PCG64(1)).permutation(count)
-    assert label_components(strip[order].astype(np.int32)).max() == 0
 
 
 @given(st.lists(st.booleans(), min_size=12, max_size=12))
@@ -119,7 +87,7 @@ def test_consistent_surface_is_not_changed() -> None:
     mesh = stack(cube(), cube(at=(3, 0, 0)))
     oriented = orient_outward(*mesh)
     assert oriented is not None
-    assert oriented.faces.tolist() == mesh[1].tolist()
+    assert oriented[0].tolist() == mesh[1].tolist()
 
 
 @pytest.mark.parametrize(
@@ -243,3 +211,103 @@ def test_order_of_faces_and_corners_does_not_matter(
     )
     shuffled = np.ascontiguousarray(np.roll(faces[order], shift, axis=1))
     assert count_degenerate(vertices, shuffled) == (4, 0)
+
+
+@st.composite
+def soups(draw: st.DrawFn) -> Mesh:
+    """Return any triangles, many of which have equal or the same corners."""
+    points = draw(POINTS)
+    index = st.integers(0, len(points) - 1)
+    faces = draw(st.lists(st.tuples(index, index, index), max_size=30))
+    return np.array(points), np.array(faces, np.int32).reshape(-1, 3)
+
+
+@st.composite
+def piles(draw: st.DrawFn) -> Mesh:
+    """Return boxes that touch each other, of which a face may be missing."""
+    cubes = [box(1, 1, 1) for _ in range(draw(st.integers(1, 6)))]
+    vertices, faces = concatenate([(v + draw(PLACES), f) for v, f in cubes])
+    kept = draw(st.permutations(range(len(faces))))
+    return vertices, faces[kept[draw(st.integers(0, 1)) :]]
+
+
+def triangles(mesh: Mesh) -> Any:
+    return mesh[0][mesh[1]].tolist()
+
+
+@settings(max_examples=40)
+@given(soups() | piles())
+def test_welding_keeps_the_same_triangles(mesh: Mesh) -> None:
+    whole = [[tuple(corner) for corner in each] for each in triangles(mesh)]
+    expected = [[[x + 0.0 for x in c] for c in e] for e in whole if len(set(e)) == 3]
+    found = weld_vertices(*mesh)
+    assert str(triangles(found)) == str(expected)  # also signs of zeros
+    corners = {tuple(corner) for each in whole for corner in each}
+    assert sorted(map(tuple, found[0].tolist())) == sorted(corners)
+
+
+@settings(max_examples=40)
+@given(soups() | piles())
+def test_faces_are_connected_by_their_edges(mesh: Mesh) -> None:
+    _, welded = weld_vertices(*mesh)
+    faces = welded.tolist()
+    directions = Counter((f[i], f[i - 1]) for f in faces for i in range(3))
+    edges = {frozenset(edge) for edge in directions}
+    is_open = [directions[a, b] != directions[b, a] for a, b in map(tuple, edges)]
+    labels = list(range(len(faces)))
+    for edge in edges:
+        joined = {labels[i] for i, face in enumerate(faces) if edge <= {*face}}
+        labels = [min(joined) if label in joined else label for label in labels]
+    found = connect_faces(welded)
+    assert found.open_edges == sum(is_open)
+    first_uses = list(dict.fromkeys(labels))
+    assert found.labels.tolist() == [first_uses.index(label) for label in labels]
+    assert found.components == len(first_uses)
+
+
+@settings(max_examples=40)
+@given(st.sets(PLACES, min_size=1, max_size=6), st.data())
+def test_boxes_apart_are_turned_outward_whatever_is_flipped(
+    places: set[tuple[int, int, int]], data: st.DataObject
+) -> None:
+    cubes = [(box(1, 1, 1)[0] + 2 * np.array(at), box(1, 1, 1)[1]) for at in places]
+    vertices, faces = concatenate(cubes)
+    flipped = data.draw(st.lists(st.booleans(), min_size=len(faces)))[: len(faces)]
+    faces[flipped] = faces[flipped][:, ::-1]
+    found = orient_outward(*weld_vertices(vertices, faces))
+    assert found is not None
+    assert is_closed(found[0])
+    a, b, c = np.moveaxis(weld_vertices(vertices, faces)[0][found[0]], 1, 0)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+    assert volume == pytest.approx(len(places))
+
+
+def fan(count: int) -> Mesh:
+    """Return a closed double cone: all its faces meet at one of two vertices."""
+    angles = np.arange(count) * (2 * np.pi / count)
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
+    here, there = np.arange(count) + 2, np.roll(np.arange(count) + 2, -1)
+    top = np.column_stack([np.zeros(count, np.int64), here, there])
+    bottom = np.column_stack([np.ones(count, np.int64), there, here])
+    apexes = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    return np.vstack([apexes, rim]), np.vstack([top, bottom]).astype(np.int32)
+
+
+@pytest.mark.parametrize("mesh", [fan(50_000), sphere(1.0)], ids=["fan", "sphere"])
+def test_loose_triangles_of_a_closed_surface_are_welded(mesh: Mesh) -> None:
+    vertices, faces = mesh
+    soup = vertices[faces].reshape(-1, 3)
+    loose = np.arange(len(soup), dtype=np.int32).reshape(-1, 3)
+    welded, joined = weld_vertices(soup, loose)
+    assert len(welded) == len(vertices)
+    assert (welded[joined] == vertices[faces]).all()
+    assert connect_faces(joined).open_edges == 0
+    assert connect_faces(loose).components == len(faces)
+
+
+def test_triangles_without_a_common_vertex_all_stay() -> None:
+    corners = np.arange(90_000.0).reshape(-1, 3)
+    faces = np.arange(30_000, dtype=np.int32).reshape(-1, 3)
+    welded, joined = weld_vertices(corners, faces)
+    assert (welded == corners).all()
+    assert (joined == faces).all()

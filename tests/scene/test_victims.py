@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from radarsim.errors import MapError
-from radarsim.scene.crates import Crate
 from radarsim.scene.map_file import load_map
-from radarsim.scene.victims import Tag, Victim
+from radarsim.scene.scene import Crate, Tag, Victim
 
 MAP = """\
 version: 1
@@ -52,35 +51,22 @@ def test_map_has_victims_and_tags_and_writes_them_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        pytest.param(
-            "tags: [{id: -1, position: [0, 0, 0]}]", r"tags.0.id: ", id="negative"
-        ),
-        pytest.param(
-            "tags: [{id: 1, position: [0, 0, 0]}, {id: 1, position: [1, 0, 0]}]",
-            "'1'",
-            id="the same number twice",
-        ),
-        pytest.param(
+        ("tags: [{id: -1, position: [0, 0, 0]}]", r"tags.0.id: "),
+        ("tags: [{id: 1, position: [0, 0, 0]}, {id: 1, position: [1, 0, 0]}]", "'1'"),
+        (
             "victims: [{name: A, position: [0, 0, 0]}, {name: a, position: [1, 0, 0]}]",
             "'a'",
-            id="the same name twice",
         ),
-        pytest.param(
-            "victims: [{name: A, position: [0, 0, 0], sound: 3}]",
-            "sound_db",
-            id="a wrong key, with a suggestion",
-        ),
-        pytest.param("victims: {name: A}", "victims", id="no list"),
-        pytest.param(
+        ("victims: [{name: A, position: [0, 0, 0], sound: 3}]", "sound_db"),
+        ("victims: {name: A}", "victims"),
+        (
             "crates: [{name: A, size: [1, 1, 99], position: [0, 0, 0]}]",
             r"crates.0.size.2: ",
-            id="large crate",
         ),
-        pytest.param(
+        (
             "crates: [{name: A, size: [1, 1, 1], position: [0, 0, 0]},"
             " {name: a, size: [1, 1, 1], position: [2, 0, 0]}]",
             "'a'",
-            id="two crates of a name",
         ),
     ],
 )

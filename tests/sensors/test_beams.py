@@ -3,7 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.gaussian_beam import side_ray_angle
 
@@ -220,6 +220,7 @@ def test_cone_nodes_are_drawn_by_their_weights() -> None:
         assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
 
 
+@settings(max_examples=15)
 @given(st.tuples(*[st.floats(-10, 10)] * 6))
 def test_rays_are_turned_and_moved_by_the_pose_exactly(
     numbers: tuple[float, ...],

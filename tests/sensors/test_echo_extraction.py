@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from parts import layer
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
@@ -37,11 +38,6 @@ ENTER, LEAVE, CROSS, HIT, SPENT = (
     EventKind.HIT,
     EventKind.SPENT,
 )
-
-
-def layer(name: str, material: Material, near: float, far: float) -> Part:
-    vertices, faces = box(far - near, 4, 4)
-    return Part(name, material, vertices + np.array([(near + far) / 2, 0, 0]), faces)
 
 
 def leaf(density: float) -> Material:
@@ -263,6 +259,7 @@ def test_range_of_what_returns_nothing_is_its_front() -> None:
     assert middles([layer("bush", leaf(0.2), 2, 5)], math.inf) == {2.0: 2.0}
 
 
+@settings(max_examples=20)
 @given(
     st.lists(
         st.tuples(st.integers(0, 60), st.integers(1, 40), st.floats(0.02, 0.3)),
@@ -297,6 +294,7 @@ def test_ranges_of_overlapping_volumes_match_a_sum_over_short_steps(
             assert found[round(near, 6)] == pytest.approx(wanted, abs=2e-3)
 
 
+@settings(max_examples=25)
 @given(
     st.lists(
         st.tuples(st.floats(0.01, 2), st.floats(0.01, 2), st.floats(0, 0.4)),

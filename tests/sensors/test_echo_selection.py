@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.presets.sensors import load_settings
@@ -77,6 +77,7 @@ def merge_in_python(beam: list[Row], cell: float) -> list[Row]:
     return merged
 
 
+@settings(max_examples=60)
 @given(sorted_rows(), st.sampled_from([0.0, 0.25, 0.5, 1.0]))
 def test_echoes_within_the_resolution_merge_from_the_nearest_on(
     rows: list[Row], cell: float
@@ -101,6 +102,7 @@ def test_merging_does_not_change_its_input() -> None:
 
 @pytest.mark.parametrize("mode", ["last", "first", "strongest"])
 @pytest.mark.parametrize("spent_reads", ["range", "nothing"])
+@settings(max_examples=25)
 @given(sorted_rows())
 def test_each_mode_selects_its_echo(
     mode: str, spent_reads: str, rows: list[Row]

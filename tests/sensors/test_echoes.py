@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from parts import block
 
 import radarsim
 from radarsim import Echoes, Material, Part, Pose3, Scan, Scene
@@ -21,16 +22,6 @@ WALL = Material("wall")
 LEAF = Material("leaf", density=0.4)
 SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
 STEEL = Material("steel")
-
-
-def block(
-    name: str,
-    material: Material,
-    size: tuple[float, float, float],
-    place: tuple[float, float, float],
-) -> Part:
-    vertices, faces = box(*size)
-    return Part(name, material, vertices + np.array(place), faces)
 
 
 def pole(name: str, x: float, y: float, radius: float = 0.1) -> Part:

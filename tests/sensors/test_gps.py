@@ -4,25 +4,38 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mountings import mounting, move, robot_at
 
-from radarsim.geometry import Floats
-from radarsim.presets.sensors import gps_settings
+from radarsim.geometry import Pose3
+from radarsim.presets.robots import Item
+from radarsim.presets.sensors import item_settings
+from radarsim.protocol.reports import Gps
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
-from radarsim.scene.scene import GPS_ORIGIN, Part
+from radarsim.scene.scene import GPS_ORIGIN, Part, Scene
 from radarsim.scene.shapes import box
-from radarsim.sensors.gps import Gps, GpsFix
+from radarsim.sensors.gps import GpsReceiver, GpsSettings
 
-HERE = np.zeros(3)
-EXACT = gps_settings(max_noise=0, min_noise=0)
-
-
-def receiver(origin: tuple[float, float] = GPS_ORIGIN, *, seed: int = 0) -> Gps:
-    return Gps(origin, EXACT, np.random.default_rng(seed))
+HERE = Pose3(0, 0, 0)
 
 
-def fix(gps: Gps, place: Floats = HERE, parts: tuple[Part, ...] = ()) -> GpsFix:
-    return gps.fix(place, Tracer(parts).trace(gps.rays(place)))
+def receiver(
+    origin: tuple[float, float] = GPS_ORIGIN, *, seed: int = 0, **noise: float
+) -> GpsReceiver:
+    noise = {"max_noise": 0.0, "min_noise": 0.0, **noise}
+    settings = item_settings("GPS", GpsSettings, **noise)
+    scene = Scene("nowhere", "nowhere", gps_origin=origin)
+    rng = np.random.default_rng(seed)
+    item = Item(type="GPS", name="GPS")
+    return GpsReceiver(
+        mounting(item, settings, robot=robot_at(HERE), rng=rng, scene=scene)
+    )
+
+
+def fix(gps: GpsReceiver, place: Pose3 = HERE, parts: tuple[Part, ...] = ()) -> Gps:
+    move(gps.robot, place)
+    (read,) = gps.read(0.0, Tracer(parts).trace(gps.rays()))
+    return read
 
 
 def roof(length: float, width: float, material: Material) -> Part:
@@ -47,14 +60,14 @@ def test_as_many_satellites_are_in_sight_as_clients_saw_at_the_original_server()
 def test_x_is_north_and_y_is_west() -> None:
     origin = fix(receiver())
     assert origin.position is not None
-    moved = fix(receiver(), np.array([111.2, -71.67, 0]))
+    moved = fix(receiver(), Pose3(111.2, -71.67, 0))
     assert moved.position is not None
     difference = np.subtract(moved.position, origin.position)
     assert difference == pytest.approx([1e-3, 1e-3])
 
 
 def test_longitude_goes_on_beyond_the_date_line() -> None:
-    read = fix(receiver((0.0, 179.9999)), np.array([0, -71.67, 0]))
+    read = fix(receiver((0.0, 179.9999)), Pose3(0, -71.67, 0))
     assert read.position is not None
     assert read.position[1] == pytest.approx(-179.9991)
 
@@ -106,9 +119,9 @@ def test_fewer_than_four_satellites_give_no_fix() -> None:
 
 
 def test_error_has_the_standard_deviation_of_the_original_server() -> None:
-    gps = Gps(GPS_ORIGIN, gps_settings(), np.random.default_rng(1))
-    traces = Tracer(()).trace(gps.rays(HERE))
-    reads = [gps.fix(HERE, traces).position or (0, 0) for _ in range(4000)]
+    gps = receiver(seed=1, max_noise=2.5, min_noise=0.75)
+    traces = Tracer(()).trace(gps.rays())
+    reads = [gps.read(0.0, traces)[0].position or (0, 0) for _ in range(4000)]
     errors = np.subtract(reads, GPS_ORIGIN) * [111_200, 71_670]
     sigma = (2.5 + (0.75 - 2.5) * (11 - 4) / 8) / 3
     assert errors.std(axis=0) == pytest.approx([sigma, sigma], rel=0.05)
@@ -117,8 +130,7 @@ def test_error_has_the_standard_deviation_of_the_original_server() -> None:
 
 def test_with_very_many_satellites_there_is_no_error() -> None:
     equator = (0.0, 5.0)
-    settings = gps_settings(max_noise=1, min_noise=0)
-    read = fix(Gps(equator, settings, np.random.default_rng(1)))
+    read = fix(receiver(equator, max_noise=1))
     assert read.satellites == 13
     assert read.position == pytest.approx(equator, abs=1e-12)
 
@@ -126,7 +138,7 @@ def test_with_very_many_satellites_there_is_no_error() -> None:
 def test_fix_or_not_the_next_error_is_the_same() -> None:
     nexts = []
     for parts in ((), (roof(40, 40, Material("roof")),)):
-        gps = Gps(GPS_ORIGIN, gps_settings(), np.random.default_rng(2))
+        gps = receiver(seed=2, max_noise=2.5, min_noise=0.75)
         fix(gps, parts=parts)
         nexts.append(fix(gps))
     assert nexts[0] == nexts[1]

@@ -1,49 +1,23 @@
 import math
 from collections.abc import Sequence
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from mountings import mounting, move, robot_at
 
-from radarsim.engine import engine
-from radarsim.errors import EngineError, PresetError
+from radarsim.errors import EngineError
 from radarsim.geometry import Pose3
-from radarsim.presets.sensor_settings import ENCODER_RESOLUTION, InsNoise
+from radarsim.presets.robots import Item
 from radarsim.rng import generator_for
-from radarsim.robots.robot import (
-    BODY_Z,
-    LEFT_ANGLE,
-    RIGHT_ANGLE,
-    YAW,
-    X,
-    Y,
-    new_columns,
-)
-from radarsim.sensors.motion_readings import (
-    draw_drift,
-    draw_errors,
-    encoded_wheels,
-    new_encoders,
-    new_ins,
-    overwrite_ins,
-)
-from radarsim.simulation import readings
-from radarsim.simulation.readings import (
-    DRIFT,
-    INS_POSE,
-    LEFT_SPEED,
-    RIGHT_SPEED,
-    TICKS,
-    Job,
-    ReadingTable,
-    RobotState,
-)
+from radarsim.sensors import wheels
+from radarsim.sensors.ins import Ins, InsSettings
+from radarsim.sensors.readings import Job
+from radarsim.sensors.sensor import EngineSensor, Reading
+from radarsim.sensors.wheels import ENCODER_RESOLUTION, encoded_wheels
 
-CALM = InsNoise(sigma=0, position_bias=0, angle_bias=0)
+CALM = InsSettings(sigma=0, position_bias=0, angle_bias=0)
 SPAWN = Pose3(1, 2, 0.146, 0, 0, 0.5)
 MOUNTED = Pose3(1, 2, 0.346, 0, 0, 0.5)
 places = st.builds(
@@ -51,61 +25,64 @@ places = st.builds(
 )
 
 
-class Sensor:
-    """A sensor of a robot whose pose and wheels are given."""
+class Read:
+    """A sensor of a robot whose pose and wheels are given.
 
-    def __init__(self, state: NDArray[Any], rng: np.random.Generator) -> None:
-        self.columns = new_columns(1)
-        fleet: Any = SimpleNamespace(columns=self.columns, odometry=np.zeros((0, 7)))
-        self.table = ReadingTable(fleet)
-        self.robot = RobotState(self.table, 0)
-        self.places = self.robot.add(state)
-        self.dtype = state.dtype
-        self.rng = rng
+    Attributes:
+        sensor: The sensor.
+    """
 
-    @property
-    def state(self) -> NDArray[Any]:
-        return self.robot[self.places].view(self.dtype)
-
-    def read(
+    def __init__(
         self,
-        *kinds: int,
-        body: Pose3 = SPAWN,
-        wheels: tuple[float, float] = (0, 0),
-        ticks: int = 0,
-    ) -> list[float]:
-        """Do jobs of some kinds."""
-        self.columns[0, [X, Y, BODY_Z, YAW]] = body.x, body.y, body.z, body.yaw
-        self.columns[0, [LEFT_ANGLE, RIGHT_ANGLE]] = wheels
-        jobs = [Job(kind, self.places.start) for kind in kinds]
-        size = sum({DRIFT: 0, INS_POSE: 6}.get(kind, 1) for kind in kinds)
-        numbers, is_depleted = self.table.run(
-            [(0, self.table.program(jobs, size))], ticks
-        )
-        assert self.robot.is_depleted == is_depleted
+        kind: type[EngineSensor],
+        item: Item,
+        noise: InsSettings | None = None,
+        *,
+        seed: int = 0,
+    ) -> None:
+        self.robot = robot_at(SPAWN)
+        rng = generator_for(seed, "R1", item.name)
+        mounted = mounting(item, noise, robot=self.robot, rng=rng)
+        self.sensor, self.state = kind(mounted), mounted.state
+        self.table = self.state.table
+
+    def turn(self, left: float, right: float) -> None:
+        """Set the angles of the wheels."""
+        self.robot.row["left_angle"], self.robot.row["right_angle"] = left, right
+
+    def read(self, jobs: Sequence[Job], size: int, ticks: int = 0) -> list[float]:
+        """Do jobs, and draw what they use up."""
+        program = self.table.program(jobs, size)
+        numbers, is_depleted = self.table.run([(self.robot.slot, program)], ticks)
+        assert self.state.is_depleted == is_depleted
+        if is_depleted:
+            self.state.is_depleted = False
+            self.sensor.draw()
         return numbers
 
 
-class Ins(Sensor):
-    def __init__(self, noise: InsNoise = CALM, *, seed: int = 0) -> None:
-        rng = generator_for(seed, "R1", "InsTest")
-        super().__init__(new_ins(MOUNTED, SPAWN, noise, rng), rng)
+class ReadIns(Read):
+    sensor: Ins
+
+    def __init__(self, noise: InsSettings = CALM, *, seed: int = 0) -> None:
+        item = Item(type="INS", name="InsTest", position=(0, 0, 0.2))
+        super().__init__(Ins, item, noise, seed=seed)
 
     def drift(self, body: Pose3) -> None:
-        self.read(DRIFT, body=body)
-        if self.robot.is_depleted:
-            draw_drift(self.state, self.rng)
-            self.robot.is_depleted = False
+        move(self.robot, body)
+        self.read([self.sensor.drift], 0)
 
     def reading(self, body: Pose3) -> Pose3:
-        return Pose3(*self.read(INS_POSE, body=body))
+        move(self.robot, body)
+        return Pose3(*self.read(self.sensor.source[1]["pose"], 6))
 
     def overwrite(self, pose: Pose3, body: Pose3) -> None:
-        overwrite_ins(self.state, pose, body)
+        move(self.robot, body)
+        self.sensor.overwrite(pose)
 
 
-def ins(noise: InsNoise = CALM, *, seed: int = 0) -> Ins:
-    return Ins(noise, seed=seed)
+def ins(noise: InsSettings = CALM, *, seed: int = 0) -> ReadIns:
+    return ReadIns(noise, seed=seed)
 
 
 def moved(by: Sequence[float]) -> Pose3:
@@ -120,7 +97,7 @@ def close(one: Pose3, other: Pose3) -> bool:
 
 
 def test_ins_starts_at_the_pose_of_the_sensor() -> None:
-    assert ins(InsNoise()).reading(SPAWN) == MOUNTED
+    assert ins(InsSettings()).reading(SPAWN) == MOUNTED
 
 
 @given(path=st.lists(places))
@@ -134,7 +111,7 @@ def test_ins_without_noise_keeps_its_offset_from_the_body(path: list[Pose3]) -> 
 
 @given(path=st.lists(places, min_size=1))
 def test_true_motion_is_added_between_drift_updates(path: list[Pose3]) -> None:
-    drifting = ins(InsNoise())
+    drifting = ins(InsSettings())
     drifting.drift(moved([1, 0, 0, 0, 0, 1]))
     last = drifting.reading(moved([1, 0, 0, 0, 0, 1]))
     drift = np.subtract(last.numbers(), moved([1, 0, 0, 0, 0, 1]).numbers())
@@ -144,7 +121,7 @@ def test_true_motion_is_added_between_drift_updates(path: list[Pose3]) -> None:
 
 
 def test_ins_does_not_drift_at_standstill() -> None:
-    drifting = ins(InsNoise(sigma=0.5, position_bias=0.5, angle_bias=0.5))
+    drifting = ins(InsSettings(sigma=0.5, position_bias=0.5, angle_bias=0.5))
     for _ in range(100):
         drifting.drift(SPAWN)
     assert drifting.reading(SPAWN) == MOUNTED
@@ -154,7 +131,7 @@ def test_position_deviation_is_a_fraction_of_the_distance() -> None:
     motion = [3, 4, 0, 0, 0, 0]
     errors = []
     for seed in range(2000):
-        drifting = ins(InsNoise(), seed=seed)
+        drifting = ins(InsSettings(), seed=seed)
         drifting.drift(moved(motion))
         reading = drifting.reading(moved(motion))
         errors.append(np.subtract(reading.numbers(), MOUNTED.numbers()) - motion)
@@ -168,14 +145,14 @@ def test_angle_deviation_is_a_fraction_of_the_turn() -> None:
     motion = [0, 0, 0, 0, 0, 2]
     errors = []
     for seed in range(2000):
-        drifting = ins(InsNoise(), seed=seed)
+        drifting = ins(InsSettings(), seed=seed)
         drifting.drift(moved(motion))
         errors.append(drifting.reading(moved(motion)).yaw - MOUNTED.yaw - 2)
     assert np.std(errors) == pytest.approx(0.1, rel=0.06)
 
 
 def test_bias_is_constant_within_a_run_and_bounded() -> None:
-    biased = InsNoise(sigma=0, position_bias=0.5, angle_bias=0.1)
+    biased = InsSettings(sigma=0, position_bias=0.5, angle_bias=0.1)
     seen = []
     for seed in range(300):
         drifting = ins(biased, seed=seed)
@@ -193,18 +170,18 @@ def test_bias_is_constant_within_a_run_and_bounded() -> None:
 
 
 def test_same_generator_gives_the_same_drift() -> None:
-    def track(one: Ins) -> Pose3:
+    def track(one: ReadIns) -> Pose3:
         for k in range(20):
             one.drift(moved([k, 0, 0, 0, 0, k / 9]))
         return one.reading(SPAWN)
 
-    first, again = track(ins(InsNoise())), track(ins(InsNoise()))
+    first, again = track(ins(InsSettings())), track(ins(InsSettings()))
     assert first == again
-    assert first != track(ins(InsNoise(), seed=1))
+    assert first != track(ins(InsSettings(), seed=1))
 
 
 def test_overwriting_sets_the_estimate_and_removes_the_bias() -> None:
-    drifting = ins(InsNoise(sigma=0, position_bias=0.5, angle_bias=0.5))
+    drifting = ins(InsSettings(sigma=0, position_bias=0.5, angle_bias=0.5))
     drifting.drift(moved([1, 1, 0, 0, 0, 1]))
     here = moved([2, 2, 0, 0, 0, 1])
     drifting.overwrite(Pose3(0, 0, 0), here)
@@ -223,7 +200,7 @@ def test_turn_across_180_degrees_is_the_short_one() -> None:
 
 
 def test_drift_draws_the_same_numbers_however_many_at_a_time() -> None:
-    drifting = ins(InsNoise(sigma=1, position_bias=0, angle_bias=0), seed=5)
+    drifting = ins(InsSettings(sigma=1, position_bias=0, angle_bias=0), seed=5)
     rng = generator_for(5, "R1", "InsTest")
     rng.uniform(-1.0, 1.0, 6)  # the bias
     for k in range(1, 50):
@@ -235,17 +212,20 @@ def test_drift_draws_the_same_numbers_however_many_at_a_time() -> None:
         assert step == pytest.approx(errors)
 
 
-def tachometer() -> Sensor:
-    state = np.zeros(1, engine.rows["Tachometer"])
-    return Sensor(state, generator_for(0))
+def tachometer() -> Read:
+    return Read(wheels.Tachometer, Item(type="Tachometer", name="Tachometer"))
 
 
-def speeds(one: Sensor, ticks: int, wheels: tuple[float, float]) -> list[float]:
-    return one.read(LEFT_SPEED, RIGHT_SPEED, wheels=wheels, ticks=ticks)
+def speeds(one: Read, ticks: int, angles: tuple[float, float]) -> list[float]:
+    one.turn(*angles)
+    right, left, *_ = one.read(one.sensor.source[1]["velocities"], 4, ticks)
+    return [left, right]
 
 
-def angles(one: Sensor, wheels: tuple[float, float]) -> list[float]:
-    return one.read(readings.LEFT_ANGLE, readings.RIGHT_ANGLE, wheels=wheels)
+def angles(one: Read, wheels: tuple[float, float]) -> list[float]:
+    one.turn(*wheels)
+    right, left, *_ = one.read(one.sensor.source[1]["positions"], 4)
+    return [left, right]
 
 
 def test_tachometer_averages_since_its_last_reading() -> None:
@@ -265,22 +245,21 @@ def test_second_reading_at_the_same_time_repeats_the_first() -> None:
 def test_tachometer_zero_moves_positions_but_not_velocities() -> None:
     measuring = tachometer()
     speeds(measuring, 100, (5, 6))
-    measuring.state["zero"] = 5, 6
+    measuring.sensor.reset()
     assert speeds(measuring, 200, (6, 8)) == [1, 2]
     assert angles(measuring, (6, 8)) == [1, 2]
 
 
-class Encoder(Sensor):
+class Encoder(Read):
     def __init__(self, noise: float = 0.0) -> None:
-        rng = generator_for(0, "W1")
-        super().__init__(new_encoders([0], rng, noise=noise), rng)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(wheels, "ENCODER_NOISE", noise)
+            super().__init__(wheels.Encoder, Item(type="Encoder", name="W1"))
 
     def ticks(self, left: float, right: float = 0.0) -> float:
-        """Return the ticks of the left wheel."""
-        (ticks,) = self.read(TICKS, wheels=(left, right))
-        if self.robot.is_depleted:
-            draw_errors(self.state, self.rng)
-            self.robot.is_depleted = False
+        """Return the ticks of a left wheel."""
+        self.turn(left, right)
+        (ticks,) = self.read(self.sensor.source[1]["ticks"], 1)
         return ticks
 
 
@@ -308,7 +287,7 @@ def test_encoder_error_is_a_fraction_of_the_angle() -> None:
 
 
 def test_encoder_draws_the_same_errors_however_many_at_a_time() -> None:
-    noisy, rng = Encoder(0.5), generator_for(0, "W1")
+    noisy, rng = Encoder(0.5), generator_for(0, "R1", "W1")
     for _ in range(50):
         ticks = int(3.0 * (1 + rng.uniform(-0.5, 0.5)) / ENCODER_RESOLUTION)
         assert noisy.ticks(3.0) == ticks
@@ -316,7 +295,8 @@ def test_encoder_draws_the_same_errors_however_many_at_a_time() -> None:
 
 def test_encoder_counts_from_its_reset() -> None:
     counted = Encoder()
-    counted.state["zero"] = 1
+    counted.turn(1, 0)
+    counted.sensor.reset()
     assert counted.ticks(1 + 3.5 * ENCODER_RESOLUTION) == 3
 
 
@@ -324,52 +304,7 @@ def test_encoder_counts_from_its_reset() -> None:
 def test_jobs_have_to_write_the_numbers_of_their_lines(size: int) -> None:
     table = tachometer().table
     with pytest.raises(EngineError, match=f"^jobs do not write {size} numbers"):
-        table.run([(0, table.program([Job(readings.TIME)], size))], 0)
-
-
-def test_noise_is_read_from_settings() -> None:
-    assert InsNoise.from_settings({}) == InsNoise(0.05, 0.5e-3, 0.5e-6)
-    assert InsNoise.from_settings({"sigma": 0, "position_bias": 1.5}) == InsNoise(
-        sigma=0, position_bias=1.5
-    )
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        pytest.param(
-            {"sigm": 1},
-            "INS setting 'sigm' (did you mean 'sigma'?), expected one of"
-            " ['sigma', 'position_bias', 'angle_bias']",
-            id="unknown",
-        ),
-        pytest.param(
-            {"sigma": -1}, "INS setting sigma: -1, expected 0 to 10", id="negative"
-        ),
-        pytest.param(
-            {"sigma": "much"},
-            "INS setting sigma: 'much', expected 0 to 10",
-            id="text",
-        ),
-        pytest.param(
-            {"angle_bias": True},
-            "INS setting angle_bias: True, expected 0 to 10",
-            id="boolean",
-        ),
-        pytest.param(
-            {"sigma": math.nan}, "INS setting sigma: nan, expected 0 to 10", id="nan"
-        ),
-        pytest.param(
-            {"sigma": math.inf},
-            "INS setting sigma: inf, expected 0 to 10",
-            id="infinite",
-        ),
-    ],
-)
-def test_invalid_settings_are_rejected(settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(PresetError) as caught:
-        InsNoise.from_settings(settings)
-    assert str(caught.value) == message
+        table.run([(0, table.program([Job(Reading.TIME)], size))], 0)
 
 
 @pytest.mark.parametrize(
@@ -383,4 +318,4 @@ def test_invalid_settings_are_rejected(settings: dict[str, Any], message: str) -
 )
 def test_encoder_counts_the_wheels_in_its_name(name: str, wheels: list[str]) -> None:
     counted = encoded_wheels(name, ("right", "left", "right", "left"))
-    assert [wheel.name for wheel in counted] == wheels
+    assert [wheel for wheel, *_ in counted] == wheels

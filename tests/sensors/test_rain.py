@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from parts import brick
 
 import radarsim
 from radarsim import Material, Part, Pose3, Scan, Scene
@@ -16,21 +17,11 @@ from radarsim.scene.material import (
     RAIN_REFLECTIVITY_DB,
     rain_reflectivity,
 )
-from radarsim.scene.shapes import box
 from radarsim.sensors.rain import contrast
 
 WALL = Material("wall")
 POURING = Material("rain", density=0.0, laser_density=0.0, solid=False, rain=100.0)
 WIDE = {"fov_deg": 359, "resolution_deg": 0.1}
-
-
-def block(
-    material: Material,
-    size: tuple[float, float, float],
-    place: tuple[float, float, float],
-) -> Part:
-    vertices, faces = box(*size)
-    return Part(material.name, material, vertices + np.array(place), faces)
 
 
 def take(world: Scene, seed: int = 0, **settings: Any) -> Scan:
@@ -97,7 +88,7 @@ def test_distance_of_the_nearest_cell_has_the_expected_distribution(
 
 
 def test_wall_is_stronger_and_farther_than_rain() -> None:
-    world = rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0)))
+    world = rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0)))
     clear = Scene("clear", "Clear", world.parts)
     for mode in ("last", "strongest"):
         wet = take(world, return_mode=mode)
@@ -107,7 +98,7 @@ def test_wall_is_stronger_and_farther_than_rain() -> None:
 
 
 def test_rain_is_an_echo_from_the_air() -> None:
-    scan = take(rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0))), return_mode="all")
+    scan = take(rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0))), return_mode="all")
     lists = scan.to_dict()["echoes"]
     drops = [echo for beam in lists for echo in beam if echo["kind"] == "rain"]
     assert len(drops) > 20
@@ -119,7 +110,7 @@ def test_rain_is_an_echo_from_the_air() -> None:
 
 
 def test_shower_shows_only_where_it_is() -> None:
-    shower = block(POURING, (2, 40, 9), (3, 0, 0))  # from x = 2 to 4
+    shower = brick(POURING, (2, 40, 9), (3, 0, 0))  # from x = 2 to 4
     world = Scene("shower", "Shower", (shower,))
     scan = take(world, least_rcs_dbsm=-35, fov_deg=20, resolution_deg=0.01)
     seen = np.isfinite(scan.ranges)
@@ -135,7 +126,7 @@ def test_shower_shows_only_where_it_is() -> None:
 
 
 def test_same_seed_gives_the_same_rain_and_lasers_see_none() -> None:
-    world = rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0)))
+    world = rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0)))
     one, again, other = (
         take(world, seed, return_mode="first").ranges for seed in (1, 1, 2)
     )
@@ -153,7 +144,7 @@ def test_rain_requires_an_rng() -> None:
 
 
 def test_rain_shows_for_every_arrangement_of_rays() -> None:
-    world = rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0)))
+    world = rainy_scene(brick(WALL, (20, 20, 9), (0, 0, 0)))
     for settings in (
         {"incidence_weights": True},
         {"side_mode": "cone", "beamwidth_az_deg": 2, "cone_rays": 3},
@@ -174,7 +165,7 @@ def test_rain_shows_at_every_multiple_of_the_quantum(quantum: float) -> None:
 def test_power_at_rain_accounts_for_losses_before_it() -> None:
     """In foliage of 0.1 per metre R metres take 0.1 R of the power."""
     leaf = Material("leaf", density=0.1)
-    world = rainy_scene(block(leaf, (60, 60, 9), (0, 0, 0)))
+    world = rainy_scene(brick(leaf, (60, 60, 9), (0, 0, 0)))
     scan = take(world, return_mode="all", least_rcs_dbsm=-40)
     echoes = scan.echoes
     drops = echoes.kinds == radarsim.EventKind.RAIN

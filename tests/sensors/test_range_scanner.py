@@ -2,27 +2,17 @@ import math
 
 import numpy as np
 import pytest
+from parts import block
 
 import radarsim
 from radarsim import Material, Part, Pose3, Scene, StartPose
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
-from radarsim.scene.shapes import box, sphere
 from radarsim.sensors.range_scanner import sensor_pose
 
 WALL = Material("wall")
 LEAF = Material("leaf", density=0.5)
 SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
-
-
-def block(
-    name: str,
-    material: Material,
-    size: tuple[float, float, float],
-    place: tuple[float, float, float],
-) -> Part:
-    vertices, faces = box(*size)
-    return Part(name, material, vertices + np.array(place), faces)
 
 
 def room(*parts: Part) -> Scene:
@@ -86,13 +76,6 @@ def test_smoke_blinds_only_the_hokuyo(sensor: str, expected: float) -> None:
     ahead = int(np.argmin(np.abs(scan.angles)))
     along = 1 / math.cos(scan.angles[ahead])
     assert scan.ranges[ahead] == pytest.approx(expected * along, abs=1e-6)
-
-
-def test_foliage_stops_every_laser_at_its_surface() -> None:
-    bush = block("bush", LEAF, (2, 6, 2), (3, 0, 1))
-    for name in ("laser", "sick"):
-        scan = radarsim.load_sensor(name).scan(room(bush), (0, 0, 0))
-        assert scan.ranges[90] == pytest.approx(2, abs=1e-6)
 
 
 def test_range_of_a_side_ray_counts_from_its_own_start() -> None:
@@ -159,13 +142,3 @@ def test_scan_as_dict_distinguishes_no_return_from_blindness() -> None:
     assert plain["angle_increment"] == pytest.approx(math.pi / 4)
     assert (plain["range_min"], plain["range_max"]) == (0.1, 5)
     assert plain["pose"] == [0, 0, 0.346, 0, 0, 0]
-
-
-def test_sphere_of_foliage_is_penetrated_only_near_its_rim() -> None:
-    vertices, faces = sphere(1.0)
-    bush = Part("bush", LEAF, vertices + np.array([3, 0, 0.346]), faces)
-    radar = radarsim.load_sensor("radar", side_offset_uu=0, penetration_power=0.8)
-    ranges = radar.scan(room(bush), (0, 0, 0), generator_for(0)).ranges
-    assert 2 < ranges[90] < 4  # 1.6 m of its 2 m
-    assert ranges[90] == pytest.approx(2 + 0.8 / 0.5, abs=0.01)
-    assert ranges[90 + 16] > 4.9  # near the rim at asin(1/3) = 19.5 degrees

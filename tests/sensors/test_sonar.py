@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mountings import mounting, robot_at
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.sensors import sonar_settings
+from radarsim.presets.robots import Item
+from radarsim.presets.sensors import item_settings
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box, cylinder, sphere
-from radarsim.sensors.sonar import SonarArray
+from radarsim.sensors.sonar import Sonars, SonarSettings
 
 HALF_ANGLE = math.radians(10)
 STEP = math.radians(1)  # between two level rays
@@ -42,14 +44,22 @@ def ranges(
     *,
     body: Pose3 = AHEAD,
     boxes: Boxes | None = None,
-    carrier_id: int = -1,
     **settings: float,
 ) -> list[float]:
-    each = sonar_settings(**settings)
-    sonars = SonarArray(mounts, [each] * len(mounts), carrier_id)
-    traces = Tracer(parts).trace(sonars.rays(body), boxes, incidence=True)
-    measured: list[float] = sonars.ranges(traces).tolist()
-    return measured
+    each, robot = item_settings("Sonar", SonarSettings, **settings), robot_at(body)
+    items = [
+        Item(
+            type="Sonar",
+            name="F1",
+            position=(pose.x, pose.y, pose.z),
+            rotation_deg=(0, 0, math.degrees(pose.yaw)),
+        )
+        for pose in mounts
+    ]
+    sonars = Sonars(*(mounting(item, each, robot=robot) for item in items))
+    traces = Tracer(parts).trace(sonars.rays(), boxes, incidence=True)
+    (report,) = sonars.read(0.0, traces)
+    return [measured for _, measured in report.ranges]
 
 
 @given(distance=st.floats(0.2, 4.9), angle=st.floats(-0.6, 0.6))
@@ -169,4 +179,4 @@ def test_other_robots_are_seen_and_the_own_is_not() -> None:
     own = [0, 0, 0, -0.1, 0.3, 0.25, 0.25, 1]
     other = [2, 0, 0, -0.1, 0.3, 0.25, 0.25, 2]
     boxes = Boxes(np.array([own, other], np.float64))
-    assert ranges([], boxes=boxes, carrier_id=1) == pytest.approx([1.75])
+    assert ranges([], boxes=boxes) == pytest.approx([1.75])

@@ -13,8 +13,7 @@ from peers import DEADLINE, Peer
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.scene.scene import Scene
-from radarsim.scene.victims import Victim
+from radarsim.scene.scene import Scene, Victim
 from radarsim.server.question_server import (
     MAX_CLIENTS,
     QuestionServer,

@@ -156,8 +156,7 @@ def test_radar_that_is_heard_again_starts_anew(foliage_room: Scene) -> None:
     """While nobody listens, its antenna stands; the robot drives on."""
     host = Host(foliage_room, config=WITHOUT_DETECTOR)
     host.receive(host.connect(), INIT + b"DRIVE {Left 3} {Right 3}\r\n")
-    (carrier,) = antennas_of(host.simulation).carriers()
-    (antenna,) = antennas_of(host.simulation).of(carrier)
+    (antenna,) = antennas_of(host.simulation).all
     heard: list[tuple[Sector, float]] = []
 
     def hear(*seen: Any) -> None:
@@ -322,7 +321,7 @@ def test_antenna_knows_how_fast_others_drive(foliage_room: Scene) -> None:
         b"INIT {ClassName P3AT} {Name R2} {Location -6,4,0} {Rotation 0,0,0.5}\r\n"
         b"DRIVE {Left 4} {Right 4}\r\n",
     )
-    for _ in range(80):
+    for _ in range(60):
         host.step()
     other = next(each for each in host.simulation.vehicles if each.robot.name == "R2")
     found, rows = looks[-1].find(np.array([other.number]))

@@ -17,8 +17,7 @@ from radarsim.protocol.reports import (
     Sound,
     VictimParts,
 )
-from radarsim.scene.scene import Scene
-from radarsim.scene.victims import PARTS, Tag, Victim
+from radarsim.scene.scene import BODY_PARTS, Scene, Tag, Victim
 from radarsim.simulation.simulation import Simulation
 
 T = TypeVar("T")
@@ -63,9 +62,9 @@ def test_scene_without_victims_reads_as_nothing(empty_room: Scene) -> None:
 
 def test_all_parts_of_a_victim_ahead_are_seen_where_they_are(empty_room: Scene) -> None:
     report = only(VictimParts, read(empty_room, victims=(AHEAD,)))
-    assert [label for label, _ in report.parts] == [name for name, _, _ in PARTS]
+    assert [label for label, _ in report.parts] == [name for name, _, _ in BODY_PARTS]
     sensor = mount_of("VictSensor")
-    for (_, along, left), (_, place) in zip(PARTS, report.parts, strict=True):
+    for (_, along, left), (_, place) in zip(BODY_PARTS, report.parts, strict=True):
         # the head is to the left of the robot, as the victim lies across its way
         expected = (3.0 - left - sensor.x, along, 0.2 - sensor.z)
         assert place == pytest.approx(expected, abs=1e-9)

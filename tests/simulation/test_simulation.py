@@ -16,7 +16,6 @@ from radarsim.protocol.reports import (
     Ins,
     Odometry,
     RangeScan,
-    Status,
     Tachometer,
     Touch,
 )
@@ -253,14 +252,6 @@ def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(
             errors.append(ins.pose.x - truth.pose.x)
     changes = np.flatnonzero(np.abs(np.diff([0.0, *errors])) > 1e-9)
     assert changes.tolist() == [1, 3, 5, 7, 9]  # every 0.2 s, at every second reading
-
-
-def test_simulated_time_has_exact_digits_after_many_ticks(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room)
-    simulation.ticks = 123_456_789
-    vehicle = spawned(simulation, Pose2(-8, 0))
-    output = run(simulation, 10)[vehicle.number][-1][1]
-    assert status_of(output) == Status(1_234_567.99, 3599, light=False)
 
 
 def test_no_robot_is_spawned_inside_a_bush(foliage_room: Scene) -> None:

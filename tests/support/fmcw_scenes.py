@@ -10,12 +10,11 @@ from radarsim.addons.fmcw.antenna import Viewpoints, fixed_viewpoints
 from radarsim.addons.fmcw.beat_signal import Power, Tones, beat_rows
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import noise_power, radar_constant
-from radarsim.addons.fmcw.speckle import Speckle
 from radarsim.addons.fmcw.turn_echoes import Echoes
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.rng import NumberedStreams, generator_for
+from radarsim.rng import NumberedStreams, fixed_number, generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box, cylinder
@@ -84,10 +83,10 @@ def echoes_of(
 ) -> Echoes:
     """Return the echoes of all directions, in units of the noise."""
     rows, turn = range(which.settings.azimuths), which.new_turn(scene)
-    speckle = Speckle(which.settings, generator_for(seed))
-    which.add_echoes(turn, scene, view, rows, speckle)
+    key = fixed_number(generator_for(seed))
+    which.add_echoes(turn, scene, view, rows, key)
     found = turn.rows(0, rows.stop, turn, turn)
-    which.add_sidelobes(found, turn, rows, view, speckle)
+    which.add_sidelobes(found, turn, rows, view, key)
     return found
 
 

@@ -5,7 +5,6 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Thread
 
 from processes import start_radarsim
@@ -29,33 +28,6 @@ def serve(*words: str) -> Iterator[Served]:
     words = ("serve", *words, "--port", "0", "--web", "0")
     with _run("commander on", *words) as (process, told):
         yield Served(process, _read_address(told), _read_url(told))
-
-
-@contextmanager
-def serve_robots(
-    *words: str, port: int = 0
-) -> Iterator[tuple[subprocess.Popen[bytes], tuple[str, int]]]:
-    """Serve a map without a page, and return the process, and host and port."""
-    words = ("serve", *words, "--port", str(port))
-    with _run("listening on", *words) as (process, told):
-        yield process, _read_address(told)
-
-
-@contextmanager
-def show(address: tuple[str, int], *words: str) -> Iterator[Served]:
-    """Serve the page of a server that runs already."""
-    server = f"{address[0]}:{address[1]}"
-    words = ("commander", "--connect", server, *words, "--web", "0")
-    with _run("commander on", *words) as (process, told):
-        yield Served(process, address, _read_url(told))
-
-
-@contextmanager
-def play(folder: Path, *words: str) -> Iterator[Served]:
-    """Serve the page that plays a recording."""
-    words = ("commander", "--recording", str(folder), *words, "--web", "0")
-    with _run("commander on", *words) as (process, told):
-        yield Served(process, ("", 0), _read_url(told))
 
 
 @contextmanager

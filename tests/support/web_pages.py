@@ -52,6 +52,13 @@ class Page:
     async def send(self, op: str, **keys: Any) -> None:
         await self.socket.send(json.dumps({"op": op, **keys}))
 
+    async def spawn(self, kind: str = "P3AT", **keys: Any) -> str:
+        """Spawn a robot of the commander, and return its name once it has scanned."""
+        await self.send("spawn", **{"class": kind, **keys})
+        name: str = (await self.hear("spawned"))["robot"]
+        await self.see(lambda f: f.robot(name).get("scans") and f.robot(name)["mine"])
+        return name
+
     async def hear(self, op: str, **keys: Any) -> dict[str, Any]:
         """Return the next message of a kind that has these values, and drop it."""
         while True:

@@ -9,7 +9,6 @@ Source: M. I. Skolnik, Introduction to Radar Systems.
 """
 
 import math
-from collections.abc import Iterable
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -122,11 +121,6 @@ def fixed_viewpoints(
         np.tile(velocity, (count, 1)),
         times,
     )
-
-
-def join_viewpoints(parts: Iterable[Viewpoints]) -> Viewpoints:
-    """Return the viewpoints of directions that follow each other."""
-    return Viewpoints._make(map(np.concatenate, zip(*parts, strict=True)))
 
 
 def moving_viewpoints(

@@ -99,7 +99,10 @@ def beat_rows(
     """
     samples, length = sample_count(settings), fft_length(settings)
     shape, window = noise_shape(settings), window_of(settings).astype(np.float32)
-    limits, leakage = _limits(settings), _leakage(settings)
+    leakage, full_scale = _leakage(settings), watts(settings.full_scale_dbm)
+    # The least and the greatest sample that the converter knows.
+    limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
+    limits = np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
     per_noise = 1 / np.sqrt(shape)
     power = np.zeros((len(field), settings.bins), np.float32)
     for start in range(0, len(field), ROWS_AT_ONCE):
@@ -126,13 +129,6 @@ def beat_rows(
         fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
         engine.square_spectra(fields, shape, power[rows])
     return power
-
-
-def _limits(settings: FmcwSettings) -> tuple[np.float32, np.float32]:
-    """Return the least and the greatest sample that the converter knows."""
-    full_scale = watts(settings.full_scale_dbm) / noise_power(settings)
-    limit = 2 * math.sqrt(float(full_scale))
-    return np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
 
 
 def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:

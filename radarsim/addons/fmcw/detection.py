@@ -26,20 +26,17 @@ others, "CFEAR radarodometry", IROS 2021.
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from radarsim.addons.fmcw.radar_equation import dbm_of, noise_correlation
+from radarsim.addons.fmcw.radar_equation import noise_correlation
 from radarsim.engine import engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
-
-if TYPE_CHECKING:
-    from radarsim.addons.fmcw.spectrum import Spectrum
 
 Mask = NDArray[np.bool_]
 
@@ -66,36 +63,6 @@ class Detections(NamedTuple):
     angles: Floats
     ranges: Floats
     dbm: Floats
-
-
-def detect(
-    spectrum: "Spectrum", detector: str, *, pfa: float, count: int
-) -> Detections:
-    """Detect targets; see ``Spectrum.detections``.
-
-    Raises:
-        ValueError: If there is no such detector, or a number is out of range.
-    """
-    if detector == "k":
-        # Counts, not watts: the algorithm was published for what radars store.
-        mask = strongest_mask(
-            spectrum.counts, count, spectrum.ranges >= MIN_RANGE, MIN_COUNT
-        )
-    elif detector in DETECTORS:
-        training = training_of(spectrum.settings)
-        power = spectrum.power / spectrum.noise_floor
-        if detector == "ca":
-            correlation = training_correlation(spectrum.settings, training)
-            mask = ca_mask(power, training, pfa, correlation)
-        else:
-            mask = os_mask(power, training, pfa, ORDER)
-        mask = peaks_of(mask & (spectrum.ranges >= MIN_RANGE), power)
-    else:
-        raise ValueError(f"detector {detector!r}, expected one of {DETECTORS}")
-    rows, bins = np.nonzero(mask)
-    dbm = dbm_of(spectrum.power[rows, bins])
-    angles, ranges = spectrum.angles[rows], spectrum.ranges[bins]
-    return Detections(rows, bins, angles, ranges, dbm)
 
 
 def strongest_mask(
@@ -288,28 +255,15 @@ def os_mask(
     levels += np.float32(100 * LEVELS_PER_DB)
     half, nearest = training.bins // 2, training.guard + 1
     count, farthest = power.shape[1], nearest + (half - 1) * training.step
-    middle = farthest, count - farthest
-    for (start, end), behind, ahead in (
-        ((0, min(farthest, count - farthest)), False, True),
-        (middle, True, True),
-        ((max(farthest, count - farthest), count), True, False),
+    for span in (  # from bin to bin, with training bins behind, and ahead
+        (0, min(farthest, count - farthest), False, True),
+        (farthest, count - farthest, True, True),
+        (max(farthest, count - farthest), count, True, False),
     ):
-        bins = half * (behind + ahead)
+        bins = half * sum(span[2:])
         which = max(order * bins // training.bins, 1)
         factor = 10 * LEVELS_PER_DB * math.log10(os_factor(bins, which, pfa))
-        is_valid = engine.find_os(
-            levels,
-            nearest,
-            training.step,
-            half,
-            start,
-            end,
-            behind,
-            ahead,
-            which,
-            float(np.float32(factor)),
-            found,
-        )
-        if not is_valid:
+        limit, row = float(np.float32(factor)), (nearest, training.step, half)
+        if not engine.find_os(levels, *row, *span, which, limit, found):
             raise EngineError(f"order {order} of {training}")
     return found

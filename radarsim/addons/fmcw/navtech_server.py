@@ -81,12 +81,11 @@ class NavtechServer(PeerServer, HostObserver):
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
         """Follow the robot, which can come or leave, and listen while clients do."""
-        antennas = antennas_of(self._simulation)
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
-            antennas.of(vehicle)[0]
-            for vehicle in antennas.carriers()
-            if wanted in (None, vehicle.robot.name.casefold())
+            each
+            for each in antennas_of(self._simulation).all
+            if wanted in (None, each.vehicle.robot.name.casefold())
         )
         antenna = next(carried, None)
         if antenna is not self._antenna:

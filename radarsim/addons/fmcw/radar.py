@@ -7,7 +7,6 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from radarsim.addons.fmcw.antenna import (
     Viewpoints,
@@ -30,7 +29,7 @@ from radarsim.addons.fmcw.radar_equation import (
 )
 from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
 from radarsim.addons.fmcw.scattering import scene_scattering
-from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
+from radarsim.addons.fmcw.speckle import Scatterers, hash_levels, scatterers_in
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, read_ranges
 from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
@@ -41,7 +40,7 @@ from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.rays import RADAR, RayClass, Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
-from radarsim.rng import NumberedStreams
+from radarsim.rng import NumberedStreams, fixed_number
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Echoes as ScanEchoes
 from radarsim.sensors.scan import Scan
@@ -175,10 +174,10 @@ class FmcwRadar:
         """
         rows = range(self.settings.azimuths)
         view = fixed_viewpoints(pose, self.times(_count_children(rng)))
-        speckle, echoes = Speckle(self.settings, rng), self.new_turn(scene)
-        self.add_echoes(echoes, scene, view, rows, speckle)
+        key, echoes = fixed_number(rng), self.new_turn(scene)
+        self.add_echoes(echoes, scene, view, rows, key)
         whole = echoes.rows(0, rows.stop, echoes, echoes)
-        self.add_sidelobes(whole, echoes, rows, view, speckle)
+        self.add_sidelobes(whole, echoes, rows, view, key)
         tones, streams = self.tones(scene, view, rows), NumberedStreams(rng)
         return replace(self.receive(pose, rows, whole, tones, streams), scene=scene)
 
@@ -257,7 +256,7 @@ class FmcwRadar:
         origins: Floats,
         directions: Floats,
         *,
-        max_range: ArrayLike | None = None,
+        max_range: float | Floats | None = None,
         carrier_id: int = -1,
     ) -> Rays:
         """Return rays of this radar, as far as it sees by default, map frame."""
@@ -277,7 +276,7 @@ class FmcwRadar:
         scene: Scene,
         view: Viewpoints,
         rows: range,
-        speckle: Speckle,
+        key: int,
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> None:
@@ -288,7 +287,7 @@ class FmcwRadar:
             scene: The map.
             view: From where the antenna looks into each direction.
             rows: The directions.
-            speckle: Amplitudes of what is rough.
+            key: Of the amplitudes of what is rough; see ``speckle``.
             boxes: The robots.
             carrier_id: The robot that carries the radar; -1 for none.
         """
@@ -317,18 +316,16 @@ class FmcwRadar:
             wavelength=settings.wavelength,
         )
         scattering = scene_scattering(tracer, self.ray_class)
-        scatterers = self._scatterers(rows, view, speckle)
+        scatterers = self._scatterers(rows, view, key)
         echoes.add(rows, packed, traces.events, scattering, scatterers)
 
-    def _scatterers(
-        self, rows: range, view: Viewpoints, speckle: Speckle
-    ) -> Scatterers:
+    def _scatterers(self, rows: range, view: Viewpoints, key: int) -> Scatterers:
         """Return the scatterers of columns, and of the one after the last."""
         parts = self.settings.rays_across
         columns = np.arange(rows.start * parts, rows.stop * parts + 1)
         azimuths = np.asarray(columns * (self.settings.step / parts), np.float64)
         row = np.minimum(columns // parts - rows.start, len(rows) - 1)
-        found = speckle.scatterers(azimuths, view.of(row), _IN_BEAMS)
+        found = scatterers_in(self.settings, azimuths, view.of(row), key, _IN_BEAMS)
         # After the last column of a turn the first one follows. What both add is power,
         # so that the scatterers are others.
         found["key"][-1] ^= ~np.uint64(0)
@@ -340,7 +337,7 @@ class FmcwRadar:
         turn: TurnEchoes,
         rows: range,
         view: Viewpoints,
-        speckle: Speckle,
+        key: int,
     ) -> None:
         """Add what the sidelobes of directions receive.
 
@@ -349,13 +346,14 @@ class FmcwRadar:
             turn: The turn whose echoes the sidelobes receive.
             rows: The directions.
             view: From where the antenna looks into these.
-            speckle: Amplitudes of what is rough.
+            key: Of the amplitudes of what is rough; see ``speckle``.
         """
         power = turn.sidelobes()
         azimuths = self.settings.step * np.array(rows)
-        found = speckle.scatterers(azimuths, view, _IN_SIDELOBES)
+        found = scatterers_in(self.settings, azimuths, view, key, _IN_SIDELOBES)
         np.add(echoes.power, power, out=echoes.power)
-        add_amplitudes(found, power, echoes.field)
+        pairs = echoes.field.reshape(len(rows), len(power), 2)
+        engine.add_amplitudes(found, hash_levels(), power, pairs)
 
     def tones(
         self,

@@ -126,8 +126,8 @@ def _fill_cells(
     column, row = np.divmod(cell[owner], settings.rays_up)
     # The sequence goes on along the columns of a row, from another start in each row.
     number = (column + 1) * 1.0 + 0.5 * row * columns + part * 1.0
-    beside = (part % across[owner] + _fraction(number * _FILL_ACROSS)) / across[owner]
-    inside = _fraction((number // 2) * _FILL_UP)
+    beside = (part % across[owner] + number * _FILL_ACROSS % 1.0) / across[owner]
+    inside = (number // 2) * _FILL_UP % 1.0
     # Every other ray is mirrored: a pattern that rises within a cell evens out.
     inside = np.where(number % 2 >= 1, 1.0 - inside, inside)
     above = (part // across[owner] + inside) / up[owner]
@@ -145,10 +145,6 @@ def _fill_cells(
     in_beam = math.radians(settings.beamwidth_az_deg) / width
     spread = np.maximum(WIDEST_GAP * heights / up[owner] / max(in_beam, 1.0), width)
     return RayFan(directions, column, beside, weights, spread)
-
-
-def _fraction(numbers: Floats) -> Floats:
-    return np.asarray(numbers - np.floor(numbers))
 
 
 def _divisions(

@@ -28,20 +28,18 @@ from radarsim.addons.fmcw.antenna import (
     STANDING,
     Velocity,
     Viewpoints,
-    join_viewpoints,
     moving_viewpoints,
     rows_in_beam,
 )
 from radarsim.addons.fmcw.beat_signal import Tones, join_tones
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.speckle import Speckle
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, join_targets
 from radarsim.addons.fmcw.turn_echoes import TurnEchoes
 from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.rng import NumberedStreams
+from radarsim.rng import NumberedStreams, fixed_number
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Targets
 
@@ -112,7 +110,7 @@ class Rotation:
         self.radar = radar
         self._scene = scene
         self._rng = rng
-        self._speckle = Speckle(radar.settings, rng)
+        self._key = fixed_number(rng)  # of speckle
         self._traced = 0  # directions since the start
         self._received = radar.settings.azimuths  # those of the first turn are not
         self._echoes: dict[int, TurnEchoes] = {}  # of turns that are needed
@@ -185,7 +183,7 @@ class Rotation:
         if turn not in self._echoes:
             self._echoes[turn] = radar.new_turn(scene)
         own = self._echoes[turn]
-        radar.add_echoes(own, scene, view, rows, self._speckle, boxes, carrier_id)
+        radar.add_echoes(own, scene, view, rows, self._key, boxes, carrier_id)
         return radar.tones(scene, view, rows, boxes, carrier_id)
 
     def _receive(self, turn: int, rows: range) -> Spectrum:
@@ -200,9 +198,11 @@ class Rotation:
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
         offset = start - looks[0].rows.start
-        view = join_viewpoints(look.view for look in looks)
-        view = view.of(slice(offset, offset + len(rows)))
-        self.radar.add_sidelobes(echoes, before, rows, view, self._speckle)
+        views = zip(*(look.view for look in looks), strict=True)
+        view = Viewpoints._make(map(np.concatenate, views)).of(
+            slice(offset, offset + len(rows))
+        )
+        self.radar.add_sidelobes(echoes, before, rows, view, self._key)
         tones = join_tones(look.tones for look in looks)
         return self.radar.receive(looks[0].pose, rows, echoes, tones, self._streams)
 

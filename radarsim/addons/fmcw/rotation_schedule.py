@@ -16,7 +16,7 @@ made up for meanwhile, and delays nothing.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -32,8 +32,7 @@ from radarsim.protocol.echoes import target_lines
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.clock import TICK, Clock
-from radarsim.simulation.faults import Faults
-from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
+from radarsim.simulation.tick_output import DueScan, Faults, report_scan
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
@@ -162,13 +161,12 @@ class Antenna:
         time = _time_after(number + 1, self.receiver.radar.settings, since)
         ranges = read_ranges(targets, settings)
         ranges[np.isinf(ranges)] = settings.max_range
-        details = None
-        is_requested = self.mounted.sends_targets
-        if is_requested or vehicle.shows_echoes:
-            lines = target_lines(time, item.name, *targets)
-            details = ScanDetails(lines, is_requested)
         scan = report_scan(time, item.name, settings, ranges)
-        return DueScan(vehicle, scan, details)
+        is_requested = self.mounted.sends_targets
+        if not is_requested and not vehicle.shows_echoes:
+            return DueScan(vehicle, scan)
+        lines = target_lines(time, item.name, *targets)
+        return DueScan(vehicle, scan, lines, is_requested)
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:
@@ -180,6 +178,7 @@ class Antennas:
     """All antennas of a simulation.
 
     Attributes:
+        all: The antennas, in the order in which their robots were spawned.
         worker: Computes what they receive.
     """
 
@@ -192,31 +191,26 @@ class Antennas:
         """
         self.worker = BackgroundThread()
         self._scene, self._clock = scene, clock
-        self._antennas: dict[int, list[Antenna]] = {}
+        self.all: list[Antenna] = []
         self._before = -1, Boxes(np.zeros((0, 8)))  # the last tick with boxes
 
     def add(self, vehicle: Vehicle) -> None:
         """Add the antennas of a robot."""
         carried = [Antenna(vehicle, each) for each in vehicle.scanners if each.has_fmcw]
-        if carried:
-            self._antennas[vehicle.number] = carried
+        self.all = [*self.all, *carried]
 
     def remove(self, vehicle: Vehicle) -> None:
         """Remove the antennas of a robot."""
-        self._antennas.pop(vehicle.number, None)
+        self.all = [each for each in self.all if each.vehicle is not vehicle]
+
+    def of(self, vehicle: Vehicle) -> list[Antenna]:
+        """Return the antennas of a robot."""
+        return [each for each in self.all if each.vehicle is vehicle]
 
     @property
-    def turning(self) -> Sequence[Antenna]:
+    def turning(self) -> list[Antenna]:
         """Those that turn, of the robots that have been there for longest."""
-        return [each for each in self._every() if each.turns][:MOST_TURNING]
-
-    def of(self, vehicle: Vehicle) -> Sequence[Antenna]:
-        """Return the antennas of a robot."""
-        return self._antennas.get(vehicle.number, ())
-
-    def carriers(self) -> Sequence[Vehicle]:
-        """Return the robots that have antennas, in the order of spawning."""
-        return [carried[0].vehicle for carried in self._antennas.values()]
+        return [each for each in self.all if each.turns][:MOST_TURNING]
 
     def read_due(
         self, find_boxes: Callable[[], Boxes], faults: Faults
@@ -241,7 +235,7 @@ class Antennas:
                 )
         return [
             scan
-            for each in self._every()
+            for each in self.all
             for scan in faults.call(each.vehicle, each.receive, ticks) or ()
         ]
 
@@ -255,9 +249,6 @@ class Antennas:
             velocities[now] = moved / TICK
         self._before = ticks, boxes
         return Boxes(boxes.rows, velocities)
-
-    def _every(self) -> list[Antenna]:
-        return [each for carried in self._antennas.values() for each in carried]
 
 
 def antennas_of(simulation: Simulation) -> Antennas:

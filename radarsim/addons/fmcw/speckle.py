@@ -46,7 +46,6 @@ from radarsim.addons.fmcw.radar_equation import (
 from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.rng import fixed_number
 
 Words = NDArray[np.uint64]
 
@@ -60,53 +59,43 @@ _SECOND_FACTOR: Final = np.uint64(0x94D049BB133111EB)
 Scatterers: TypeAlias = NDArray[np.void]
 
 
-class Speckle:
-    """The amplitudes of all scatterers of a radar."""
+def scatterers_in(
+    settings: FmcwSettings, azimuths: Floats, view: Viewpoints, key: int, salt: int
+) -> Scatterers:
+    """Return the scatterers in directions, (N,).
 
-    def __init__(self, settings: FmcwSettings, rng: np.random.Generator) -> None:
-        """Fix the amplitudes.
-
-        Args:
-            settings: The radar.
-            rng: Its seed is the key; it is not drawn from.
-        """
-        self._settings = settings
-        self._key = fixed_number(rng)
-
-    def scatterers(self, azimuths: Floats, view: Viewpoints, salt: int) -> Scatterers:
-        """Return the scatterers in directions, (N,).
-
-        Args:
-            azimuths: (N,) rad, clockwise from straight ahead.
-            view: From where the antenna looks into each.
-            salt: Number of a set of scatterers; those of two are independent.
-        """
-        it = self._settings
-        width = it.step / it.rays_across
-        level = np.stack([np.cos(azimuths), -np.sin(azimuths)], axis=-1)
-        ahead = np.einsum("nij,nj->ni", view.rotations[:, :, :2], level)
-        number = np.rint(np.arctan2(ahead[:, 1], ahead[:, 0]) / width).astype(np.int64)
-        angle = number * width
-        number %= it.azimuths * it.rays_across
-        x, y = view.positions[:, 0], view.positions[:, 1]
-        along = x * np.cos(angle) + y * np.sin(angle)
-        beside = y * np.cos(angle) - x * np.sin(angle)
-        base = np.uint64((self._key + (salt + 1) * int(_STEP)) % 2**64)
-        keys = _mixed(base + number.astype(np.uint64))
-        # Strips begin elsewhere in each direction, so that not all change at once.
-        repeat = it.wavelength / (2 * width)
-        strips = np.floor(beside / repeat + keys / 2.0**64).astype(np.int64)
-        keys = _mixed(keys + _STEP * strips.astype(np.uint64))
-        shift = doppler_shift(it, np.einsum("ni,ni->n", ahead, view.velocities))
-        starts = np.rint((along - shift) / it.bin_size).astype(np.int64)
-        # The phase is that in the middle of the sweep, by when a tone has turned too.
-        tone = 0.5 * sample_count(it) / fft_length(it)
-        turns = np.remainder(starts * tone - 2 * along / it.wavelength, 1.0)
-        found = np.zeros(len(keys), engine.rows["Scatterers"])
-        found["key"], found["start"] = keys, starts
-        found["phase"] = (turns * _LEVELS).astype(np.uint64) & _MASK
-        found["drift"] = _LEVELS * 2 * view.times / it.wavelength
-        return found
+    Args:
+        settings: The radar.
+        azimuths: (N,) rad, clockwise from straight ahead.
+        view: From where the antenna looks into each.
+        key: Another one makes other amplitudes.
+        salt: Number of a set of scatterers; those of two are independent.
+    """
+    width = settings.step / settings.rays_across
+    level = np.stack([np.cos(azimuths), -np.sin(azimuths)], axis=-1)
+    ahead = np.einsum("nij,nj->ni", view.rotations[:, :, :2], level)
+    number = np.rint(np.arctan2(ahead[:, 1], ahead[:, 0]) / width).astype(np.int64)
+    angle = number * width
+    number %= settings.azimuths * settings.rays_across
+    x, y = view.positions[:, 0], view.positions[:, 1]
+    along = x * np.cos(angle) + y * np.sin(angle)
+    beside = y * np.cos(angle) - x * np.sin(angle)
+    base = np.uint64((key + (salt + 1) * int(_STEP)) % 2**64)
+    keys = _mixed(base + number.astype(np.uint64))
+    # Strips begin elsewhere in each direction, so that not all change at once.
+    repeat = settings.wavelength / (2 * width)
+    strips = np.floor(beside / repeat + keys / 2.0**64).astype(np.int64)
+    keys = _mixed(keys + _STEP * strips.astype(np.uint64))
+    shift = doppler_shift(settings, np.einsum("ni,ni->n", ahead, view.velocities))
+    starts = np.rint((along - shift) / settings.bin_size).astype(np.int64)
+    # The phase is that in the middle of the sweep, by when a tone has turned too.
+    tone = 0.5 * sample_count(settings) / fft_length(settings)
+    turns = np.remainder(starts * tone - 2 * along / settings.wavelength, 1.0)
+    found = np.zeros(len(keys), engine.rows["Scatterers"])
+    found["key"], found["start"] = keys, starts
+    found["phase"] = (turns * _LEVELS).astype(np.uint64) & _MASK
+    found["drift"] = _LEVELS * 2 * view.times / settings.wavelength
+    return found
 
 
 def _mixed(words: Words) -> Words:
@@ -128,17 +117,3 @@ def hash_levels() -> NDArray[np.void]:
     levels["real"], levels["imaginary"] = np.cos(turns), np.sin(turns)
     levels["speed"] = speeds / speeds.std()
     return levels
-
-
-def add_amplitudes(
-    scatterers: Scatterers, power: NDArray[np.float32], field: NDArray[np.float32]
-) -> None:
-    """Add the amplitudes of the same mean power in several directions.
-
-    Args:
-        scatterers: (N,) those of the directions.
-        power: (B,) mean power.
-        field: (N, 2 B) real and imaginary parts.
-    """
-    pairs = field.reshape(len(field), len(power), 2)
-    engine.add_amplitudes(scatterers, hash_levels(), power, pairs)

@@ -8,7 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from radarsim.addons.fmcw.detection import Detections, detect
+from radarsim.addons.fmcw.detection import (
+    DETECTORS,
+    MIN_COUNT,
+    MIN_RANGE,
+    ORDER,
+    Detections,
+    ca_mask,
+    os_mask,
+    peaks_of,
+    strongest_mask,
+    training_correlation,
+    training_of,
+)
 from radarsim.addons.fmcw.radar_equation import (
     dbm_of,
     fft_length,
@@ -106,7 +118,23 @@ class Spectrum:
         Raises:
             ValueError: If there is no such detector, or a number is out of range.
         """
-        return detect(self, detector, pfa=pfa, count=count)
+        allowed = self.ranges >= MIN_RANGE
+        if detector == "k":
+            # Counts, not watts: the algorithm was published for what radars store.
+            mask = strongest_mask(self.counts, count, allowed, MIN_COUNT)
+        elif detector in DETECTORS:
+            training, power = training_of(self.settings), self.power / self.noise_floor
+            if detector == "ca":
+                correlation = training_correlation(self.settings, training)
+                mask = ca_mask(power, training, pfa, correlation)
+            else:
+                mask = os_mask(power, training, pfa, ORDER)
+            mask = peaks_of(mask & allowed, power)
+        else:
+            raise ValueError(f"detector {detector!r}, expected one of {DETECTORS}")
+        rows, bins = np.nonzero(mask)
+        dbm = dbm_of(self.power[rows, bins])
+        return Detections(rows, bins, self.angles[rows], self.ranges[bins], dbm)
 
     def plot(
         self, ax: "Axes | None" = None, *, view: str = "cartesian", azimuth: int = 0

@@ -18,7 +18,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import LEFT_SPIN, RIGHT_SPIN, YAW, X
+from radarsim.robots.robot import COLUMN
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
@@ -103,7 +103,8 @@ class Arena:
     @property
     def poses(self) -> Floats:
         """Poses of all robots, (N, 3): x, y and yaw, m and rad, map frame."""
-        return self._fleet.columns[self._slots, X : YAW + 1]
+        first = COLUMN["x"]
+        return self._fleet.columns[self._slots, first : first + 3]
 
     def places_of_others(self, row: int) -> list[tuple[float, float]]:
         """Return x and y, m, of the robots that one may run into."""
@@ -145,10 +146,9 @@ class Arena:
         Returns:
             (N,) whether a robot was blocked or touched anything meanwhile.
         """
-        # Straight into the columns: a call for each robot would cost more than its
-        # motion.
-        wheels = [LEFT_SPIN, RIGHT_SPIN]
-        self._fleet.columns[self._slots[:, None], wheels] = speeds * self._max_spin
+        # Straight into the table: calls for each robot would cost more than its motion.
+        first = COLUMN["left_spin"]
+        self._fleet.columns[self._slots, first : first + 2] = speeds * self._max_spin
         touched = np.zeros(len(self._robots), np.bool_)
         # All ticks of a period in one call of the engine.
         touched[self._present] = self._fleet.drive(
@@ -229,11 +229,10 @@ def _power_left(scan: Scan) -> Floats:
 
 
 def _scanner_item(model: RobotModel, name: str | None) -> Item:
-    items = model.items_of("RangeScanner")
-    if name is not None:
-        items = tuple(i for i in items if i.name.casefold() == name.casefold())
-    if not items:
-        known = [item.name for item in model.items_of("RangeScanner")]
+    items = {item.name.casefold(): item for item in model.items_of("RangeScanner")}
+    wanted = next(iter(items), "") if name is None else name.casefold()
+    if wanted not in items:
+        known = [item.name for item in items.values()]
         text = f"robot {model.name}: scanner {name!r}, expected one of {known}"
         raise ValueError(text)
-    return items[0]
+    return items[wanted]

@@ -275,7 +275,7 @@ class MapMaker:
 
 def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
     """Return the scanner of a name; without one the first radar, or else the first."""
-    seen = [scans[-1].scan for scans in robot.scans.values()]
+    seen = [each.scan for each in robot.scans.values()]
     if name is not None:
         seen = [scan for scan in seen if same_name(scan.name, name)]
     seen.sort(key=lambda scan: robot.scanner(scan.name).medium != "radar")

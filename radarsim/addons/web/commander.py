@@ -16,7 +16,6 @@ from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
     BadRequest,
     Drive,
-    Explain,
     Look,
     Request,
     Select,
@@ -24,7 +23,6 @@ from radarsim.addons.web.requests import (
     Stop,
     make_offers,
 )
-from radarsim.addons.web.robot_view import explain_beam
 from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.server_link import ServerLink
 from radarsim.addons.web.time_control import TimeControl
@@ -44,7 +42,7 @@ class Commander:
 
     def __init__(
         self,
-        source: "tuple[str, int] | Playback",
+        link: ServerLink | Playback,
         config: SimulationConfig,
         record_to: Path,
         time: TimeControl,
@@ -54,44 +52,33 @@ class Commander:
         """Create a commander that is not connected; to be called in the event loop.
 
         Args:
-            source: Host and port of the server, or the recording that is played.
+            link: To the server, or to the recording that is played.
             config: How the server was started, as far as it is known.
             record_to: Folder in which each recording gets one of its own.
             time: What lets time pass.
             map_: The map that is shown, if one is known.
         """
         self._config = config
-        self._scene: SceneMessages | None = None
         self._is_lost = True
         self._loop = asyncio.get_running_loop()
         self._linger: asyncio.TimerHandle | None = None
         self._viewers = Viewers(self._frame)
         self._time = time
         time.on_change = self._time_changed
-        address = None if isinstance(source, Playback) else source
-        self._robots = Robots(
-            address,
-            config,
-            self._viewers,
-            on_change=self._robots_changed,
-            on_left=self._robot_left,
-        )
+        self._link = link
+        self._robots = Robots(link.address, config, self._viewers, self._robots_changed)
         self._activities = Activities(self._robots, self._viewers, self._robots_changed)
-        self._link: ServerLink | Playback
-        if isinstance(source, Playback):
-            self._link = source
-            source.on_link, source.on_reports = self._server_changed, self._show_reports
-            source.on_damage = self._tell_error
-        else:
-            self._link = ServerLink(source, self._server_changed, self._robots.watch)
+        self._robots.on_left = self._activities.forget
+        link.on_link, link.on_reports = self._server_changed, self._show_reports
+        if isinstance(link, Playback):
+            link.on_damage = self._tell_error
         self._recording = RecordingSwitch(
-            address, config, record_to, self._viewers, map_=map_
+            link.address, config, record_to, self._viewers, map_=map_
         )
         self._handlers: Mapping[str, Callable[[Viewer, Any], None]] = {
             "ack": lambda viewer, _: self._viewers.acknowledge(viewer),
             "cancel": lambda _, request: self._activities.cancel(request),
             "drive": self._drive,
-            "explain": self._explain,
             "explore": lambda _, request: self._activities.explore(request),
             "goto": lambda _, request: self._activities.go(request),
             "look": self._look,
@@ -117,7 +104,6 @@ class Commander:
 
     def show_scene(self, scene: "SceneMessages") -> None:
         """Show the map that the server serves."""
-        self._scene = scene
         self._activities.scene = scene
         for viewer in self._viewers:
             self._greet(viewer)
@@ -128,8 +114,8 @@ class Commander:
         viewer = self._viewers.add()
         self._watch()
         self._greet(viewer)
-        if self._scene is not None:
-            viewer.send(self._scene.plan)
+        if self._activities.scene is not None:
+            viewer.send(self._activities.scene.plan)
         viewer.send(self._recording.message(), "recording")
         viewer.send(self._time.message(), "time")
         self._tell_server(viewer)
@@ -194,19 +180,16 @@ class Commander:
         robot.change_setting(scanner, request.key, value)
         self._viewers.update()
 
-    def _explain(self, viewer: Viewer, request: Explain) -> None:
-        viewer.send(explain_beam(self._robots.find(request.robot), request))
-
     def _send_triangles(self, viewer: Viewer, _: Request) -> None:
-        if self._scene is None:
+        if self._activities.scene is None:
             raise BadRequest("no map is known; start the commander with --draw")
-        viewer.send(self._scene.triangles, "triangles")
+        viewer.send(self._activities.scene.triangles, "triangles")
 
     # What browsers are told
 
     def _greet(self, viewer: Viewer) -> None:
         """Tell what the server and the program have."""
-        state, scene = self._link.state, self._scene
+        state, scene = self._link.state, self._activities.scene
         greeting = {
             "op": "hello",
             "viewer": viewer.name,
@@ -215,7 +198,7 @@ class Commander:
             "dialect": self._config.dialect.name,
             "watch": state.watches,
             "map": scene is not None,
-            "played": isinstance(self._link, Playback),
+            "played": self._link.address is None,
             "starts": [
                 {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
                 for name, pose in state.starts.items()
@@ -234,16 +217,13 @@ class Commander:
         self._viewers.broadcast({"op": "error", "text": text})
 
     def _show_reports(self, reports: Sequence[Report]) -> None:
-        """Show what a recording tells, and how far it is, also without any report."""
         self._robots.watch(reports)
-        self._viewers.update()
+        if self._link.address is None:  # its time is shown, also without any report
+            self._viewers.update()
 
     def _robots_changed(self) -> None:
         self._watch()  # echoes of robots that were selected before they came
         self._viewers.update()
-
-    def _robot_left(self, name: str) -> None:
-        self._activities.forget(name)
 
     def _watch(self) -> None:
         """Ask the server for what is needed now, and no more for what is not."""

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.addons.web.robot_view import RobotView, SeenScan
-from radarsim.addons.web.viewers import encode_json, finite
+from radarsim.addons.web.viewers import encode_json
 from radarsim.client.robot_info import no_return
 from radarsim.geometry import Pose2, Pose3
 from radarsim.plotting.palette import ROBOTS, colour_of
@@ -61,7 +61,6 @@ def encode_frame(
         if pose is None:
             continue
         times.append(robot.time)
-        newest = [scans[-1] for scans in robot.scans.values()]
         speeds = robot.motion() or (0.0, 0.0)
         rows.append(
             {
@@ -78,7 +77,7 @@ def encode_frame(
                 "speeds": [round(speed, 3) + 0.0 for speed in speeds],  # no -0.0
                 "scans": [
                     _scan(robot, seen, parts, with_settings=robot.name == selected)
-                    for seen in newest
+                    for seen in robot.scans.values()
                 ],
                 "echoes": [
                     {
@@ -86,15 +85,14 @@ def encode_frame(
                         "t": seen.scan.time,
                         "objects": [_object(each) for each in seen.echoes or ()],
                     }
-                    for seen in newest
+                    for seen in robot.scans.values()
                     if robot.name == selected
                 ],
             }
         )
     if time is None:
         time = max(times, default=-math.inf)
-    header = {"t": time if math.isfinite(time) else None, "robots": rows}
-    text = encode_json(header).encode()
+    text = encode_json({"t": time, "robots": rows}).encode()
     ranges = b"".join(part.tobytes() for part in parts)
     return struct.pack("<I", len(text)) + text + ranges
 
@@ -128,13 +126,11 @@ def _scan(
         "offset": offset,
         "count": len(scan.ranges),
         # Which are most of a frame, and shown of the selected robot alone.
-        # Without the limits that are infinite, for which all of it would be searched.
-        "settings": finite(scanner.settings) if with_settings else {},
+        "settings": scanner.settings if with_settings else {},
     }
 
 
 def _object(echoes: TargetEchoes) -> dict[str, Any]:
-    density = echoes.density if math.isfinite(echoes.density) else None
     material = Material(echoes.material, echoes.density, solid=not echoes.robot_passes)
     columns = (
         echoes.beams.tolist(),
@@ -146,7 +142,7 @@ def _object(echoes: TargetEchoes) -> dict[str, Any]:
     return {
         "name": echoes.object,
         "material": echoes.material,
-        "density": density,
+        "density": echoes.density,
         "colour": colour_of(material),
         "echoes": sorted(zip(*columns, strict=True), key=lambda row: row[:2]),
     }

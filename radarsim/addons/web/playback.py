@@ -29,10 +29,12 @@ class Playback(TimeControl):
     """A link to a recording, whose time is controlled.
 
     Attributes:
+        address: That of no server.
         state: What is known, as of a server.
     """
 
     refusal = ""
+    address = None
 
     def __init__(self, recording: "RecordedLines") -> None:
         """Stand where the first robot is there.

@@ -35,6 +35,7 @@ from radarsim.addons.web.requests import (
     Pace,
     parse_request,
 )
+from radarsim.addons.web.server_link import ServerLink
 from radarsim.addons.web.time_control import ServerTime, TimeControl
 from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
@@ -127,14 +128,14 @@ async def serve_page(
     """
     with bind(settings.web_host, settings.web_port) as listening, ExitStack() as stack:
         address = listening.getsockname()[:2]
-        source: tuple[str, int] | Playback
+        link: ServerLink | Playback
         if settings.recording is not None:
-            source = time = _open_recording(settings.recording, stack)
+            link = time = _open_recording(settings.recording, stack)
         else:
             assert settings.server is not None  # it is one of the two
-            source = settings.server
+            link = ServerLink(settings.server)
         record_to, map_ = settings.record_to, settings.map
-        commander = Commander(source, settings.config, record_to, time, map_=map_)
+        commander = Commander(link, settings.config, record_to, time, map_=map_)
         allowed = AllowedHosts(settings.web_host, address[1])
         app = create_app(commander, allowed, settings.token)
         server = WebServer(

@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -111,9 +112,10 @@ class RecordingSwitch:
         name = f"recording_{datetime.now().astimezone():%Y%m%d_%H%M%S}"
         folder = self._folder.resolve() / name
         assert self._server is not None  # ``switch`` has refused
-        recording = _Recording(self._server, folder, self._config, self._map)
+        recording = _Recording(folder, self._info)
+        begun = f"Records to {folder}"
         try:
-            await recording.run(lambda: self._tell(True, f"Records to {folder}"))
+            await recording.run(self._server, lambda: self._tell(True, begun))
         except asyncio.CancelledError:
             self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
@@ -125,6 +127,11 @@ class RecordingSwitch:
         finally:
             self._task = None
 
+    def _info(self, level: str) -> RecordingInfo:
+        """Return what a recording of a map says of its run."""
+        drawn = _lasting_name(self._map)
+        return RecordingInfo.of_config(self._config, level=level, drawn_map=drawn)
+
     def _tell(self, on: bool, text: str) -> None:
         self._state = {"op": "recording", "on": on, "text": text}
         self._viewers.broadcast(self._state, "recording")
@@ -133,26 +140,18 @@ class RecordingSwitch:
 class _Recording:
     """One recording; each robot is in it as a client that was sent its lines."""
 
-    def __init__(
-        self,
-        server: tuple[str, int],
-        folder: Path,
-        config: SimulationConfig,
-        map_: str | None,
-    ) -> None:
-        self._server = server
-        self._map = map_
-        self._folder = folder
-        self._config = config
+    def __init__(self, folder: Path, describe: Callable[[str], RecordingInfo]) -> None:
+        self._folder, self._describe = folder, describe
         self._lines = LineBuffer()
         self._level = ""
         self._numbers: dict[str, int] = {}  # of robots that are there
         self._count = 0  # of robots so far
 
-    async def run(self, on_begin: Callable[[], None]) -> None:
+    async def run(self, server: tuple[str, int], on_begin: Callable[[], None]) -> None:
         """Record until the task is cancelled; the recording is complete then as well.
 
         Args:
+            server: Host and port of the server.
             on_begin: Called when recording has begun.
 
         Raises:
@@ -161,17 +160,21 @@ class _Recording:
             RecordingError: If the recording cannot be written.
         """
         # Before the server sends anything, as this takes seconds.
-        process_type, recorder_type = await asyncio.to_thread(_import_recorders)
+        for name in ("recording_process", "wire_recorder"):
+            module = f"radarsim.addons.recording.{name}"
+            await asyncio.to_thread(import_module, module)
+        from radarsim.addons.recording.wire_recorder import WireRecorder  # noqa: PLC0415
+
         try:
-            reader, writer = await asyncio.open_connection(*self._server)
+            reader, writer = await asyncio.open_connection(*server)
         except (OSError, UnicodeError) as error:
-            raise no_server(*self._server, error) from None
+            raise no_server(*server, error) from None
         try:
             # All robots with all echoes, whatever the pages look at.
             writer.write(questions.watch(None, echoes=True))
             lines = await self._await_permission(reader)
-            process = await asyncio.to_thread(self._begin, process_type)
-            recorder = recorder_type(process.add)
+            process = await asyncio.to_thread(self._begin)
+            recorder = WireRecorder(process.add)
             try:
                 on_begin()
                 while not process.has_ended:
@@ -206,13 +209,14 @@ class _Recording:
             text = "this server does not tell of robots, expected one of radarsim"
             raise ClientError(text) from None
 
-    def _begin(self, kind: "type[RecordingProcess]") -> "RecordingProcess":
+    def _begin(self) -> "RecordingProcess":
         """Create the folder, and start the process that writes into it."""
-        info = RecordingInfo.of_config(
-            self._config, level=self._level, drawn_map=_lasting_name(self._map)
+        from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
+            RecordingProcess,
         )
+
         create_folder(self._folder)
-        return kind(self._folder, info)
+        return RecordingProcess(self._folder, self._describe(self._level))
 
     async def _read(self, reader: asyncio.StreamReader) -> list[str]:
         """Return the next lines."""
@@ -258,15 +262,6 @@ def _lasting_name(map_: str | None) -> str:
     if map_ is None or not Path(map_.partition("@")[0]).exists():
         return map_ or ""
     return str(Path(map_).resolve())
-
-
-def _import_recorders() -> "tuple[type[RecordingProcess], type[WireRecorder]]":
-    from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
-        RecordingProcess,
-    )
-    from radarsim.addons.recording.wire_recorder import WireRecorder  # noqa: PLC0415
-
-    return RecordingProcess, WireRecorder
 
 
 def _decode(line: str) -> Report | None:

@@ -110,6 +110,7 @@ class Drive(Request):
     robot: RobotName
     v: Share
     w: Share
+    seq: int = 0  # without effect
 
 
 class Stop(Request):
@@ -157,15 +158,6 @@ class Cancel(Request):
     task: int
 
 
-class Explain(Request):
-    """Explain a beam of a scan: that of a time, or of the newest one."""
-
-    robot: RobotName
-    scanner: RobotName
-    beam: Annotated[int, Field(ge=0, le=1_000_000)]
-    t: Time | None = None
-
-
 class Record(Request):
     """Begin to record all robots of the server, or end it."""
 
@@ -207,9 +199,8 @@ def _op_of(message: Any) -> str | None:
 _KINDS: Final = {kind.__name__.lower(): kind for kind in Request.__subclasses__()}
 # ``op`` chooses among all kinds, so that errors are those of one kind.
 _TAGGED: Any = [Annotated[kind, Tag(op)] for op, kind in _KINDS.items()]
-_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(
-    Annotated[functools.reduce(operator.or_, _TAGGED), Discriminator(_op_of)]
-)
+_ANY: Any = Annotated[functools.reduce(operator.or_, _TAGGED), Discriminator(_op_of)]
+_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(_ANY)
 
 
 def parse_request(text: str) -> Request:

@@ -1,18 +1,17 @@
-"""What is known of one robot, by what its client is sent, and what one beam met."""
+"""What is known of one robot, by what its client is sent."""
 
 import json
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 from pydantic import ValidationError
 
-from radarsim.addons.web.requests import BadRequest, Explain, Setting
+from radarsim.addons.web.requests import BadRequest, Setting
 from radarsim.client import RobotInfo
-from radarsim.client.robot_info import DEFAULT_MOUNT, no_return
+from radarsim.client.robot_info import DEFAULT_MOUNT
 from radarsim.client.robot_state import EchoCollector, RobotState
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2, Pose3
@@ -20,17 +19,6 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.reports import EchoLine, RangeScan, Report, TargetEchoes
 from radarsim.simulation.config import SimulationConfig
 from radarsim.validation import describe_invalid
-
-REMEMBERED_SCANS: Final = 50  # of a scanner, for questions about their beams
-ENDS: Final = ("hit", "spent", "rain")  # kinds of echoes that may end a beam
-_WORDS: Final = {
-    "enter": "enters",
-    "leave": "leaves",
-    "sheet": "passes a sheet of",
-    "hit": "hits",
-    "spent": "spent in",
-    "rain": "rain shows in",
-}
 
 
 @dataclass(slots=True, eq=False)
@@ -75,8 +63,7 @@ class RobotView(RobotState):
         class_name: Name of its class.
         number: Number that no other robot has, the smallest when it came.
         size: Length and width of the hull, m.
-        scans: The newest scans of each scanner, the newest last; by its casefolded
-            name.
+        scans: The newest scan of each scanner, by its casefolded name.
         scanners: Scanners by their casefolded names.
         listeners: Called with each report.
     """
@@ -98,7 +85,7 @@ class RobotView(RobotState):
         self.number = 0
         # Until it is known, the page draws a square of about the usual size.
         self.size = (0.5, 0.5)
-        self.scans: dict[str, deque[SeenScan]] = {}
+        self.scans: dict[str, SeenScan] = {}
         self.scanners: dict[str, Scanner] = {}
         self.listeners: list[Callable[[Report], None]] = []
         self._echoes: dict[str, EchoCollector] = {}
@@ -151,16 +138,8 @@ class RobotView(RobotState):
             key = report.name.casefold()
             self.scanner(report.name)
             echoes = self._echoes[key].of(report) if key in self._echoes else None
-            scans = self.scans.setdefault(key, deque(maxlen=REMEMBERED_SCANS))
-            scans.append(SeenScan(report, self.pose, echoes))
+            self.scans[key] = SeenScan(report, self.pose, echoes)
         return super().take(report)
-
-    def find_scan(self, scanner: str, time: float | None) -> SeenScan | None:
-        """Return the scan of a time, s, or the newest; None if there is none."""
-        for seen in reversed(self.scans.get(scanner.casefold(), ())):
-            if time is None or math.isclose(seen.scan.time, time, abs_tol=1e-6):
-                return seen
-        return None
 
     def change_setting(self, request: Setting) -> tuple[str, object]:
         """Change a setting, as the server will from the next scan on.
@@ -205,59 +184,3 @@ class RobotView(RobotState):
             scanner.settings = settings
             scanner.max_range = scanner.settings["max_range"]
             self._last_change = None
-
-
-def explain_beam(robot: RobotView, request: Explain) -> dict[str, Any]:
-    """Return the message that explains a beam by the echoes that came with its scan.
-
-    Raises:
-        BadRequest: If there is no such scan or beam, or its echoes were not told.
-    """
-    seen = robot.find_scan(request.scanner, request.t)
-    if seen is None:
-        at = "" if request.t is None else f" at {request.t:g} s"
-        raise BadRequest(f"no scan of {request.scanner!r}{at} is remembered")
-    scan, beam, gaps = seen.scan, request.beam, len(seen.scan.ranges) - 1
-    if beam > gaps:
-        raise BadRequest(f"beam {beam}, expected 0 to {gaps}")
-    if seen.echoes is None:
-        raise BadRequest(f"no echoes of {request.scanner!r} came with that scan")
-    rows: list[dict[str, Any]] = [
-        {
-            "range": float(target.ranges[i]),
-            "kind": target.kinds[i],
-            "object": target.object,
-            "material": target.material,
-            "power": float(target.power[i]),
-        }
-        for target in seen.echoes
-        for i in (target.beams == beam).nonzero()[0].tolist()
-    ]
-    rows.sort(key=lambda row: row["range"])
-    lines = [
-        f"{row['range']:.2f} m: {_WORDS.get(row['kind'], row['kind'])}"
-        f" {row['object']} ({row['material']}), power {row['power']:.4f}"
-        for row in rows
-    ]
-    reading = float(scan.ranges[beam])
-    if reading < no_return(robot.scanner(request.scanner).max_range):
-        # Noise and rounding move the reading away from the echo that ended the beam.
-        ends = [row for row in rows if row["kind"] in ENDS]
-        near = (r for r in ends if math.isclose(r["range"], reading, abs_tol=0.02))
-        row = next(near, ends[-1] if ends else None)
-        end = {"range": reading, "kind": "hit" if row is None else row["kind"]}
-        lines.append(f"reads {reading:.2f} m")
-    else:
-        end = {"range": None, "kind": "out_of_range"}
-        lines.append("reads nothing")
-    return {
-        "op": "explanation",
-        "robot": robot.name,
-        "scanner": scan.name,
-        "beam": beam,
-        "angle": -scan.fov / 2 + (beam * scan.fov / gaps if gaps else 0.0),
-        "t": scan.time,
-        "rows": rows,
-        "end": end,
-        "text": "\n".join(lines),
-    }

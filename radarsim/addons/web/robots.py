@@ -42,6 +42,7 @@ class Robots:
         starts: Starts of the map, of which a robot gets the first free one.
         is_watching: Whether the server tells of all robots now, so that the own
             connections of robots need not be looked at.
+        on_left: Called with the name of a robot that is gone.
     """
 
     def __init__(
@@ -49,9 +50,7 @@ class Robots:
         address: tuple[str, int] | None,
         config: SimulationConfig,
         viewers: Viewers,
-        *,
         on_change: Callable[[], None],
-        on_left: Callable[[str], None],
     ) -> None:
         """Begin without any.
 
@@ -60,7 +59,6 @@ class Robots:
             config: How the server was started, as far as it is known.
             viewers: The browsers, which are told what happens to robots.
             on_change: Called when there is something new to show.
-            on_left: Called with the name of a robot that is gone.
         """
         self.views: dict[str, RobotView] = {}
         self.own: dict[str, OwnRobot] = {}
@@ -70,7 +68,7 @@ class Robots:
         self._config = config
         self._viewers = viewers
         self._on_change = on_change
-        self._on_left = on_left
+        self.on_left: Callable[[str], None] = lambda _: None
         self._spawning: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -149,7 +147,7 @@ class Robots:
                 case RobotLeft(robot) if robot not in self.own:
                     # own ones by their connections: it may have been one before
                     if self.views.pop(robot, None) is not None:
-                        self._on_left(robot)
+                        self.on_left(robot)
                         news = True
                 case WatchedLine(robot, _, line) if line is not None:
                     view = self.views.get(robot)
@@ -162,7 +160,7 @@ class Robots:
         self._switch_watching(False)
         for name in self.views.keys() - self.own.keys():
             del self.views[name]
-            self._on_left(name)
+            self.on_left(name)
         self._on_change()
 
     def _switch_watching(self, on: bool) -> None:
@@ -237,7 +235,7 @@ class Robots:
     def _forget(self, robot: OwnRobot) -> None:
         self.own.pop(robot.name, None)
         if self.views.pop(robot.name, None) is not None:
-            self._on_left(robot.name)
+            self.on_left(robot.name)
         self._on_change()
 
     def _add(self, name: str, class_name: str) -> RobotView:

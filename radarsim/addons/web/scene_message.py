@@ -37,7 +37,8 @@ class SceneMessages:
             encode_json(describe_triangles(scene)),
         )
         self.materials = describe_materials(scene)
-        self.safety_distance = scene.trial and scene.trial.safety_distance
+        trial = scene.trial
+        self.safety_distance = None if trial is None else trial.safety_distance
         # Outlines of what blocks robots, at the height of the scanners.
         outlines = [
             (part["name"], line)
@@ -113,13 +114,12 @@ def describe_materials(scene: Scene) -> list[dict[str, str]]:
 
 def _head(part: Part) -> dict[str, Any]:
     material = part.material
-    density = material.density
     opaque = not material.penetrable and material.sheet_loss is None
     return {
         "name": part.object_name,
         "material": material.name,
         "opaque": opaque,
-        "density": density if math.isfinite(density) else None,
+        "density": material.density,
         "solid": material.solid,
         "colour": colour_of(material),
     }

@@ -50,27 +50,19 @@ class ServerLink:
     """Connects, watches robots, and connects again when the connection is lost.
 
     Attributes:
+        address: Host and port of the server.
         state: What is known of the server.
+        on_link: Called when the connection is there, when it is lost, and when the
+            server turns out to tell of robots, or refuses to.
+        on_reports: Called with reports of all robots.
     """
 
-    def __init__(
-        self,
-        address: tuple[str, int],
-        on_change: Callable[[], None],
-        on_reports: Callable[[Sequence[Report]], None],
-    ) -> None:
-        """Describe a link that is not open yet.
-
-        Args:
-            address: Host and port of the server.
-            on_change: Called when the connection is there, when it is lost, and when
-                the server turns out to tell of robots, or refuses to.
-            on_reports: Called with reports of all robots.
-        """
+    def __init__(self, address: tuple[str, int]) -> None:
+        """Describe a link that is not open yet."""
+        self.address = address
         self.state = ServerState()
-        self._on_change = on_change
-        self._on_reports = on_reports
-        self._address = address
+        self.on_link: Callable[[], None] = lambda: None
+        self.on_reports: Callable[[Sequence[Report]], None] = lambda _: None
         self._client: AsyncClient | None = None
         self._echoes: frozenset[str] | None = None  # None while no robot is watched
         self._asking: asyncio.Task[None] | None = None  # the newest one
@@ -87,7 +79,7 @@ class ServerLink:
                     log.warning("waiting for a server: %s", error)
                 if self.state.problem != str(error):
                     self.state = ServerState(self.state.level, problem=str(error))
-                    self._on_change()
+                    self.on_link()
             await asyncio.sleep(RETRY)
 
     def watch(self, echoes: Iterable[str] | None) -> None:
@@ -113,14 +105,14 @@ class ServerLink:
         Raises:
             ClientError: When it is lost, or cannot be opened.
         """
-        async with await AsyncClient.connect(*self._address, timeout=ANSWER) as client:
+        async with await AsyncClient.connect(*self.address, timeout=ANSWER) as client:
             level = (await client.greeting()).level
             starts: dict[str, Pose3] = {}
             with suppress(ClientTimeout):  # not every server knows any
                 starts = await client.start_poses()
             self.state = ServerState(level, starts, problem="")
             self._client = client
-            self._on_change()
+            self.on_link()
             # What was asked for before there was this connection.
             await self._ask(client)
             while True:
@@ -135,7 +127,7 @@ class ServerLink:
                 await client.send(questions.watch(None, sorted(self._echoes)))
 
     def _take(self, reports: Sequence[Report]) -> None:
-        self._on_reports(reports)
+        self.on_reports(reports)
         state = self.state
         for report in reports:
             if isinstance(report, Watching):
@@ -148,7 +140,7 @@ class ServerLink:
                 continue
             if state.watches == bool(refusal) or state.refusal != refusal:
                 state.watches, state.refusal = not refusal, refusal
-                self._on_change()
+                self.on_link()
 
     async def _ask_later(self, client: AsyncClient) -> None:
         await asyncio.sleep(ASK_AGAIN)

@@ -7,10 +7,10 @@ old. They are sent soon after something is new, and not too often.
 """
 
 import asyncio
-import json
-import math
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from typing import Any, Final
+
+from pydantic_core import to_json
 
 MOST_TEXTS: Final = 500  # that wait for a browser that does not read
 INTERVAL: Final = 0.1  # s between two frames, on average at least
@@ -165,19 +165,4 @@ class Viewers:
 
 def encode_json(message: Mapping[str, Any]) -> str:
     """Write compact JSON; numbers that are not finite are null."""
-    try:
-        return json.dumps(message, separators=(",", ":"), allow_nan=False)
-    except ValueError:
-        # Rare enough that only then a message is searched for them.
-        return json.dumps(finite(message), separators=(",", ":"))
-
-
-def finite(value: Any) -> Any:
-    """Return a value of JSON with None for the numbers that are not finite."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Mapping):
-        return {key: finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(each) for each in value]
-    return value
+    return to_json(message, inf_nan_mode="null").decode()

@@ -34,7 +34,7 @@ from radarsim.autonomy.navigation.control import (
     distance,
 )
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
+from radarsim.autonomy.navigation.wall_following import WallFollower
 from radarsim.geometry import Point, wrap_angle
 
 FULL_TURN: Final = 2 * math.pi
@@ -154,8 +154,9 @@ class ContourStrategy(Strategy):
         super().__init__(settings)
         self.activity = "seeking"
         self.contours = 0
-        self._wall_follower = WallFollower(settings.bumpers, settings.speed_limits)
-        self._mode = FollowMode(wall_on_left=settings.wall_on_left)
+        self._wall_follower = WallFollower(
+            settings.bumpers, settings.speed_limits, wall_on_left=settings.wall_on_left
+        )
         self._coverage = coverage_strategy(settings)
         self._track: list[Point] = []
         self._circuit: _Circuit | None = None
@@ -202,21 +203,17 @@ class ContourStrategy(Strategy):
         self.activity = "aligning"
         # As a place on the map: while the robot turns, another beam may be the nearest.
         nearest = int(observation.ranges.argmin())
-        range_ = float(observation.ranges[nearest])
-        angle = float(observation.bearings[nearest]) + observation.pose.yaw
-        self._wall = (
-            observation.pose.x + range_ * math.cos(angle),
-            observation.pose.y + range_ * math.sin(angle),
-        )
+        bearing = float(observation.bearings[nearest])
+        self._wall = observation.pose.point(bearing, float(observation.ranges[nearest]))
         return STOP
 
     def _align(self, observation: Observation) -> Twist:
         bearing = bearing_of(observation.pose, *self._wall)
         wall_follower = self._wall_follower
-        twist, aligned = wall_follower.align(observation, self._mode, bearing)
+        twist, aligned = wall_follower.align(observation, bearing)
         if aligned:
             self.activity = "following"
-            direction = wall_follower.tangent(observation, self._mode)
+            direction = wall_follower.tangent(observation)
             self._circuit = _Circuit(
                 observation, direction, wall_follower.target_distance
             )
@@ -224,7 +221,7 @@ class ContourStrategy(Strategy):
         return twist
 
     def _follow(self, observation: Observation) -> Twist:
-        twist, found = self._wall_follower.step(observation, self._mode)
+        twist, found = self._wall_follower.step(observation)
         assert self._circuit is not None
         self._circuit.add(observation, found=found)
         if distance(observation.pose, *self._track[-1]) > TRACK_STEP:
@@ -233,7 +230,7 @@ class ContourStrategy(Strategy):
             self.contours += 1
             # Round a room it has turned to one side in total, round an island to the
             # other: that wall was not the room's.
-            is_inside = (self._circuit.turn < 0) == self._mode.wall_on_left
+            is_inside = (self._circuit.turn < 0) == self._settings.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._circuit.lost > self._max_lost:
             self.activity = "seeking"
@@ -306,12 +303,7 @@ class SpiralCoverage(Strategy):
 
     def _point(self) -> Point:
         assert self._start is not None
-        radius = SPACING * self._angle / (2 * math.pi)
-        angle = self._start.yaw + self._angle
-        return (
-            self._start.x + radius * math.cos(angle),
-            self._start.y + radius * math.sin(angle),
-        )
+        return self._start.point(self._angle, SPACING * self._angle / (2 * math.pi))
 
     def _advance(self) -> float:
         """Go on to the next point on the spiral; return the angle to it, rad."""

@@ -151,7 +151,7 @@ class Exploration:
             check_field_of_view(self.settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
-        # under the hull for sure, however the robot is turned
+        # under the robot for sure, however the robot is turned
         radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,

@@ -280,9 +280,7 @@ def _blocks(cells: NDArray[Any], factor: int, fill: float = 0) -> NDArray[Any]:
 
 def _window_around(cells: Mask, margin: int) -> tuple[slice, slice]:
     # the rows and columns that hold all true cells, as distances take long elsewhere
-    spans = []
-    for axis, length in enumerate(cells.shape):
-        lines = np.flatnonzero(cells.any(axis=1 - axis))
-        first, last = (int(lines[0]), int(lines[-1])) if len(lines) else (0, -1)
-        spans.append(slice(max(first - margin, 0), min(last + margin + 1, length)))
-    return spans[0], spans[1]
+    for box in ndimage.find_objects(cells.astype(np.int8)):
+        rows, columns = (slice(max(s.start - margin, 0), s.stop + margin) for s in box)
+        return rows, columns
+    return slice(0), slice(0)

@@ -27,14 +27,12 @@ from radarsim.autonomy.mapping.occupancy_grid import (
 from radarsim.autonomy.mapping.scan import BeamHits, Layer, PlanarScan, scan_of
 from radarsim.autonomy.mapping.slam import MotionReports, Slam
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.autonomy.navigation.observation import Observation, ScanClock
+from radarsim.autonomy.navigation.observation import Observation, ScanReader
 from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.client import ScannerInfo
-from radarsim.client.robot_info import from_centre, same_name
-from radarsim.client.robot_state import EchoCollector
+from radarsim.client.robot_info import from_centre
 from radarsim.geometry import Floats, Point, Pose2, rotation_matrix
 from radarsim.protocol.reports import (
-    EchoLine,
     GroundTruth,
     Ins,
     Odometry,
@@ -156,17 +154,15 @@ def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarSca
     return replace(scan, known_range=scan.known_range.astype(real), hits=hits)
 
 
-class Mapper:
+class Mapper(ScanReader):
     """Makes a map of what one scanner measures.
 
     Attributes:
-        scanner: The scanner that it is made with.
         slam: Estimates the robot's pose.
         truth: True poses, as far as the server sends them.
         scans: Number of scans on the map.
         left_out: Number of scans that are not, as nobody knew where the robot was, and
             as their echoes did not come.
-        missing: Report that it needs before the next scan counts, for messages.
     """
 
     def __init__(
@@ -194,16 +190,13 @@ class Mapper:
                 for none.
             clock: Returns the time in s, for servers without advancing time stamps.
         """
+        super().__init__(scanner, clock, echo_wait)
         self.slam = Slam(motion_source)
         self._grid = RebuildableGrid(self.trajectory, resolution, robot_radius)
-        self._echo_wait, self._map_range = echo_wait, map_range
+        self._map_range = map_range
         self.truth = Trajectory()
         self.scans = 0
         self.left_out = {"no_pose": 0, "no_echoes": 0}
-        self.scanner = scanner
-        self._stamps = ScanClock(clock)
-        self._echoes = EchoCollector()
-        self._echoes_due = math.nan  # until when scans wait for their echoes, s
         self._spawn_pose: Pose2 | None = None
         self._motion = MotionReports()
         self._scans_since_report = 0
@@ -235,35 +228,20 @@ class Mapper:
         return f"pose from {self.slam.motion_source}"
 
     @property
-    def cure(self) -> str:
+    def hint(self) -> str:
         """The motion sources that are left, if poses of the wanted one are missing."""
         if self.missing != self._missing_pose:
             return ""
         others = self._sources - {self.slam.motion_source}
         return f"expected motion from {' or '.join([*sorted(others), 'none'])}"
 
-    def take(self, report: Report) -> Observation | None:
-        """Add a report.
-
-        Returns:
-            What is around the robot, after a scan that is on the map: the nearest thing
-            on each beam that robots cannot enter. None otherwise.
-        """
-        if isinstance(report, EchoLine):
-            if same_name(report.name, self.scanner.name):
-                self._echoes.take(report)
-        elif isinstance(report, RangeScan):
-            if same_name(report.name, self.scanner.name):
-                return self._take_scan(report)
-        elif isinstance(report, Ins | GroundTruth | Odometry):
-            self._take_pose(report)
-        return None
-
     def finish(self) -> None:
         """Complete the map, if it is being built anew after a loop was closed."""
         self._grid.finish()
 
-    def _take_pose(self, report: Ins | GroundTruth | Odometry) -> None:
+    def _take_other(self, report: Report) -> None:
+        if not isinstance(report, Ins | GroundTruth | Odometry):
+            return
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
         if not isinstance(report, Odometry):  # which counts from anywhere
             self._spawn_pose = self._spawn_pose or pose
@@ -291,16 +269,11 @@ class Mapper:
             self.missing = self._missing_pose
             self.left_out["no_pose"] += 1
             return None
-        time = self._stamps.time_of(report.time)
         if not len(self.trajectory):
             # An INS begins at its own first pose. All else begins at the first one that
             # an INS or the ground truth tells, which comes after the mapper is made.
             self.slam.start = None if source == "ins" else self._spawn_pose
-            self._echoes_due = time + self._echo_wait
-        echoes = self._echoes.of(report)
-        if echoes is not None:
-            # A server that has sent echoes goes on to: without them a scan lost some.
-            self._echoes_due = time + self._echo_wait
+        time, echoes, lacks_echoes = self._time_and_echoes(report)
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         revision = self.slam.revision
         pose = self.slam.step(scan, *(reported or ()))
@@ -308,7 +281,7 @@ class Mapper:
         if self.slam.revision > revision:
             self._grid.rebuild()
         # The pose is found without them, so that the next scan has one to begin at.
-        if echoes is None and time < self._echoes_due:
+        if lacks_echoes:
             self.missing = f"echoes of {self.scanner.name!r}"
             self.left_out["no_echoes"] += 1
             return None

@@ -1,7 +1,6 @@
 """Trajectories, and the errors of an estimated one."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,10 +23,6 @@ class Trajectory:
     def __len__(self) -> int:
         """Return the number of poses."""
         return len(self.poses)
-
-    def __iter__(self) -> Iterator[tuple[float, Pose2]]:
-        """Iterate over pairs of time and pose."""
-        return zip(self.times, self.poses, strict=True)
 
     def add(self, time: float, pose: Pose2) -> None:
         """Add a pose."""
@@ -123,7 +118,7 @@ def tum_text(trajectory: Trajectory) -> str:
     One line per pose: time, x, y, z and the quaternion x, y, z, w.
     """
     lines = ["# radarsim map: timestamp tx ty tz qx qy qz qw\n"]
-    for time, pose in trajectory:
+    for time, pose in zip(trajectory.times, trajectory.poses, strict=True):
         half = pose.yaw / 2
         turn = f"{math.sin(half):.6f} {math.cos(half):.6f}"
         lines.append(f"{time:.6f} {pose.x:.6f} {pose.y:.6f} 0 0 0 {turn}\n")

@@ -1,15 +1,12 @@
 """The algorithms by name, and the named choices that they leave open.
 
-A new algorithm is a subclass of ``Controller``, and has a member of ``Algorithm`` and a
-case of ``controller_class`` here. Command lines offer these names, so nothing heavy is
-imported before an algorithm is used.
+A new algorithm is a subclass of ``Controller``, and has a member of ``Algorithm`` here
+and a class in ``mission.CONTROLLERS``. Command lines offer these names: nothing heavy
+is imported here.
 """
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Final
-
-if TYPE_CHECKING:
-    from radarsim.autonomy.navigation.controller import Controller
+from typing import Final
 
 ROBOT: Final = "P3AT_Radar360"  # a robot class whose scanner covers a full circle
 ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
@@ -22,23 +19,6 @@ class Algorithm(StrEnum):
     BUG2 = "bug2"
     TANGENT_BUG = "tangentbug"  # by the edges of obstacles that scans show
     PLANNED = "planned"  # shortest path on the map as it is seen
-
-
-def controller_class(algorithm: Algorithm) -> "type[Controller]":
-    """Return the class that decides by an algorithm how to move."""
-    match algorithm:
-        case Algorithm.BUG1 | Algorithm.BUG2:
-            from radarsim.autonomy.navigation.bug import Bug
-
-            return Bug
-        case Algorithm.TANGENT_BUG:
-            from radarsim.autonomy.navigation.tangent_bug import TangentBug
-
-            return TangentBug
-        case Algorithm.PLANNED:
-            from radarsim.autonomy.navigation.path_planning import PathPlanning
-
-            return PathPlanning
 
 
 class Rule(StrEnum):

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from radarsim.autonomy.navigation.boundary_policy import Landmark, Trail
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
-from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
+from radarsim.autonomy.navigation.wall_following import WallFollower
 from radarsim.geometry import Point, wrap_angle
 
 LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within an obstacle
@@ -133,7 +133,7 @@ class FollowedBoundary:
     """The boundary that is followed, and what is known of it.
 
     Attributes:
-        mode: How it is followed.
+        follower: Follows it.
         memory: Points of it, to look at them again.
         hit_place: The point of it that was hit, m, map frame.
         travelled: m along it.
@@ -142,15 +142,14 @@ class FollowedBoundary:
         goal_distance: Its least distance from the goal so far, m.
     """
 
-    def __init__(self, follower: WallFollower, mode: FollowMode) -> None:
-        self.mode = mode
+    def __init__(self, follower: WallFollower) -> None:
+        self.follower = follower
         self.memory = BoundaryMemory()
         self.hit_place: Point = (math.nan, math.nan)
         self.travelled = 0.0
         self.least = 0.0
         self.reached_at = -math.inf
         self.goal_distance = -math.inf  # so that it is not left before it is reached
-        self._follower = follower
         self._nearest: Point | None = None  # point of it, map frame
         self._seen: Point | None = None  # nearest point of what is looked at, likewise
         self._trail: Trail | None = None
@@ -162,7 +161,7 @@ class FollowedBoundary:
 
     def reach(self, observation: Observation, bearing: float, goal: Point) -> None:
         """Begin beside it, where a bumper is pressed towards a bearing, rad."""
-        self.hit_place = self._follower.hit_point(observation, self.mode, bearing)
+        self.hit_place = self.follower.hit_point(observation, bearing)
         self._nearest = self.hit_place
         self.reached_at = observation.time
         # Known before it is looked at: else any place would be nearer to the goal.
@@ -188,10 +187,10 @@ class FollowedBoundary:
         distance of the boundary from a goal is updated.
         """
         assert self._nearest is not None
-        ends = _linked_beams(observation, self._nearest, self._follower.bumpers)
+        ends = _linked_beams(observation, self._nearest, self.follower.bumpers)
         part = replace(observation, ranges=np.where(ends, observation.ranges, np.inf))
-        own = self._follower.boundary(part, self.mode)
-        nearest = self._follower.boundary(observation, self.mode)
+        own = self.follower.boundary(part)
+        nearest = self.follower.boundary(observation)
         self._seen = None if nearest is None else nearest[0]
         if nearest is None:
             return observation
@@ -249,9 +248,9 @@ class FollowedBoundary:
         Returns:
             m along the path; None if it closed none.
         """
-        pose, direction = part.pose, self._follower.tangent(part, self.mode)
+        pose, direction = part.pose, self.follower.tangent(part)
         if self._trail is None:
-            offset = self._follower.target_distance
+            offset = self.follower.target_distance
             hit = Landmark(pose, direction, max_offset=offset)
             self._trail = Trail(hit, offset)
         return self._trail.extend(pose, direction, self.travelled)

@@ -31,7 +31,6 @@ from radarsim.autonomy.navigation.controller import (
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.wall_following import (
     BumperWallFollower,
-    FollowMode,
     WallFollower,
 )
 from radarsim.geometry import Point, Pose2
@@ -49,11 +48,7 @@ class Bug(Controller):
 
     def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
         super().__init__(goals, settings)
-        follower = WallFollower(settings.bumpers, settings.speed_limits)
-        is_literal = settings.bumpers.rule is Rule.THESIS
-        self._follower = follower
-        self._steering = BumperWallFollower(follower) if is_literal else follower
-        self._first_mode = FollowMode(wall_on_left=settings.wall_on_left)
+        self._wall_on_left = settings.wall_on_left  # of the next boundary
         # of the boundary that it is at, unless it is going
         self._boundary: FollowedBoundary
         self._policy: BoundaryPolicy
@@ -72,7 +67,7 @@ class Bug(Controller):
     def _begin_goal(self, pose: Pose2) -> None:
         self._starts = [pose]
         self._gone, self._misses, self._others = [], 0, 0
-        self._first_mode = FollowMode(wall_on_left=self._settings.wall_on_left)
+        self._wall_on_left = self._settings.wall_on_left
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
@@ -88,8 +83,7 @@ class Bug(Controller):
             self._hit(observation)
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
-            mode = self._boundary.mode
-            twist, aligned = self._steering.align(observation, mode, bearing)
+            twist, aligned = self._boundary.follower.align(observation, bearing)
             # Before a mirror what is nearest may change to and fro with each turn.
             self._reversals += twist.turn * self._turn < 0
             self._turn = twist.turn
@@ -108,15 +102,13 @@ class Bug(Controller):
         graze = 0.0 if self._leaving else GRAZE
         return self._side_distance(observation) >= bumpers.safety_distance + graze
 
-    def _is_hidden(
-        self, observation: Observation, part: Observation, mode: FollowMode
-    ) -> bool:
+    def _is_hidden(self, observation: Observation, part: Observation) -> bool:
         """Return whether the followed boundary is between the robot and the goal."""
         goal = self._goal_bearing(observation.pose)
         ahead = self._settings.bumpers.towards(observation, goal)
         if self._is_beyond(observation, ahead.distance):
             return False
-        return self._follower.leads_into_boundary(part, mode, goal)
+        return self._boundary.follower.leads_into_boundary(part, goal)
 
     def _is_beyond(self, observation: Observation, obstacle: float) -> bool:
         """Return whether an obstacle at a distance, m, is beyond the goal."""
@@ -134,18 +126,22 @@ class Bug(Controller):
         self.hit_points.append((pose.x, pose.y))
         self.activity, self._lost = Activity.ALIGNING, 0.0
         self._turn, self._reversals = 0.0, 0
-        self._boundary = FollowedBoundary(self._follower, self._first_mode)
+        settings = self._settings
+        is_literal = settings.bumpers.rule is Rule.THESIS
+        follower = (BumperWallFollower if is_literal else WallFollower)(
+            settings.bumpers, settings.speed_limits, wall_on_left=self._wall_on_left
+        )
+        self._boundary = FollowedBoundary(follower)
         obstacle = self._goal_bearing(pose)
         self._boundary.reach(observation, obstacle, goal)
-        direction = self._follower.direction(observation, self._first_mode, obstacle)
-        max_offset = self._follower.target_distance
+        direction = follower.direction(observation, obstacle)
+        max_offset = follower.target_distance
         hit = Landmark(pose, direction, max_offset=max_offset)
-        if self._settings.algorithm == Algorithm.BUG1:
+        if settings.algorithm == Algorithm.BUG1:
             self._policy = Bug1Policy(hit, goal, max_offset)
             return
-        give_up = self._settings.give_up
         self._policy = Bug2Policy(
-            hit, goal, max_offset, starts=self._starts, give_up=give_up
+            hit, goal, max_offset, starts=self._starts, give_up=settings.give_up
         )
 
     def _follow(self, observation: Observation, step: float) -> Twist:
@@ -153,14 +149,14 @@ class Bug(Controller):
             self._seen_from = self._goal_distance(observation.pose)
             return self._leave(observation)
         boundary, policy = self._boundary, self._policy
-        mode = boundary.mode
+        follower = boundary.follower
         # By the part of the scan that shows it: where another obstacle is as near, the
         # robot would change to that.
         part = boundary.look(observation, self.goals[0])
         boundary.remember(part.pose.yaw, step)
-        direction = self._follower.tangent(part, mode)
+        direction = follower.tangent(part)
         circuits_before = policy.circuits
-        free = not self._is_hidden(observation, part, mode)
+        free = not self._is_hidden(observation, part)
         decision = policy.step(observation.pose, step, direction, free=free)
         self.circuits += policy.circuits - circuits_before
         if decision is Decision.LEAVE:
@@ -168,13 +164,13 @@ class Bug(Controller):
         if decision is Decision.NO_PATH:
             return self._conclude(observation)
         if decision is Decision.BACK:
-            boundary.mode = mode = mode.reversed
+            follower.forward = not follower.forward
         if policy.circuits:
             self.activity = Activity.RETURNING
-        twist, found = self._steering.step(observation, mode, part)
+        twist, found = follower.step(observation, part)
         self._lost = 0.0 if found else self._lost + step
         # It has driven around where the boundary should be, and nothing is there.
-        if self._lost > _LOST * 2 * math.pi * self._follower.target_distance:
+        if self._lost > _LOST * 2 * math.pi * follower.target_distance:
             return self._leave(observation)
         return twist
 
@@ -220,7 +216,7 @@ class Bug(Controller):
         A gap may be wide enough in one direction and closed in the other, by noise. On
         the same hand the robot would come back to it.
         """
-        self._first_mode = FollowMode(wall_on_left=not self._first_mode.wall_on_left)
+        self._wall_on_left = not self._wall_on_left
         self._best_leave = math.inf
 
     def _sees_goal(self, observation: Observation) -> bool:

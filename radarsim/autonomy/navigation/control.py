@@ -8,9 +8,9 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
-from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.observation import Observation, ScanReader
 from radarsim.client import Client, RobotInfo
 from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2, wrap_angle
@@ -138,21 +138,6 @@ class StandstillDetector:
             )
 
 
-class ObservationSource(Protocol):
-    """Combines reports into observations."""
-
-    @property
-    def missing(self) -> str:
-        """The report that it waits for, for messages."""
-
-    @property
-    def cure(self) -> str:
-        """What to expect instead of what is missing, for messages; may be empty."""
-
-    def take(self, report: Report) -> Observation | None:
-        """Process a report; return the observation that it completes, if any."""
-
-
 class ControlLoop:
     """Drives one robot: yields observations, and sends wheel speeds."""
 
@@ -160,7 +145,7 @@ class ControlLoop:
         self,
         client: Client,
         robot_info: RobotInfo,
-        source: ObservationSource,
+        source: ScanReader,
         *,
         timeout: float,
     ) -> None:
@@ -213,5 +198,5 @@ class ControlLoop:
         names = ", ".join(sorted(received))
         came = f"what came: {names}" if received else "nothing came"
         missing = f"no {self._source.missing} within {self._timeout:g} s"
-        cure = f"; {self._source.cure}" * bool(self._source.cure)
-        raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{cure}")
+        hint = f"; {self._source.hint}" * bool(self._source.hint)
+        raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{hint}")

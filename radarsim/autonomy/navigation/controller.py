@@ -46,8 +46,8 @@ class ControllerSettings:
         wall_on_left: Whether it keeps boundaries on its left.
         give_up: When Bug2 concludes that there is no path.
         tolerance: Distance from the goal at which it is reached, m.
-        hull: Length and width of what planned paths have to be wide enough for where
-            the safety distance is not kept, m; None to keep it everywhere.
+        footprint: Length and width, m, of what planned paths have to be wide enough for
+            where the safety distance is not kept; None to keep it everywhere.
     """
 
     algorithm: Algorithm
@@ -56,7 +56,7 @@ class ControllerSettings:
     wall_on_left: bool = True
     give_up: GiveUp = GiveUp.HIT_POINT
     tolerance: float = TOLERANCE
-    hull: tuple[float, float] | None = None
+    footprint: tuple[float, float] | None = None
 
 
 class Controller(ABC):

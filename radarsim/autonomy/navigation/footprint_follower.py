@@ -1,8 +1,9 @@
 """Follow the path of a rectangle, slowly where there is little room.
 
 The robot is led back to the line of each straight motion, and turns on the spot at its
-ends. A motion that would bring the hull nearer to what is seen than a centimetre is not
-made, and a path that leads so near is no longer followed: another has to be planned.
+ends. A motion that would bring the footprint nearer to what is seen than a centimetre
+is not made, and a path that leads so near is no longer followed: another has to be
+planned.
 """
 
 import math
@@ -15,16 +16,16 @@ from radarsim.autonomy.navigation.control import (
     SpeedLimits,
     Twist,
 )
-from radarsim.autonomy.navigation.footprint_planning import SLACK, Hull
+from radarsim.autonomy.navigation.footprint_planning import SLACK, Footprint
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
-LEAST_ROOM: Final = 0.01  # m that the hull keeps from what is seen
-TOUCHING: Final = 0.001  # m, from which on the hull touches something
+LEAST_ROOM: Final = 0.01  # m that the footprint keeps from what is seen
+TOUCHING: Final = 0.001  # m, from which on the footprint touches something
 OFF: Final = 0.06  # m, or more than the rad below, off a path that is not followed
 OFF_TURN: Final = 0.3  # rad
 SLOW: Final = 0.08  # m/s where there is hardly any room
-SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of room around the hull
-SLOW_TURN: Final = 0.5  # rad/s; so the corners of the hull are as slow
+SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of room around the footprint
+SLOW_TURN: Final = 0.5  # rad/s; so the corners of the footprint are as slow
 AT_END: Final = 0.01  # m before the end of a straight motion
 ALIGNED: Final = 0.03  # rad, with the heading of the next motion
 AHEAD: Final = 0.4  # s that a motion goes on until it is decided anew, and more
@@ -35,15 +36,15 @@ _MOST: Final = 0.25  # rad, towards the line
 class FootprintFollower:
     """Leads a robot along a path, motion by motion."""
 
-    def __init__(self, hull: Hull, path: Floats, limits: SpeedLimits) -> None:
+    def __init__(self, footprint: Footprint, path: Floats, limits: SpeedLimits) -> None:
         """Create it at the beginning of a path.
 
         Args:
-            hull: The hull.
+            footprint: The footprint.
             path: (P, 3) m and rad, as ``plan_footprint`` returns it.
             limits: Greatest speeds where there is room.
         """
-        self._hull = hull
+        self._footprint = footprint
         self._path = path
         self._limits = limits
         self._next = 1  # the pose that it is on the way to
@@ -55,8 +56,8 @@ class FootprintFollower:
 
     def is_blocked(self, points: Floats) -> bool:
         """Return whether the path leads too near to one of some points, (N, 2) m."""
-        least = _least(self._hull.clearance(points, self.path[0]))
-        return bool((self._hull.clearances(points, self.path) < least).any())
+        least = _least(self._footprint.clearance(points, self.path[0]))
+        return bool((self._footprint.clearances(points, self.path) < least).any())
 
     def twist(self, pose: Pose2, points: Floats) -> Twist | None:
         """Return the motion until the next scan.
@@ -69,7 +70,7 @@ class FootprintFollower:
             None if the path has ended, or cannot be followed from here.
         """
         here = np.array([pose.x, pose.y, pose.yaw])
-        room = self._hull.clearance(points, here)
+        room = self._footprint.clearance(points, here)
         while self._next < len(self._path):
             begin, end = self._path[self._next - 1 : self._next + 1]
             twist = self._straight(here, begin, end, room)
@@ -79,7 +80,7 @@ class FootprintFollower:
                 self._next += 1
                 continue
             after = _moved_by(here, twist)
-            is_near = self._hull.clearance(points, after) < _least(room)
+            is_near = self._footprint.clearance(points, after) < _least(room)
             return None if is_near or self._is_off(here, begin, end) else twist
         return None
 

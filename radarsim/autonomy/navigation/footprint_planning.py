@@ -11,7 +11,7 @@ that this pose is one of its states, whatever it is.
 For each cell a mask tells in which orientations, and by which margins, the rectangle is
 free of the points where something was seen. Those are exact to a centimetre, as the
 margins are no wider. A turn also needs the orientation between two headings, and
-between these the corners of the hull lead less than the least margin farther out.
+between these the corners of the footprint lead less than the least margin farther out.
 
 The cost of the same way for a robot that could move in all directions guides the
 search, which begins only once it is sure that there is a path: to find that there is
@@ -33,7 +33,7 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Point, Pose2, wrap_angle
 
 CELL: Final = 0.05  # m
-LEAST_MARGIN: Final = 0.02  # m around the hull, within which nothing may be
+LEAST_MARGIN: Final = 0.02  # m around the footprint, within which nothing may be
 MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; within the others a step costs more
 MORE: Final = (3.0, 1.0)  # that it costs more within each of the others, per metre
 REVERSE: Final = 2.0  # times the cost of going forward
@@ -56,7 +56,7 @@ _BITS: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Hull:
+class Footprint:
     """A rectangle about the robot's centre, and how far it is from points.
 
     Attributes:
@@ -119,40 +119,42 @@ class Hull:
 
 
 def plan_footprint(
-    hull: Hull, points: Floats, start: Pose2, goal: Point
+    footprint: Footprint, points: Floats, start: Pose2, goal: Point
 ) -> Floats | None:
-    """Plan a path of a hull among points.
+    """Plan a path of a footprint among points.
 
     No motion leads nearer to a point than the least margin, less a centimetre, or than
-    the hull is at the start.
+    the footprint is at the start.
 
     Args:
-        hull: The hull.
+        footprint: The footprint.
         points: Where something is, (N, 2) m.
         start: m and rad.
         goal: m; the path ends in the cell that holds it, and at the goal itself if the
-            hull can turn there.
+            footprint can turn there.
 
     Returns:
         (P, 3) m and rad, from the start on: from pose to pose it turns on the spot, or
         moves along its axis; None if there is no path.
     """
-    grid = _PoseGrid(hull, points, start, goal)
+    grid = _PoseGrid(footprint, points, start, goal)
     path = grid.search()
     if path is None:
         return None
     way = goal - path[-1, :2]
     yaw = math.atan2(way[1], way[0])
     end = np.array([path[-1], [*path[-1, :2], yaw], [*goal, yaw]])
-    if way.any() and hull.clearances(points, end).min() >= LEAST_MARGIN:
+    if way.any() and footprint.clearances(points, end).min() >= LEAST_MARGIN:
         path = np.vstack([path, end[1:]])
-    return _shortened(hull, points, path)
+    return _shortened(footprint, points, path)
 
 
 class _PoseGrid:
     """Cells and masks in the frame of a start, which is the centre of a cell."""
 
-    def __init__(self, hull: Hull, points: Floats, start: Pose2, goal: Point) -> None:
+    def __init__(
+        self, footprint: Footprint, points: Floats, start: Pose2, goal: Point
+    ) -> None:
         self._start = start
         c, s = math.cos(start.yaw), math.sin(start.yaw)
         self._turned = np.array([[c, -s], [s, c]])  # to the map frame, by rows
@@ -163,19 +165,21 @@ class _PoseGrid:
         self._first = low.astype(np.int64)  # column and row of the first cell
         columns, rows = (high - low).astype(np.int64) + 1
         self._shape = int(rows), int(columns)
-        clearance = hull.clearance(points, np.array([start.x, start.y, start.yaw]))
+        clearance = footprint.clearance(points, np.array([start.x, start.y, start.yaw]))
         least = min(LEAST_MARGIN, clearance - SLACK)
-        self._masks = self._mask(hull, places[:-2], least)
+        self._masks = self._mask(footprint, places[:-2], least)
         column, row = np.rint(places[-2] / CELL).astype(np.int64) - self._first
         self._goal = int(row) * self._shape[1] + int(column)
 
-    def _mask(self, hull: Hull, places: Floats, least: float) -> NDArray[np.int64]:
+    def _mask(
+        self, footprint: Footprint, places: Floats, least: float
+    ) -> NDArray[np.int64]:
         """Return the masks of all cells, (R, C).
 
         Args:
-            hull: The hull.
+            footprint: The footprint.
             places: (N, 2) m, in the frame of the grid.
-            least: Least margin, m; below 0 for a hull that is a little smaller.
+            least: Least margin, m; below 0 for a footprint that is a little smaller.
         """
         rows, columns = self._shape
         masks = np.zeros(rows * columns, np.int64)
@@ -183,14 +187,14 @@ class _PoseGrid:
         parts = np.unique(parts, axis=0)
         cells, parts = np.divmod(parts, _PARTS)
         numbers = (cells - self._first) @ np.array([1, columns])
-        reach = math.ceil((hull.radius + MARGINS[-1]) / CELL) + 1
+        reach = math.ceil((footprint.radius + MARGINS[-1]) / CELL) + 1
         steps = np.arange(-reach, reach + 1)
         shifts = np.array([(dx, dy) for dx in steps for dy in steps])
         for part in np.ndindex(_PARTS, _PARTS):
             chosen = numbers[(parts == part).all(axis=1)]
             # from the centres of the cells around it to the place of the point
             ways = ((np.array(part) + 0.5) / _PARTS - 0.5 - shifts) * CELL
-            bits = _bits(hull, ways, least)
+            bits = _bits(footprint, ways, least)
             for (dx, dy), bit in zip(shifts[bits > 0], bits[bits > 0], strict=True):
                 masks[chosen + (dx + dy * columns)] |= bit
         return masks.reshape(rows, columns)
@@ -228,11 +232,11 @@ class _PoseGrid:
         return np.column_stack([poses, yaws])
 
 
-def _bits(hull: Hull, ways: Floats, least: float) -> NDArray[np.int64]:
+def _bits(footprint: Footprint, ways: Floats, least: float) -> NDArray[np.int64]:
     """Return the masks of a point, as seen from the centres of some cells.
 
     Args:
-        hull: The hull.
+        footprint: The footprint.
         ways: (N, 2) m, from the centres to the point.
         least: Least margin, m.
 
@@ -246,7 +250,7 @@ def _bits(hull: Hull, ways: Floats, least: float) -> NDArray[np.int64]:
     turns[1::2] = (yaws[:-1] + yaws[1:]) / 2
     poses = np.column_stack([np.zeros((_BITS, 2)), turns])
     smaller = min(least, 0.0)
-    inner = Hull(hull.length + 2 * smaller, hull.width + 2 * smaller)
+    inner = Footprint(footprint.length + 2 * smaller, footprint.width + 2 * smaller)
     distances = inner.distances(ways, poses) + smaller
     mask = np.zeros(len(ways), np.int64)
     for level, margin in enumerate((least, *MARGINS[1:])):
@@ -255,13 +259,13 @@ def _bits(hull: Hull, ways: Floats, least: float) -> NDArray[np.int64]:
     return mask
 
 
-def _shortened(hull: Hull, points: Floats, path: Floats) -> Floats:
+def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
     """Return a path with straight motions in place of detours, (P, 3).
 
     They keep as far from everything as the detours, or as the widest margin.
     """
     path = _merged(path)
-    clearances = hull.clearances(points, path)
+    clearances = footprint.clearances(points, path)
     is_leg = (np.diff(path[:, :2], axis=0) != 0).any(axis=1)
     ahead = np.column_stack([np.cos(path[1:, 2]), np.sin(path[1:, 2])])
     is_back = is_leg & ((np.diff(path[:, :2], axis=0) * ahead).sum(axis=1) < 0)
@@ -279,7 +283,7 @@ def _shortened(hull: Hull, points: Floats, path: Floats) -> Floats:
                 [done[-1], [*path[i, :2], yaw], [*path[j, :2], yaw], path[j]]
             )
             needed = min(MARGINS[-1], clearances[i:j].min())
-            if hull.clearances(points, motions).min() >= needed:
+            if footprint.clearances(points, motions).min() >= needed:
                 done += list(motions[1:])
                 i = j
                 break

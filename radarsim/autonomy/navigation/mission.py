@@ -2,20 +2,27 @@
 
 import math
 from collections.abc import Callable
+from typing import Final
 
-from radarsim.autonomy.navigation.algorithms import (
-    ROBOT,
-    controller_class,
-)
+from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm
+from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
-from radarsim.autonomy.navigation.controller import ControllerSettings
+from radarsim.autonomy.navigation.controller import Controller, ControllerSettings
 from radarsim.autonomy.navigation.observation import ECHO_WAIT, ObservationBuilder
+from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.autonomy.navigation.plans import DrivePlan, Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
+from radarsim.autonomy.navigation.tangent_bug import TangentBug
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import NavigationError
 
+CONTROLLERS: Final[dict[Algorithm, type[Controller]]] = {
+    Algorithm.BUG1: Bug,
+    Algorithm.BUG2: Bug,
+    Algorithm.TANGENT_BUG: TangentBug,
+    Algorithm.PLANNED: PathPlanning,
+}
 MARGIN = 0.13  # m added to the least safety distance, for noise and braking
 
 
@@ -84,9 +91,9 @@ def run_mission(
         wall_on_left=mission.side == "left",
         give_up=mission.give_up,
         tolerance=mission.tolerance,
-        hull=hull_for(info, mission),
+        footprint=footprint_for(info, mission),
     )
-    controller = controller_class(mission.algorithm)(mission.goals, settings)
+    controller = CONTROLLERS[mission.algorithm](mission.goals, settings)
     if mission.echoes:
         client.echoes(scanner.name)
     echo_wait, clock = ECHO_WAIT * mission.echoes, client.transport.time
@@ -127,7 +134,9 @@ def safety_distance_for(
     return wanted
 
 
-def hull_for(robot_info: RobotInfo, mission: Mission) -> tuple[float, float] | None:
+def footprint_for(
+    robot_info: RobotInfo, mission: Mission
+) -> tuple[float, float] | None:
     """Return the length and the width of what paths have to be wide enough for, m.
 
     None if it is not known how far before the ends of beams that is which blocks.

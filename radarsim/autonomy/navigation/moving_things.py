@@ -233,13 +233,9 @@ class Waiting:
         pose, now = observation.pose, observation.time
         ends = observation.offsets(beams) + complex(pose.x, pose.y)
         centre = complex(ends.mean())
-        self._track.append((now, centre))
-        while now - self._track[0][0] > INTERVAL:
-            self._track.popleft()
-        begin, first = self._track[0]
-        velocity = (centre - first) / max(now - begin, LEAST_TRACK)
+        velocity = _add_to_track(self._track, now, centre)
         is_one = np.abs(ends - centre).max() <= ONE_THING / 2
-        if is_one and velocity and now - begin >= LEAST_TRACK:
+        if is_one and velocity:
             self._thing = now, ends, velocity
 
     def _detect_crossing(
@@ -259,15 +255,9 @@ class Waiting:
         ends = observation.offsets(beams)
         centre = complex(ends.mean())
         place = centre + complex(pose.x, pose.y)
-        self._seen.append((now, place))
+        velocity = _add_to_track(self._seen, now, place)
         if self._detector.has_stood(observation):
             self._motions.append((now, place))
-        while now - self._seen[0][0] > INTERVAL:
-            self._seen.popleft()
-        begin, first = self._seen[0]
-        # A track of one or two scans gives any velocity, by noise.
-        is_known = now - begin >= LEAST_TRACK
-        velocity = (place - first) / (now - begin) if is_known else 0j
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
         # Both move: the least distance along the way, in steps of a quarter second. Who
@@ -275,6 +265,18 @@ class Waiting:
         driving = np.abs(ends[:, None] + (velocity - going) * times).min()
         standing = np.abs(ends[:, None] + velocity * times).min()
         return bool(driving < min(self._bumpers.pressed_below, standing))
+
+
+def _add_to_track(
+    track: deque[tuple[float, complex]], now: float, place: complex
+) -> complex:
+    """Add when and where something is; return its velocity, m/s, 0 until known."""
+    track.append((now, place))
+    while now - track[0][0] > INTERVAL:
+        track.popleft()
+    begin, first = track[0]
+    # A track of one or two scans gives any velocity, by noise.
+    return (place - first) / (now - begin) if now - begin >= LEAST_TRACK else 0j
 
 
 def _age(earlier: Observation, now: Observation) -> float:

@@ -20,6 +20,7 @@ when a loop closes: who has kept scans can correct them, and begins anew.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -27,7 +28,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.mapping.localization import Localizer
+from radarsim.autonomy.mapping.slam import Localizer
 from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.client import ScannerInfo, beam_angles
 from radarsim.client.robot_info import from_centre, same_name
@@ -180,12 +181,70 @@ def blocking_echoes(
     return np.concatenate(beams), np.concatenate(lengths)
 
 
-class ObservationBuilder:
-    """Combines scans and poses to observations as their reports arrive.
+class ScanReader(ABC):
+    """Makes observations of the reports of one scanner, as they arrive.
 
     Attributes:
+        scanner: The scanner.
         missing: The report that it waits for, for messages.
     """
+
+    missing: str
+
+    def __init__(
+        self, scanner: ScannerInfo, clock: Callable[[], float], echo_wait: float
+    ) -> None:
+        """Create a reader.
+
+        Args:
+            scanner: The scanner to use.
+            clock: Returns the time in s; used where time stamps do not advance.
+            echo_wait: How long scans without echoes are left out, since their echoes
+                may still come, s; 0 if the server was not asked for echoes.
+        """
+        self.scanner = scanner
+        self._scan_clock = ScanClock(clock)
+        self._echoes = EchoCollector()
+        self._echo_wait = echo_wait
+        self._echoes_due = math.nan  # until when scans wait for their echoes, s
+
+    @property
+    @abstractmethod
+    def hint(self) -> str:
+        """What to expect instead of what is missing, for messages; may be empty."""
+
+    def take(self, report: Report) -> Observation | None:
+        """Process a report; return the observation that it completes, if any."""
+        if not isinstance(report, EchoLine | RangeScan):
+            self._take_other(report)
+        elif same_name(report.name, self.scanner.name):
+            if isinstance(report, RangeScan):
+                return self._take_scan(report)
+            self._echoes.take(report)
+        return None
+
+    @abstractmethod
+    def _take_scan(self, report: RangeScan) -> Observation | None: ...
+
+    @abstractmethod
+    def _take_other(self, report: Report) -> None: ...
+
+    def _time_and_echoes(
+        self, report: RangeScan
+    ) -> tuple[float, Sequence[TargetEchoes] | None, bool]:
+        """Return the time of a scan, s, its echoes, and whether it lacks them.
+
+        Echoes that have come once will come again: a scan without them lost some.
+        """
+        time, echoes = self._scan_clock.time_of(report.time), self._echoes.of(report)
+        # The wait begins at the first scan, whether it has echoes or not.
+        if echoes is not None or math.isnan(self._echoes_due):
+            self._echoes_due = time + self._echo_wait
+        return time, echoes, echoes is None and time < self._echoes_due
+
+
+class ObservationBuilder(ScanReader):
+    """Combines scans and poses to observations."""
 
     def __init__(
         self,
@@ -198,56 +257,37 @@ class ObservationBuilder:
         """Create a builder.
 
         Args:
-            scanner: The scanner to use.
+            scanner: See ``ScanReader``.
             pose_source: Where poses are taken from.
-            clock: Returns the time in s; used where time stamps do not advance.
-            echo_wait: How long scans without echoes are left out, since their echoes
-                may still come, s; 0 if the server was not asked for echoes.
+            clock: See ``ScanReader``.
+            echo_wait: Likewise.
         """
-        self._scanner = scanner
+        super().__init__(scanner, clock, echo_wait)
         self._localizer = Localizer(scanner) if pose_source is PoseSource.SLAM else None
         # SLAM needs the motion between scans.
         needed = PoseSource.INS if self._localizer is not None else pose_source
         self._pose_report = POSE_REPORTS[needed]
-        self._scan_clock = ScanClock(clock)
         self._pose: Pose2 | None = None
         self._start: Pose2 | None = None
         self._others: set[PoseSource] = set()  # other sources that sent poses
-        self._echoes = EchoCollector()
-        self._echo_wait = echo_wait
-        self._echoes_due = math.nan  # until when scans wait for their echoes, s
         self._pressed: dict[str, bool] = {}  # the touch sensors, by name
         self._touched = False  # whether one was pressed since the last scan
         self.missing = f"pose from {needed.value}"
 
     @property
-    def cure(self) -> str:
+    def hint(self) -> str:
         """The other sources of poses, if the wanted one has sent none."""
         names = [source.value for source in PoseSource if source in self._others]
         if self._pose is not None or not names:
             return ""
         return f"expected poses from {' or '.join(names)}"
 
-    def take(self, report: Report) -> Observation | None:
-        """Process a report; return the observation that it completes, if any.
-
-        Raises:
-            ClientError: If a scan has so few beams that some bumper may see nothing.
-        """
-        if isinstance(report, EchoLine):
-            if same_name(report.name, self._scanner.name):
-                self._echoes.take(report)
-            return None
-        if isinstance(report, RangeScan):
-            if self._pose is None or not same_name(report.name, self._scanner.name):
-                return None
-            return self._observation(report, self._pose)
+    def _take_other(self, report: Report) -> None:
         if isinstance(report, Touch):
             self._pressed[report.name] = report.touched
             self._touched |= report.touched
-            return None
-        self._update_pose(report)
-        return None
+        else:
+            self._update_pose(report)
 
     def pop_jump(self) -> bool:
         """Return whether poses of earlier scans have changed since it was asked."""
@@ -274,22 +314,19 @@ class ObservationBuilder:
             self._others |= {s for s, t in POSE_REPORTS.items() if type(report) is t}
         elif pose is not None:
             self._pose = pose
-            self.missing = f"scan of {self._scanner.name!r}"
+            self.missing = f"scan of {self.scanner.name!r}"
 
-    def _observation(self, report: RangeScan, pose: Pose2) -> Observation | None:
-        scanner = self._scanner
+    def _take_scan(self, report: RangeScan) -> Observation | None:
+        scanner, pose = self.scanner, self._pose
+        if pose is None:
+            return None
         check_beams(len(report.ranges), scanner)
-        time = self._scan_clock.time_of(report.time)
-        echoes = self._echoes.of(report)
+        time, echoes, lacks_echoes = self._time_and_echoes(report)
         # Of a scan without echoes, too: the next one is matched with it.
         if self._localizer is not None:
             pose = self._localizer.locate(report, echoes, time)
-        # The wait begins at the first scan, whether it has echoes or not.
-        if echoes is not None or math.isnan(self._echoes_due):
-            self._echoes_due = time + self._echo_wait
-        # Echoes that have come once will come again: a scan without them lost some. It
-        # would show gaps in thin foliage, through which the robot would try to drive.
-        if echoes is None and time < self._echoes_due:
+        # It would show gaps in thin foliage, through which the robot would drive.
+        if lacks_echoes:
             return None
         angles, farther = beam_angles(report), np.zeros((0, 2))
         known = np.array(report.ranges, np.float64)

@@ -5,7 +5,8 @@ planned anew while the robot drives. There is no path if none is left on the gri
 around it, and the robot has stood and looked for a moment.
 
 Paths are those of a disc, which keeps the safety distance. Once it is sure that none of
-them leads to the goal, the robot follows paths of its hull from wherever there is none.
+them leads to the goal, the robot follows paths of its footprint from wherever there is
+none.
 
 What was seen only from afar may be an image in a mirror. So before the robot gives up,
 it drives through what is not sure, where that is the shortest, until it has seen it
@@ -28,7 +29,7 @@ from radarsim.autonomy.navigation.controller import (
     ControllerSettings,
 )
 from radarsim.autonomy.navigation.footprint_follower import FootprintFollower
-from radarsim.autonomy.navigation.footprint_planning import Hull, plan_footprint
+from radarsim.autonomy.navigation.footprint_planning import Footprint, plan_footprint
 from radarsim.autonomy.navigation.grid_search import (
     CHEAP,
     ESCAPE_COST,
@@ -67,8 +68,8 @@ class PathPlanning(Controller):
         # where something meets the robot, (M, 2) m, map frame
         self._moving: Floats = np.zeros((0, 2))
         self._grown = 0  # number of times that the grid has grown
-        hull = settings.hull
-        self._hull = None if hull is None else Hull(*hull)
+        footprint = settings.footprint
+        self._footprint = None if footprint is None else Footprint(*footprint)
         self._is_narrow = False  # whether there was no path of the disc
         self._follower: FootprintFollower | None = None
         # s; since when it drives through what is not sure; None before
@@ -88,7 +89,7 @@ class PathPlanning(Controller):
                 self._grid.add(scan)
 
     def avoid(self, places: Floats) -> bool:
-        """See ``Controller``; paths of the hull have no room to do so."""
+        """See ``Controller``; paths of the footprint have no room to do so."""
         # It will have left the goal by then: a goal that is closed has no path at all.
         if self.goals:
             least = self._settings.bumpers.safety_distance + 2 * CELL
@@ -177,7 +178,7 @@ class PathPlanning(Controller):
         targets[end] = True
         self._cost = cost
         self._path = np.zeros((0, 2))
-        # Where only the hull fits in, no disc leads anywhere.
+        # Where only the footprint fits in, no disc leads anywhere.
         if doubts or not (is_near and self._is_narrow):
             self._path = self._grid.centres(shortest_path(cost, start, targets))
 
@@ -191,8 +192,8 @@ class PathPlanning(Controller):
             self._hopeless_since = observation.time
         assert self._hopeless_since is not None
         if observation.time - self._hopeless_since >= SURE_AFTER:
-            # Nothing leads there as a disc; once that is sure, a hull may get through.
-            self._is_narrow = self._hull is not None
+            # Nothing leads there as a disc; once sure, the footprint may get through.
+            self._is_narrow = self._footprint is not None
             if self._is_narrow and self._plan_footprint(observation):
                 return STOP
             if self._doubts_since is None:
@@ -203,25 +204,25 @@ class PathPlanning(Controller):
         return STOP
 
     def _plan_footprint(self, observation: Observation) -> bool:
-        """Plan a path of the hull, unless the last one is open; return whether any."""
+        """Plan a path of the footprint, unless one is open; return whether any is."""
         assert self._grid is not None
-        assert self._hull is not None
+        assert self._footprint is not None
         points = np.vstack([self._grid.points, observation.blocking_points()])
         points = self._outside(points, observation.pose)
         if self._follower is not None and not self._follower.is_blocked(points):
             return True
-        path = plan_footprint(self._hull, points, observation.pose, self.goals[0])
+        path = plan_footprint(self._footprint, points, observation.pose, self.goals[0])
         self._follower = None
         if path is not None:
             limits = self._settings.speed_limits
-            self._follower = FootprintFollower(self._hull, path, limits)
+            self._follower = FootprintFollower(self._footprint, path, limits)
         return path is not None
 
     def _outside(self, points: Floats, pose: Pose2) -> Floats:
-        """Return the points outside of the hull: others are in error, or have gone."""
-        assert self._hull is not None
+        """Return the points outside the footprint: others are in error or gone."""
+        assert self._footprint is not None
         here = np.array([[pose.x, pose.y, pose.yaw]])
-        outside: Floats = points[self._hull.distances(points, here)[0] > 0]
+        outside: Floats = points[self._footprint.distances(points, here)[0] > 0]
         return outside
 
     def _next_point(self, pose: Pose2) -> Point:

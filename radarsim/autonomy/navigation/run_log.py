@@ -15,7 +15,6 @@ from radarsim.geometry import Floats, Point, wrap_angle
 CELL = 0.05  # m; end points of beams are counted in square cells of this size
 AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
 COLUMN_NAMES = {"activity": "doing"}  # columns of a trace not named as in ``Row``
-_ROWS = 2**31  # the key of a cell is column * _ROWS + row
 _DIGITS = 4  # of metres and radians in a trace
 
 
@@ -103,7 +102,7 @@ class RunLog:
         self.legs: list[Leg] = []
         self.circuits = 0
         self.path_length = 0.0
-        self._cells: Counter[int] = Counter()
+        self._cells: Counter[tuple[int, ...]] = Counter()
 
     def add(self, step: NavigationStep) -> Row:
         """Record one scan, and return its row."""
@@ -124,8 +123,8 @@ class RunLog:
         )
         self._update(self.rows[-1] if self.rows else None, row)
         self.rows.append(row)
-        columns, rows = np.floor(step.observation.points() / CELL).astype(np.int64).T
-        self._cells.update((columns * _ROWS + rows).tolist())
+        cells = np.floor(step.observation.points() / CELL).astype(np.int64)
+        self._cells.update(map(tuple, cells.tolist()))
         return row
 
     @property
@@ -159,13 +158,9 @@ class RunLog:
 
         All that ended in one cell of 5 cm are at its centre.
         """
-        keys = sorted(self._cells)
-        cells = np.array(keys, dtype=np.int64)
-        # Rows may be negative: half a factor more keeps them in their column.
-        columns = (cells + _ROWS // 2) // _ROWS
-        indices = np.column_stack([columns, cells - columns * _ROWS])
-        counts = [self._cells[key] for key in keys]
-        return np.column_stack([(indices + 0.5) * CELL, counts])
+        cells = sorted(self._cells)
+        centres = (np.array(cells).reshape(-1, 2) + 0.5) * CELL
+        return np.column_stack([centres, [self._cells[cell] for cell in cells]])
 
     def as_csv(self) -> str:
         """Return a row for each scan; fields without a value are empty."""

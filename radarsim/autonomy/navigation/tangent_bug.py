@@ -58,7 +58,6 @@ from radarsim.autonomy.navigation.open_directions import (
 )
 from radarsim.autonomy.navigation.wall_following import (
     ALIGNED,
-    FollowMode,
     WallFollower,
 )
 from radarsim.geometry import Floats, Point, Pose2
@@ -136,7 +135,6 @@ class TangentBug(Controller):
 
     def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
         super().__init__(goals, settings)
-        self._follower = WallFollower(settings.bumpers, settings.speed_limits)
         # a gap that it enters has to be one that a wall follower finds open from inside
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # that it heads for
@@ -291,8 +289,11 @@ class TangentBug(Controller):
             wall_on_left = math.sin(offset) < 0
         if self._last_hand is not None:
             wall_on_left, self._last_hand = not self._last_hand, None
-        mode = FollowMode(wall_on_left=wall_on_left)
-        self._boundary = FollowedBoundary(self._follower, mode)
+        settings = self._settings
+        follower = WallFollower(
+            settings.bumpers, settings.speed_limits, wall_on_left=wall_on_left
+        )
+        self._boundary = FollowedBoundary(follower)
         return STOP
 
     def _follow(self, observation: Observation, step: float) -> Twist:
@@ -314,7 +315,7 @@ class TangentBug(Controller):
         part = boundary.look(observation, goal)
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
-            twist, done = self._follower.align(observation, boundary.mode, bearing)
+            twist, done = boundary.follower.align(observation, bearing)
             done = done or observation.time > boundary.reached_at + MOST_ALIGNING
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
@@ -322,7 +323,7 @@ class TangentBug(Controller):
         began = boundary.extend_trail(part)
         if began is not None:
             return self._conclude(observation, began)
-        return self._follower.step(observation, boundary.mode, part)[0]
+        return boundary.follower.step(observation, part)[0]
 
     def _approach(self, observation: Observation) -> Twist:
         """Drive towards what hides the goal until that is in reach of the bumpers."""
@@ -361,7 +362,7 @@ class TangentBug(Controller):
             twist = self._leave(observation, self.goals[0])
             # What it hits next may be the same again: then on the other hand.
             self._left = None
-            hand = self._boundary.mode.wall_on_left
+            hand = self._boundary.follower.wall_on_left
             self._last_hand = hand if is_other else None
             return twist
         self.activity = Activity.NO_PATH

@@ -41,7 +41,6 @@ Source: a thesis on navigation with a radar in USARSim, section 5.2.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -51,7 +50,7 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.open_directions import leads_too_near
-from radarsim.geometry import Floats, Point, Pose2, wrap_angle
+from radarsim.geometry import Floats, Point, wrap_angle
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
 MAX_TURN = 0.8  # rad
@@ -69,24 +68,35 @@ _AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; where nothing may be to
 _AWAY: Final = 0.5  # of the greatest turn rate, with which it leaves a side too near
 
 
-@dataclass(frozen=True, slots=True)
-class FollowMode:
-    """The side that the boundary is on, and whether the robot goes forward."""
+class WallFollower:
+    """Computes motions along a boundary.
 
-    wall_on_left: bool = True
-    forward: bool = True
+    Attributes:
+        bumpers: The bumpers that see the boundary.
+        speed_limits: Greatest speeds.
+        wall_on_left: Whether the boundary is on the robot's left as it goes forward.
+        forward: Whether the robot goes forward.
+    """
 
-    @property
-    def reversed(self) -> "FollowMode":
-        """The same boundary on the same side, followed in the other direction."""
-        return FollowMode(self.wall_on_left, not self.forward)
+    def __init__(
+        self,
+        bumpers: Bumpers,
+        speed_limits: SpeedLimits,
+        *,
+        wall_on_left: bool = True,
+        forward: bool = True,
+    ) -> None:
+        self.bumpers = bumpers
+        self.speed_limits = speed_limits
+        self.wall_on_left = wall_on_left
+        self.forward = forward
 
     @property
     def _mirrored(self) -> bool:
         # going backward, what is on the robot's left is to the right of its motion
         return self.wall_on_left != self.forward
 
-    def canonical(self, observation: Observation) -> Observation:
+    def _view(self, observation: Observation) -> Observation:
         """Rotate and mirror a scan, so that the boundary is left of the motion."""
         bearings = observation.bearings
         bearings = bearings if self.forward else bearings + math.pi
@@ -95,31 +105,18 @@ class FollowMode:
             observation.time, observation.pose, bearings, observation.ranges
         )
 
-    def robot_twist(self, twist: Twist) -> Twist:
-        """Convert a twist for the canonical scan to one for the robot."""
-        speed = twist.speed if self.forward else -twist.speed
-        return Twist(speed, -twist.turn if self._mirrored else twist.turn)
+    def _twist(self, speed: float, turn: float) -> Twist:
+        """Return the robot's twist for a speed and a turn in the view."""
+        speed = speed if self.forward else -speed
+        return Twist(speed, -turn if self._mirrored else turn)
 
-    def bearing(self, bearing: float) -> float:
-        """Convert a bearing between the canonical scan and the robot, rad.
+    def _bearing(self, bearing: float) -> float:
+        """Convert a bearing between the view and the robot, rad.
 
         The conversion is its own inverse, apart from whole turns.
         """
         bearing = -bearing if self._mirrored else bearing
         return bearing if self.forward else bearing + math.pi
-
-
-@dataclass(frozen=True, slots=True)
-class WallFollower:
-    """Computes motions along boundaries.
-
-    Attributes:
-        bumpers: The bumpers that see the boundary.
-        speed_limits: Greatest speeds.
-    """
-
-    bumpers: Bumpers
-    speed_limits: SpeedLimits
 
     @property
     def target_distance(self) -> float:
@@ -127,30 +124,24 @@ class WallFollower:
         return self.bumpers.safety_distance + self.bumpers.band / 2
 
     def step(
-        self,
-        observation: Observation,
-        mode: FollowMode,
-        obstacle: Observation | None = None,
+        self, observation: Observation, obstacle: Observation | None = None
     ) -> tuple[Twist, bool]:
         """Compute the motion until the next scan.
 
         Args:
             observation: The newest scan.
-            mode: How the boundary is followed.
             obstacle: The part of the scan that the boundary may be in; by default all.
 
         Returns:
             The motion, and whether the boundary is seen; where it is not, the motion
             leads towards it.
         """
-        view = mode.canonical(observation)
-        boundary = self._boundary(
-            view if obstacle is None else mode.canonical(obstacle)
-        )
+        view = self._view(observation)
+        boundary = self._boundary(view if obstacle is None else self._view(obstacle))
         if boundary is None:
             # the circle that a corner out of sight would ask for
             speed = self.speed_limits.speed
-            return mode.robot_twist(Twist(speed, speed / self.target_distance)), False
+            return self._twist(speed, speed / self.target_distance), False
         # Rule 3: what is ahead is judged in the direction that it is to take.
         heading = self._clear_heading(view, self._along(view, *boundary))
         # It faces where it is to go, and yet something there is too near for a bumper:
@@ -163,91 +154,78 @@ class WallFollower:
         # nor is a step that leads nearer to something, while it turns away from that
         leads_there = leads_too_near(view, self.bumpers.safety_distance)
         speed = 0.0 if is_too_near or leads_there else twist.speed
-        return mode.robot_twist(Twist(speed, twist.turn)), True
+        return self._twist(speed, twist.turn), True
 
-    def align(
-        self, observation: Observation, mode: FollowMode, obstacle: float
-    ) -> tuple[Twist, bool]:
+    def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
         """Turn on the spot until an obstacle is abeam.
 
         Args:
             observation: The newest scan.
-            mode: How the obstacle is to be followed afterwards.
             obstacle: Direction of the obstacle, rad from the robot's front.
 
         Returns:
             The motion, and whether the robot is aligned.
         """
-        view = mode.canonical(observation)
-        heading = wrap_angle(self._abeam_heading(view, mode, obstacle))
+        heading = wrap_angle(self._abeam_heading(self._view(observation), obstacle))
         twist = self.speed_limits.towards(heading)
-        return mode.robot_twist(Twist(0.0, twist.turn)), abs(heading) < ALIGNED
+        return self._twist(0.0, twist.turn), abs(heading) < ALIGNED
 
-    def direction(
-        self, observation: Observation, mode: FollowMode, obstacle: float
-    ) -> float:
+    def direction(self, observation: Observation, obstacle: float) -> float:
         """Return the direction along an obstacle, rad, map frame.
 
         Arguments are those of ``align``.
         """
-        heading = self._abeam_heading(mode.canonical(observation), mode, obstacle)
-        return observation.pose.yaw + mode.bearing(heading)
+        heading = self._abeam_heading(self._view(observation), obstacle)
+        return observation.pose.yaw + self._bearing(heading)
 
-    def tangent(self, observation: Observation, mode: FollowMode) -> float:
+    def tangent(self, observation: Observation) -> float:
         """Return the direction along the boundary, rad, map frame, not wrapped.
 
         Without a boundary it is the direction of motion.
         """
-        boundary = self._boundary(mode.canonical(observation))
+        boundary = self._boundary(self._view(observation))
         heading = 0.0 if boundary is None else boundary[0] - ABEAM
-        return observation.pose.yaw + mode.bearing(heading)
+        return observation.pose.yaw + self._bearing(heading)
 
-    def boundary(
-        self, observation: Observation, mode: FollowMode
-    ) -> tuple[Point, float] | None:
+    def boundary(self, observation: Observation) -> tuple[Point, float] | None:
         """Return the nearest point of the boundary, m, map frame, and its distance, m.
 
         None without a boundary.
         """
-        boundary = self._boundary(mode.canonical(observation))
+        boundary = self._boundary(self._view(observation))
         if boundary is None:
             return None
         bearing, distance = boundary
-        return _point(observation.pose, mode.bearing(bearing), distance), distance
+        return observation.pose.point(self._bearing(bearing), distance), distance
 
-    def hit_point(
-        self, observation: Observation, mode: FollowMode, obstacle: float
-    ) -> Point:
+    def hit_point(self, observation: Observation, obstacle: float) -> Point:
         """Return the nearest point of an obstacle that is hit, m, map frame.
 
         Arguments are those of ``align``.
         """
-        view = mode.canonical(observation)
-        heading = self._abeam_heading(view, mode, obstacle)
-        bearing = mode.bearing(heading + ABEAM)
+        heading = self._abeam_heading(self._view(observation), obstacle)
+        bearing = self._bearing(heading + ABEAM)
         distance = self.bumpers.towards(observation, bearing).distance
-        distance = min(distance, self.bumpers.pressed_below)
-        return _point(observation.pose, bearing, distance)
+        return observation.pose.point(
+            bearing, min(distance, self.bumpers.pressed_below)
+        )
 
-    def leads_into_boundary(
-        self, observation: Observation, mode: FollowMode, bearing: float
-    ) -> bool:
+    def leads_into_boundary(self, observation: Observation, bearing: float) -> bool:
         """Return whether a direction leads into the boundary that is followed.
 
         What is on the other side of a gap does not count.
 
         Args:
             observation: The newest scan.
-            mode: How the boundary is followed.
             bearing: The direction, rad from the robot's front.
         """
-        view = mode.canonical(observation)
+        view = self._view(observation)
         boundary = self._boundary(view)
         if boundary is None:
             return False
         # A corner a little farther than the nearest point is still the same boundary.
         side = self._near_side(view) & (view.ranges <= boundary[1] + CORNER_DEPTH)
-        offsets = wrap_angles(view.bearings[side] - mode.bearing(bearing))
+        offsets = wrap_angles(view.bearings[side] - self._bearing(bearing))
         return bool((np.abs(offsets) <= FACING_ANGLE).any())
 
     def _near_side(self, view: Observation) -> NDArray[np.bool_]:
@@ -256,11 +234,9 @@ class WallFollower:
         left: NDArray[np.bool_] = view.bearings >= -SIDE_ANGLE
         return left | (view.bearings < self.bumpers.width / 2 - math.pi)
 
-    def _abeam_heading(
-        self, view: Observation, mode: FollowMode, obstacle: float
-    ) -> float:
+    def _abeam_heading(self, view: Observation, obstacle: float) -> float:
         """Return the heading that brings the nearest part of an obstacle abeam, rad."""
-        centre = mode.bearing(obstacle)
+        centre = self._bearing(obstacle)
         # ahead of the robot is what it hit; otherwise the obstacle is beside its path
         ahead = self.bumpers.towards(view, centre).blocked
         half_width = (0.5 if ahead else 1.5) * self.bumpers.width
@@ -336,12 +312,6 @@ class WallFollower:
         return heading - ABEAM
 
 
-def _point(pose: Pose2, bearing: float, distance: float) -> Point:
-    """Return a point seen from a pose, m, map frame."""
-    angle = pose.yaw + bearing
-    return pose.x + distance * math.cos(angle), pose.y + distance * math.sin(angle)
-
-
 def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
     """Return x and y of the end points of beams, m from the robot's centre."""
     return ranges * np.cos(bearings), ranges * np.sin(bearings)
@@ -354,52 +324,39 @@ def _mean_bearing(bearings: Floats) -> float:
     return mean + 2 * math.pi if mean < -ABEAM else mean
 
 
-class BumperWallFollower:
+class BumperWallFollower(WallFollower):
     """Follows a boundary as a ``WallFollower`` does, by the states of bumpers alone."""
 
-    def __init__(self, follower: WallFollower) -> None:
-        """Create it.
+    _is_turning = False
+    _is_in_corner = False  # whether the turn began with the side pressed
+    _turned = 0.0  # rad since the turn began
+    _yaw = 0.0  # rad; of the last step
 
-        Args:
-            follower: Has bumpers and limits, and aligns where no bumper is pressed.
-        """
-        self._follower = follower
-        self._is_turning = False
-        self._is_in_corner = False  # whether the turn began with the side pressed
-        self._turned = 0.0  # rad since the turn began
-        self._yaw = 0.0  # rad; of the last step
-
-    def align(
-        self, observation: Observation, mode: FollowMode, obstacle: float
-    ) -> tuple[Twist, bool]:
+    def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
         """Turn until only the bumper on the boundary's side is pressed.
 
         Or until the obstacle is abeam: those that are not flat may press none.
         Arguments and result are those of ``WallFollower.align``.
         """
         self._is_turning = False
-        twist, is_abeam = self._follower.align(observation, mode, obstacle)
-        return twist, is_abeam or self._has_only_side(mode.canonical(observation))
+        twist, is_abeam = super().align(observation, obstacle)
+        return twist, is_abeam or self._has_only_side(self._view(observation))
 
     def step(
-        self,
-        observation: Observation,
-        mode: FollowMode,
-        _: Observation | None = None,
+        self, observation: Observation, _: Observation | None = None
     ) -> tuple[Twist, bool]:
         """Compute the motion until the next scan.
 
         Arguments and result are those of ``WallFollower.step``; bumpers do not tell
         obstacles apart, so all beams count.
         """
-        view = mode.canonical(observation)
+        view = self._view(observation)
         self._update_turn(view)
-        speed, turn = self._motion(view)
-        found = self._follower.boundary(observation, mode) is not None
-        return mode.robot_twist(Twist(speed, turn)), found
+        found = self.boundary(observation) is not None
+        return self._twist(*self._motion(view)), found
 
     def _update_turn(self, view: Observation) -> None:
-        bumpers, yaw = self._follower.bumpers, view.pose.yaw
+        bumpers, yaw = self.bumpers, view.pose.yaw
         self._turned += abs(wrap_angle(yaw - self._yaw))
         self._yaw = yaw
         front, back = bumpers.towards(view, 0.0), bumpers.towards(view, math.pi)
@@ -415,18 +372,18 @@ class BumperWallFollower:
 
     def _motion(self, view: Observation) -> tuple[float, float]:
         """Return speed, m/s, and turn rate, rad/s, for a boundary on the left."""
-        limits = self._follower.speed_limits
+        limits = self.speed_limits
         if self._is_turning:
             return 0.0, -limits.turn
-        side = self._follower.bumpers.towards(view, math.pi / 2)
+        side = self.bumpers.towards(view, math.pi / 2)
         if side.too_near:  # not in the thesis, whose robot would touch the wall
             return limits.speed / 2, -_AWAY * limits.turn
         if side.pressed:
             return limits.speed, 0.0
-        return limits.speed, limits.speed / self._follower.target_distance
+        return limits.speed, limits.speed / self.target_distance
 
     def _has_only_side(self, view: Observation) -> bool:
-        bumpers = self._follower.bumpers
+        bumpers = self.bumpers
         others = (0.0, math.pi, -math.pi / 2)
         return bumpers.towards(view, math.pi / 2).pressed and not any(
             bumpers.towards(view, angle).blocked for angle in others

@@ -14,7 +14,7 @@ from radarsim.protocol.control import (
     Control,
     CrateStates,
 )
-from radarsim.scene.crates import LARGEST, MOST_CRATES, SMALLEST, Crate
+from radarsim.scene.scene import LARGEST, MOST_CRATES, SMALLEST, Crate
 from radarsim.server.host.connection import Diagnostic
 
 if TYPE_CHECKING:

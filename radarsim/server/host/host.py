@@ -14,7 +14,7 @@ the others go on.
 Rule 2: a write consists of status, replies, readings, echoes and scans, in this order,
 on which clients rely. Only clients that ask for echoes get them.
 Rule 3: a client that does not read loses readings, but no replies; one that keeps on
-asking without reading is to be disconnected (``must_close``).
+asking without reading is to be disconnected (``close_reason``).
 Rule 4: commands per tick and robots per time are limited for each client, and the work
 of a tick for all clients together; what exceeds a limit waits for the next ticks
 (``is_busy``). A command that arrives while none of its client waits is executed at
@@ -55,7 +55,7 @@ from radarsim.simulation.tick_output import ScanEchoes
 
 if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
-    from radarsim.simulation.tick_output import ScanDetails, TickOutput
+    from radarsim.simulation.tick_output import DueScan, TickOutput
     from radarsim.simulation.vehicle import Vehicle
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
@@ -233,10 +233,6 @@ class Host:
         """Return whether all that waits for a client are lines of others' robots."""
         client = self._clients[number]
         return client.vehicle is None and not client.send_queue
-
-    def must_close(self, number: int) -> bool:
-        """Return whether a client is to be disconnected; see ``close_reason``."""
-        return bool(self.close_reason(number))
 
     def close_reason(self, number: int) -> str:
         """Return why a client is to be disconnected; empty if it is not.
@@ -485,7 +481,7 @@ class Host:
         if client.send_queue:
             self._unsent.add(client.number)
 
-    def _lines_of(self, scan: ScanEchoes | ScanDetails, dialect: Dialect) -> bytes:
+    def _lines_of(self, scan: ScanEchoes | DueScan, dialect: Dialect) -> bytes:
         """Return the lines of the echoes of a scan, or of what else belongs to it."""
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
-from radarsim.presets.sensor_settings import ENCODER_RESOLUTION
 from radarsim.protocol import reports
 from radarsim.protocol.images import HEIGHT, WIDTH
 from radarsim.protocol.packages import ACTUATOR, LinkLimits
+from radarsim.sensors.wheels import ENCODER_RESOLUTION
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def camera_configuration(
     """Return the settings of cameras; arguments and None are those of ``geometry``."""
     cameras = []
     for item in find_items(vehicle.model, CAMERA, name):
-        settings, corner = vehicle.config.camera_settings(item), (0.0, 0.0)
+        settings, corner = vehicle.config.settings_of(item), (0.0, 0.0)
         if vehicle.is_quad and item.name in vehicle.viewports:
             row, column = divmod(vehicle.viewports.index(item.name), 2)
             corner = float(column * WIDTH), float(row * HEIGHT)
@@ -167,7 +167,7 @@ def _settings_of(
         case "Sonar":
             sonars = []
             for item in items:
-                sonar, interval = config.sonar_settings(item), config.interval(item)
+                sonar, interval = config.settings_of(item), config.interval(item)
                 angle = math.radians(sonar.beam_angle_deg)
                 limits = sonar.max_range, sonar.min_range
                 sonars.append((item.name, *limits, angle, interval))

@@ -14,8 +14,7 @@ from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import library_material
-from radarsim.scene.reflectors import Reflector
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import Part, Reflector, Scene
 from radarsim.scene.shapes import box
 
 METAL = library_material("metal")

@@ -7,8 +7,7 @@ from fmcw_scenes import EYE, block, db, radar, received_power, scene_of, wall_at
 import radarsim
 from radarsim.errors import PresetError
 from radarsim.rng import generator_for
-from radarsim.scene.reflectors import Reflector
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Reflector, Scene
 
 PLACE = (-8.0, 0.0, 0.0)
 

@@ -127,8 +127,7 @@ def test_spectra_are_recorded_on_request_only(foliage_room: Scene) -> None:
     events: list[RunEvent] = []
     host = Host(foliage_room, observers=[HostRecorder(events.append)])
     host.receive(host.connect(), INIT)
-    (carrier,) = antennas_of(host.simulation).carriers()
-    (antenna,) = antennas_of(host.simulation).of(carrier)
+    (antenna,) = antennas_of(host.simulation).all
     assert not antenna.observers
 
 

@@ -99,7 +99,7 @@ def commander(server: tuple[str, int]) -> Iterator[RunningCommander]:
         yield running
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def start_commander() -> Starter:
     """Return the context in which a commander of a server runs."""
     return run_commander

@@ -1,5 +1,6 @@
 import asyncio
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import httpx
@@ -10,6 +11,18 @@ from websockets.typing import Origin
 
 from radarsim.addons.web.program import PAGE
 from radarsim.plotting.palette import PAGE_COLOURS
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.server_thread import ServerThread
+
+
+@pytest.fixture(scope="module")
+def commander(foliage_room: Scene, start_commander: Any) -> Iterator[Any]:
+    """Run a commander for all of these tests."""
+    thread = ServerThread(Host(foliage_room), speed=1.0)
+    with start_commander(thread.begin(), map="foliage_room") as running:
+        yield running
+    thread.finish()
 
 
 def get(web: str, path: str = "/", **headers: str) -> httpx.Response:
@@ -55,11 +68,6 @@ def test_page_has_the_colours_of_the_pictures(commander: Any) -> None:
             assert f"--{name}:{colour};" in line
     style = (PAGE / "style.css").read_text()
     assert not [name for name in PAGE_COLOURS if f"--{name}:" in style]
-
-
-def test_no_other_method_is_known(commander: Any) -> None:
-    url = f"http://{commander.web}/"
-    assert httpx.post(url, content="INIT", timeout=240).status_code == 405
 
 
 async def refusal(web: str, token: str, **options: Any) -> int:

@@ -111,9 +111,7 @@ async def test_robots_and_settings_are_known_again_when_somebody_looks(
     seen, address = wire
     with start_commander(address) as commander:
         async with looking(commander) as page:
-            await page.send("spawn", **{"class": "P3AT", "name": "Own"})
-            await page.hear("spawned")
-            await page.see(lambda frame: frame.robot("Own").get("scans"))
+            await page.spawn(name="Own")
             setting = {"scanner": "lms200", "key": "max_range", "value": 7}
             await page.send("setting", robot="Own", **setting)
             await page.see(lambda f: f.robot("Own")["scans"][0]["max"] == 7)

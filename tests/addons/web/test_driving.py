@@ -10,19 +10,13 @@ from web_pages import Frame, Page, open_page
 from radarsim.protocol.reports import Report, decode_report
 
 
-async def spawn(page: Page, **keys: Any) -> str:
-    await page.send("spawn", **{"class": "P3AT", **keys})
-    name: str = (await page.hear("spawned"))["robot"]
-    return name
-
-
 def stands(robot: str) -> Any:
     return lambda frame: frame.robot(robot).get("speeds") == [0.0, 0.0]
 
 
 async def test_robot_is_seen_with_its_scans_and_echoes(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page)
+        name = await page.spawn()
         await page.send("select", robot=name)
 
         def has_echoes(frame: Frame) -> bool:
@@ -40,18 +34,17 @@ async def test_robot_is_seen_with_its_scans_and_echoes(commander: Any) -> None:
         assert scan["settings"]["side_offset_uu"] == 25
         ranges = frame.scan(name, "lms200")
         assert ranges.min() > 10
-        time = robot["echoes"][0]["t"]
-        await page.send("explain", robot=name, scanner="lms200", beam=0, t=time)
-        explanation = await page.hear("explanation")
-        assert explanation["end"]["kind"] == "hit"
-        assert explanation["rows"][-1]["object"] == "south_wall"
+        objects = {each["name"]: each for each in robot["echoes"][0]["objects"]}
+        beam, reading, kind, *_ = objects["south_wall"]["echoes"][0]
+        assert (beam, kind) == (0, "hit")
+        assert reading == pytest.approx(ranges[0] / 100, abs=0.02)
 
 
 async def test_robot_drives_and_stops_when_nothing_more_is_heard(
     commander: Any,
 ) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page)
+        name = await page.spawn()
         await page.send("drive", robot=name, v=0.5, w=0)
         told = await page.hear("viewer", robot=name)
         assert told["driver"] == "viewer 1"
@@ -64,7 +57,7 @@ async def test_robot_drives_and_stops_when_nothing_more_is_heard(
 async def test_robot_stops_when_its_driver_is_gone(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
         async with open_page(commander.web, commander.token) as driver:
-            name = await spawn(driver)
+            name = await driver.spawn()
             await driver.send("drive", robot=name, v=1, w=0)
             await page.hear("viewer", driver="viewer 2")
         await page.hear("viewer", driver=None)
@@ -95,7 +88,7 @@ async def test_only_one_browser_drives_a_robot(commander: Any) -> None:
         open_page(commander.web, commander.token) as one,
         open_page(commander.web, commander.token) as other,
     ):
-        name = await spawn(one)
+        name = await one.spawn()
 
         async def insist(page: Page) -> str:
             """Drive again and again until that is refused, and return why."""
@@ -121,7 +114,7 @@ async def test_anybody_may_stop_everything(commander: Any) -> None:
         open_page(commander.web, commander.token) as page,
         open_page(commander.web, commander.token) as driver,
     ):
-        name = await spawn(driver)
+        name = await driver.spawn()
         await driver.send("drive", robot=name, v=0, w=1)
         await page.hear("viewer", robot=name, driver="viewer 2")
         await page.send("stop")
@@ -130,10 +123,8 @@ async def test_anybody_may_stop_everything(commander: Any) -> None:
 
 async def test_robots_get_names_and_starts_of_their_own(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
-        assert await spawn(page) == "R1"
-        await page.see(lambda frame: frame.robot("R1"))
-        await page.send("spawn", **{"class": "P3AT", "name": "<b>"})
-        assert (await page.hear("spawned"))["robot"] == "<b>"
+        assert await page.spawn() == "R1"
+        assert await page.spawn(name="<b>") == "<b>"
         frame = await page.see(lambda frame: frame.robot("<b>"))
         first, second = frame.robot("R1"), frame.robot("<b>")
         assert abs(first["x"] - second["x"]) + abs(first["y"] - second["y"]) > 1
@@ -143,7 +134,7 @@ async def test_robots_get_names_and_starts_of_their_own(commander: Any) -> None:
 
 async def test_robot_is_spawned_where_one_clicks_and_removed(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page, pose=[-6.0, 1.0, 1.5])
+        name = await page.spawn(pose=[-6.0, 1.0, 1.5])
         frame = await page.see(lambda frame: frame.robot(name))
         robot = frame.robot(name)
         assert (robot["x"], robot["y"], robot["yaw"]) == pytest.approx(
@@ -151,16 +142,6 @@ async def test_robot_is_spawned_where_one_clicks_and_removed(commander: Any) -> 
         )
         await page.send("remove", robot=name)
         await page.see(lambda frame: not frame.robot(name))
-
-
-async def test_wrong_setting_is_told_and_not_sent(commander: Any) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page)
-        change = {"robot": name, "scanner": "lms200", "key": "max_range"}
-        await page.send("setting", **change, value=-1)
-        assert "max_range" in (await page.hear("error"))["text"]
-        await page.send("setting", **change | {"scanner": "x"}, value=1)
-        assert "no scanner 'x'" in (await page.hear("error"))["text"]
 
 
 async def test_browser_is_told_why_a_robot_does_not_come(

@@ -1,5 +1,6 @@
 """Recordings that the page begins and ends."""
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,9 @@ from web_pages import open_page
 from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
 from radarsim.protocol.reports import RangeScan
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.server_thread import ServerThread
 
 pytest.importorskip("mcap")
 highlevel = pytest.importorskip("rosbags.highlevel")
@@ -92,18 +96,25 @@ async def test_a_recording_is_complete_when_the_commander_ends(
     assert len(read(folder, "/R1/lms200/scan")) >= 2
 
 
-async def test_what_cannot_be_recorded_is_told_and_begins_again_when_it_can(
-    server: tuple[str, int], start_commander: Any, tmp_path: Path
+async def test_what_cannot_be_recorded_is_told_and_a_lost_server_ends_a_recording(
+    foliage_room: Scene, start_commander: Any, tmp_path: Path
 ) -> None:
     target = tmp_path / "target"
     target.write_text("a file, where a folder should be")
-    with start_commander(server, record_to=target) as commander:
+    server = ServerThread(Host(foliage_room), speed=1.0)
+    with start_commander(server.begin(), record_to=target) as commander:
         async with open_page(commander.web, commander.token) as page:
             await page.send("record", on=True)
             assert str(target) in (await page.hear("error"))["text"]
             target.unlink()
             await page.send("record", on=True)
             await page.hear("recording", on=True)
+            await asyncio.to_thread(server.finish)
+            while not (text := (await page.hear("recording", on=False))["text"]):
+                pass
+            folder = only_folder(target)
+            assert text == f"Recorded in {folder}"
+            assert (folder / "metadata.yaml").exists()
 
 
 async def test_a_full_disk_is_told_and_ends_the_recording(

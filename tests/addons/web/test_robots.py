@@ -9,13 +9,9 @@ from radarsim.simulation.config import SimulationConfig
 
 async def test_robot_of_the_commander_stays_when_another_of_its_name_leaves() -> None:
     left: list[str] = []
-    robots = Robots(
-        ("127.0.0.1", 1),
-        SimulationConfig(),
-        Viewers(lambda _: b""),
-        on_change=lambda: None,
-        on_left=left.append,
-    )
+    address, viewers = ("127.0.0.1", 1), Viewers(lambda _: b"")
+    robots = Robots(address, SimulationConfig(), viewers, lambda: None)
+    robots.on_left = left.append
     robots.watch([RobotJoined("R1", "P3AT"), RobotJoined("R2", "P3AT")])
     own: Any = SimpleNamespace(name="R1")
     robots.own["R1"] = own

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from web_pages import Frame, Page, open_page
+from web_pages import Frame, open_page
 
 from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
@@ -15,13 +15,6 @@ from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 
 NAME = "<img src=x onerror=alert(1)>"
-
-
-async def spawn(page: Page, class_name: str = "P3AT") -> str:
-    await page.send("spawn", **{"class": class_name, "pose": [0.0, 0.0, 0.0]})
-    name: str = (await page.hear("spawned"))["robot"]
-    await page.see(lambda frame: frame.robot(name).get("scans"))
-    return name
 
 
 async def test_robots_of_other_clients_are_seen_but_not_driven(commander: Any) -> None:
@@ -53,7 +46,7 @@ async def test_lost_server_is_told_and_found_again(
     await first.start(port=0)
     with start_commander(first.address) as commander:
         async with open_page(commander.web, commander.token) as page:
-            name = await spawn(page)
+            name = await page.spawn(pose=[0.0, 0.0, 0.0])
             await page.send("drive", robot=name, v=0.2, w=0)
             await page.hear("viewer", driver=page.hello["viewer"])
             await first.stop()
@@ -64,7 +57,7 @@ async def test_lost_server_is_told_and_found_again(
             await second.start(port=first.address[1])
             try:
                 await page.hear("found")
-                assert await spawn(page) == name
+                assert await page.spawn(pose=[0.0, 0.0, 0.0]) == name
             finally:
                 await second.stop()
 
@@ -93,7 +86,7 @@ async def test_commander_asks_again_when_there_were_too_many_watchers(
         with start_commander(server.address) as commander:
             async with open_page(commander.web, commander.token) as page:
                 assert "watcher" in (await page.hear("notice"))["text"]
-                name = await spawn(page)
+                name = await page.spawn(pose=[0.0, 0.0, 0.0])
                 # Frames have the settings of the robot that is selected alone.
                 await page.send("select", robot=name)
                 frame = await page.see(lambda f: f.robot(name)["x"] == 0)
@@ -110,8 +103,7 @@ async def test_robot_that_is_called_all_or_none_is_a_robot_like_any(
 ) -> None:
     async with open_page(commander.web, commander.token) as page:
         for name in ("All", "None", "true"):
-            await page.send("spawn", **{"class": "P3AT", "name": name})
-            await page.hear("spawned", robot=name)
+            await page.spawn(name=name)
             await page.send("select", robot=name)
             await page.see(
                 lambda frame, name=name: any(
@@ -130,7 +122,7 @@ async def test_original_dialect_is_understood(
         with start_commander(server.address, config=config) as commander:
             async with open_page(commander.web, commander.token) as page:
                 assert page.hello["dialect"] == "udk"
-                name = await spawn(page)
+                name = await page.spawn(pose=[0.0, 0.0, 0.0])
                 await page.send("drive", robot=name, v=0.2, w=0)
                 await page.hear("viewer", driver=None)
                 frame = await page.see(lambda f: f.robot(name)["x"] > 0.03)

@@ -6,8 +6,7 @@ from web_pages import Frame, Page, open_page
 
 
 async def spawn(page: Page) -> str:
-    await page.send("spawn", **{"class": "P3AT", "pose": [-8.0, 0.0, 0.0]})
-    name: str = (await page.hear("spawned"))["robot"]
+    name = await page.spawn(pose=[-8.0, 0.0, 0.0])
     await page.send("select", robot=name)  # only its settings are sent
 
     def has_settings(frame: Frame) -> bool:
@@ -90,6 +89,8 @@ async def test_wrong_values_change_nothing_that_is_shown(commander: Any) -> None
             page.frame = None
             frame = await page.see(lambda frame: frame.robot(name))
             assert frame.robot(name)["scans"][0]["settings"] == before
+        await page.send("setting", robot=name, scanner="x", key="max_range", value=1)
+        assert "no scanner 'x'" in (await page.hear("error"))["text"]
 
 
 async def test_each_setting_takes_the_value_that_it_has(commander: Any) -> None:
@@ -101,5 +102,5 @@ async def test_each_setting_takes_the_value_that_it_has(commander: Any) -> None:
         for offer in page.hello["settings"]:
             if (value := settings[offer["key"]]) is not None:
                 await page.send("setting", **change, key=offer["key"], value=value)
-        await page.send("explain", robot=name, scanner="nothing", beam=0)
+        await page.send("stop", robot="nothing")
         assert "'nothing'" in (await page.hear("error"))["text"]

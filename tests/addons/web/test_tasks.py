@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from PIL import Image
-from web_pages import Page, open_page
+from web_pages import open_page
 
 from radarsim.plotting.palette import FAMILY_COLOURS, Family
 
@@ -14,19 +14,10 @@ FAST = pytest.mark.parametrize("server", [5.0], indirect=True)
 BEHIND = [5.7, -0.9]  # m; behind the bushes, more than 2 m from everything
 
 
-async def spawn(page: Page, class_name: str, *pose: float) -> str:
-    await page.send("spawn", **{"class": class_name, "pose": pose})
-    name: str = (await page.hear("spawned"))["robot"]
-    await page.see(
-        lambda frame: frame.robot(name).get("scans") and frame.robot(name)["mine"]
-    )
-    return name
-
-
 @FAST
 async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
+        name = await page.spawn("P3AT_Radar360", pose=[-8.0, 0.0, 0.0])
         await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
         running = await page.hear("task", state="running")
         assert (running["robot"], running["kind"]) == (name, "goto")
@@ -44,7 +35,7 @@ async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
 @FAST
 async def test_who_drives_takes_over_from_a_task(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
+        name = await page.spawn("P3AT_Radar360", pose=[-8.0, 0.0, 0.0])
         await page.send("goto", robot=name, algorithm="bug1", goal=BEHIND)
         task = await page.hear("task", state="running")
         await page.see(lambda frame: frame.robot(name)["driver"] == "task")
@@ -62,7 +53,7 @@ async def test_robot_that_does_not_see_all_around_says_that_it_cannot(
     commander: Any,
 ) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page, "P3AT", -8.0, 0.0, 0.0)
+        name = await page.spawn("P3AT", pose=[-8.0, 0.0, 0.0])
         assert page.frame is not None
         assert "180\N{DEGREE SIGN}" in page.frame.robot(name)["hindrance"]
         await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
@@ -76,7 +67,7 @@ async def test_robot_of_the_first_class_goes_explores_and_compares(
 ) -> None:
     async with open_page(commander.web, commander.token) as page:
         first = page.hello["classes"][0]["name"]
-        name = await spawn(page, first, -8.0, 0.0, 0.0)
+        name = await page.spawn(first, pose=[-8.0, 0.0, 0.0])
         assert page.frame is not None
         robot = page.frame.robot(name)
         assert robot["hindrance"] is None
@@ -92,7 +83,7 @@ async def test_robot_of_the_first_class_goes_explores_and_compares(
 @FAST
 async def test_exploring_shows_a_map_until_it_is_cancelled(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
+        name = await page.spawn("P3AT_Radar360", pose=[-8.0, 0.0, 0.0])
         await page.send("explore", robot=name, strategy="frontiers")
         task = await page.hear("task", state="running", kind="explore")
         picture = await page.hear("map", robot=name)
@@ -105,7 +96,7 @@ async def test_exploring_shows_a_map_until_it_is_cancelled(commander: Any) -> No
 
 async def test_map_can_have_the_colours_of_materials(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page, "P3AT", -8.0, 0.0, 0.0)
+        name = await page.spawn("P3AT", pose=[-8.0, 0.0, 0.0])
         await page.send("map", robot=name, on=True, colours="material")
         told = await page.hear("map")
         assert told["colours"] == "material"

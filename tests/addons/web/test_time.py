@@ -41,9 +41,9 @@ def at(served: Served) -> tuple[str, str]:
 async def newest_time(page: Page) -> float:
     """Return the time of the newest frame, after those that were on their way."""
     assert page.frame is not None
-    for _ in range(5):
+    for _ in range(2):
         await asyncio.sleep(0.1)
-        await page.send("explain", robot="none", scanner="none", beam=0)
+        await page.send("stop", robot="none")
         await page.hear("error")
     time: float = page.frame.header["t"]
     return time

@@ -72,8 +72,14 @@ def test_room_is_explored(empty_room: Scene) -> None:
 def test_timed_out_exploration_has_the_map_so_far(foliage_room: Scene) -> None:
     moments: list[ExplorationStep] = []
     exploration = create_exploration(time_limit=5.0)
-    with Client(InProcessTransport(Host(foliage_room))) as client:
+    host = Host(foliage_room)
+    with Client(InProcessTransport(host)) as client:
         exploration.run(client, moments.append)
+        host.step()
+        pose = host.simulation.vehicles[0].robot.pose
+        for _ in range(10):
+            host.step()
+        assert host.simulation.vehicles[0].robot.pose == pose  # it stands
     assert exploration.outcome is Outcome.TIME_LIMIT
     assert mapper_of(exploration).scans == len(moments) == 52
     assert (mapper_of(exploration).grid.classes() == CellClass.FOLIAGE).any()
@@ -97,18 +103,6 @@ def test_robot_is_commanded_before_the_observer_is_called(empty_room: Scene) -> 
     exploration = create_exploration(time_limit=2.0)
     exploration.run(client, lambda _: seen.append(len(commands)))
     assert seen[:3] == [1, 2, 3]
-    client.close()
-
-
-def test_robot_stands_after_exploration(empty_room: Scene) -> None:
-    host = Host(empty_room)
-    client = Client(InProcessTransport(host))
-    create_exploration(time_limit=5.0).run(client)
-    host.step()
-    pose = host.simulation.vehicles[0].robot.pose
-    for _ in range(10):
-        host.step()
-    assert host.simulation.vehicles[0].robot.pose == pose
     client.close()
 
 
@@ -162,28 +156,6 @@ def test_robot_that_pushes_against_something_unseen_is_stuck(
     ):
         exploration.run(client)
     assert exploration.outcome is Outcome.STUCK
-    assert mapper_of(exploration).scans > 10
-
-
-class ScansStop(InProcessTransport):
-    """A server whose scans stop after some s."""
-
-    def receive(self, timeout: float) -> bytes:
-        data = super().receive(timeout)
-        if self.time() < 2.0:
-            return data
-        lines = data.splitlines(keepends=True)
-        return b"".join(x for x in lines if b"RangeScanner" not in x) or b"\r\n"
-
-
-def test_exploration_ends_when_scans_stop(empty_room: Scene) -> None:
-    exploration = create_exploration(timeout=1.0)
-    with (
-        Client(ScansStop(Host(empty_room))) as client,
-        pytest.raises(ClientError, match="no scan of 'lms200' within 1 s, what came"),
-    ):
-        exploration.run(client)
-    assert exploration.outcome is Outcome.FAILED
     assert mapper_of(exploration).scans > 10
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim.autonomy.mapping.localization import Localizer
+from radarsim.autonomy.mapping.slam import Localizer
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.autonomy.navigation.observation import Observation, ObservationBuilder
@@ -78,7 +78,7 @@ def test_pose_is_found_although_the_ins_measures_a_tenth_too_much() -> None:
 def test_scans_that_were_kept_are_corrected_after_a_loop(
     moved_by: Pose2, is_jump: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name = "radarsim.autonomy.mapping.localization.Slam"
+    name = "radarsim.autonomy.mapping.slam.Slam"
     monkeypatch.setattr(name, lambda **_: LoopingSlam(moved_by))
     source = ObservationBuilder(SCANNER, PoseSource.SLAM, lambda: 0.0)
     seen: list[Observation] = []

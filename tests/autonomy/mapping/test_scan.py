@@ -86,100 +86,115 @@ def test_without_a_maximum_range_every_range_is_a_hit() -> None:
     assert np.isfinite(scan.known_range).all()
 
 
-def test_wall_behind_a_bush_is_hit_and_the_bush_is_where_it_was_crossed() -> None:
-    bush = echoes_of((0, 2.0, "enter"), (0, 3.0, "leave"))
-    wall = echoes_of((0, 5.0, "hit"), name="wall", material="concrete")
-    scan = scan_with(5.0, by=[bush, wall])
-    assert scan.ends.tolist() == [BeamEnd.HIT]
-    assert hits_of(scan) == [(0, 2.0, 3.0, Layer.FOLIAGE), (0, 5.0, 5.0, Layer.SOLID)]
+def bush(*echoes: float | str) -> TargetEchoes:
+    """Return the echoes of a bush on the first beam: kind, range, kind, range ..."""
+    return target("bush", *echoes)
+
+
+def target(name: str, *echoes: float | str, passes: bool = False) -> TargetEchoes:
+    rows = [
+        (0, float(t), str(kind))
+        for kind, t in zip(echoes[::2], echoes[1::2], strict=True)
+    ]
+    return echoes_of(*rows, name=name, passes=passes)
+
+
+WALL_5, WALL_9 = target("wall", "hit", 5.0), target("wall", "hit", 9.0)
+SOLID, FOLIAGE, SMOKE = Layer.SOLID, Layer.FOLIAGE, Layer.SMOKE
+
+
+@pytest.mark.parametrize(
+    ("reading", "targets", "end", "hits"),
+    [
+        pytest.param(
+            5.0,
+            [bush("enter", 2.0, "leave", 3.0), WALL_5],
+            (5.0, BeamEnd.HIT),
+            [(2.0, 3.0, FOLIAGE), (5.0, 5.0, SOLID)],
+            id="wall behind a bush, which is where it was crossed",
+        ),
+        pytest.param(
+            FAR,
+            [bush("enter", 2.0, "spent", 3.4)],
+            (3.4, BeamEnd.SPENT),
+            [(2.0, 3.4, FOLIAGE)],
+            id="beam spent in a bush, even without a range",
+        ),
+        pytest.param(
+            2.6,
+            [bush("enter", 2.0), target("trunk", "hit", 2.6)],
+            (2.6, BeamEnd.HIT),
+            [(2.0, 2.6, FOLIAGE), (2.6, 2.6, SOLID)],
+            id="trunk ends the hit on the bush around it",
+        ),
+        pytest.param(
+            9.0,
+            [target("cloud", "leave", 4.0, passes=True), WALL_9],
+            (9.0, BeamEnd.HIT),
+            [(0.0, 4.0, SMOKE), (9.0, 9.0, SOLID)],
+            id="beam that only leaves smoke starts in it",
+        ),
+        pytest.param(
+            9.0,
+            [bush("sheet", 2.0, "sheet", 2.5), WALL_9],
+            (9.0, BeamEnd.HIT),
+            [(2.0, 2.0, FOLIAGE), (2.5, 2.5, FOLIAGE), (9.0, 9.0, SOLID)],
+            id="leaf without depth",
+        ),
+        pytest.param(
+            9.0,
+            [bush("enter", 1.0, "enter", 2.0, "leave", 3.0, "leave", 4.0), WALL_9],
+            (9.0, BeamEnd.HIT),
+            [(1.0, 4.0, FOLIAGE), (9.0, 9.0, SOLID)],
+            id="target nested in itself counts once",
+        ),
+        pytest.param(
+            FAR,
+            [bush("enter", 1.0, "leave", 2.0, "enter", 3.0, "leave", 4.0)],
+            (FAR, BeamEnd.NOTHING),
+            [(1.0, 2.0, FOLIAGE), (3.0, 4.0, FOLIAGE)],
+            id="target crossed twice",
+        ),
+        pytest.param(
+            2.0,
+            [bush("enter", 2.0)],
+            (2.0, BeamEnd.SPENT),
+            [(2.0, 2.0, FOLIAGE)],
+            id="first-echo scanner ends at a bush",
+        ),
+        pytest.param(
+            3.0,
+            [target("air", "rain", 3.0, passes=True)],
+            (3.0, BeamEnd.AIR),
+            [],
+            id="rain drop",
+        ),
+        pytest.param(
+            9.0,
+            [WALL_9, target("edge", "hit", 4.0)],
+            (9.0, BeamEnd.HIT),
+            [(4.0, 4.0, SOLID), (9.0, 9.0, SOLID)],
+            id="farthest of several ends",
+        ),
+        pytest.param(
+            0.0,
+            [target("cloud", "enter", 1.0, "spent", 1.2, passes=True)],
+            (0.0, BeamEnd.BLIND),
+            [],
+            id="blinded beam",
+        ),
+    ],
+)
+def test_echoes_show_what_ended_a_beam_and_what_it_hit(
+    reading: float,
+    targets: list[TargetEchoes],
+    end: tuple[float, BeamEnd],
+    hits: list[tuple[float, float, Layer]],
+) -> None:
+    scan = scan_with(reading, by=targets, min_range=0.1)
+    assert (scan.known_range.tolist(), scan.ends.tolist()) == ([end[0]], [end[1]])
+    assert hits_of(scan) == [(0, *hit) for hit in hits]
     assert scan.sees_through
-
-
-def test_beam_spent_in_a_bush_hits_no_wall() -> None:
-    scan = scan_with(3.4, by=[echoes_of((0, 2.0, "enter"), (0, 3.4, "spent"))])
-    assert scan.ends.tolist() == [BeamEnd.SPENT]
-    assert hits_of(scan) == [(0, 2.0, 3.4, Layer.FOLIAGE)]
-
-
-def test_trunk_ends_the_hit_on_the_bush_around_it() -> None:
-    bush = echoes_of((0, 2.0, "enter"))
-    trunk = echoes_of((0, 2.6, "hit"), name="trunk", material="wood")
-    assert hits_of(scan_with(2.6, by=[bush, trunk])) == [
-        (0, 2.0, 2.6, Layer.FOLIAGE),
-        (0, 2.6, 2.6, Layer.SOLID),
-    ]
-
-
-def test_beam_that_only_leaves_smoke_starts_in_it() -> None:
-    cloud = echoes_of((0, 4.0, "leave"), name="cloud", passes=True)
-    wall = echoes_of((0, 9.0, "hit"), name="wall")
-    assert hits_of(scan_with(9.0, by=[cloud, wall])) == [
-        (0, 0.0, 4.0, Layer.SMOKE),
-        (0, 9.0, 9.0, Layer.SOLID),
-    ]
-
-
-def test_leaf_is_a_hit_without_depth() -> None:
-    leaves = echoes_of((0, 2.0, "sheet"), (0, 2.5, "sheet"))
-    wall = echoes_of((0, 9.0, "hit"), name="wall")
-    assert hits_of(scan_with(9.0, by=[leaves, wall]))[:2] == [
-        (0, 2.0, 2.0, Layer.FOLIAGE),
-        (0, 2.5, 2.5, Layer.FOLIAGE),
-    ]
-
-
-def test_target_nested_in_itself_counts_once() -> None:
-    kinds = ["enter", "enter", "leave", "leave"]
-    echoes = [(0, 1.0 + i, kind) for i, kind in enumerate(kinds)]
-    wall = echoes_of((0, 9.0, "hit"), name="wall")
-    assert hits_of(scan_with(9.0, by=[echoes_of(*echoes), wall])) == [
-        (0, 1.0, 4.0, Layer.FOLIAGE),
-        (0, 9.0, 9.0, Layer.SOLID),
-    ]
-
-
-def test_target_crossed_twice_has_two_hits() -> None:
-    kinds = ["enter", "leave", "enter", "leave"]
-    echoes = [(0, 1.0 + i, kind) for i, kind in enumerate(kinds)]
-    assert hits_of(scan_with(FAR, by=[echoes_of(*echoes)])) == [
-        (0, 1.0, 2.0, Layer.FOLIAGE),
-        (0, 3.0, 4.0, Layer.FOLIAGE),
-    ]
-
-
-def test_known_range_of_a_spent_beam_ends_there_even_without_a_range() -> None:
-    scan = scan_with(FAR, by=[echoes_of((0, 2.0, "enter"), (0, 3.4, "spent"))])
-    assert scan.known_range.tolist() == [3.4]
-    assert scan.ends.tolist() == [BeamEnd.SPENT]
-
-
-def test_known_range_of_a_first_echo_scanner_ends_at_a_bush() -> None:
-    scan = scan_with(2.0, by=[echoes_of((0, 2.0, "enter"))])
-    assert scan.ends.tolist() == [BeamEnd.SPENT]
-    assert hits_of(scan) == [(0, 2.0, 2.0, Layer.FOLIAGE)]
-
-
-def test_rain_drop_ends_the_known_range_and_is_no_hit() -> None:
-    drop = echoes_of((0, 3.0, "rain"), name="air", passes=True)
-    scan = scan_with(3.0, by=[drop])
-    assert scan.ends.tolist() == [BeamEnd.AIR]
-    assert scan.known_range.tolist() == [3.0]
-    assert hits_of(scan) == []
-
-
-def test_beam_ends_at_the_farthest_of_several_ends() -> None:
-    edge = echoes_of((0, 4.0, "hit"), name="edge")
-    wall = echoes_of((0, 9.0, "hit"), name="wall")
-    scan = scan_with(9.0, by=[wall, edge])
-    assert scan.known_range.tolist() == [9.0]
-    assert hits_of(scan) == [(0, 4.0, 4.0, Layer.SOLID), (0, 9.0, 9.0, Layer.SOLID)]
-
-
-def test_echoes_of_a_blinded_beam_are_ignored() -> None:
-    cloud = echoes_of((0, 1.0, "enter"), (0, 1.2, "spent"), name="cloud", passes=True)
-    scan = scan_with(0.0, by=[cloud], min_range=0.1)
-    assert scan.ends.tolist() == [BeamEnd.BLIND]
-    assert hits_of(scan) == []
 
 
 def test_impossible_echoes_are_ignored() -> None:

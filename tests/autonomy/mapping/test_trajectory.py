@@ -24,13 +24,6 @@ def straight(n: int = 11) -> list[Pose2]:
     return [Pose2(0.5 * i, 0.0, 0.0) for i in range(n)]
 
 
-def transformed(pose: Pose2, by: Pose2) -> Pose2:
-    """Move a pose as a part of a rigid whole."""
-    c, s = math.cos(by.yaw), math.sin(by.yaw)
-    x, y = c * pose.x - s * pose.y + by.x, s * pose.x + c * pose.y + by.y
-    return Pose2(x, y, pose.yaw + by.yaw)
-
-
 @settings(max_examples=25)
 @given(path=st.lists(poses, min_size=1))
 def test_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
@@ -46,7 +39,7 @@ def test_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
 def test_displaced_trajectory_has_no_relative_error(
     path: list[Pose2], by: Pose2
 ) -> None:
-    moved = trajectory_of(*[transformed(pose, by) for pose in path])
+    moved = trajectory_of(*map(by.compose, path))
     found = trajectory_errors(moved, trajectory_of(*path))
     assert found.yaw == pytest.approx(abs(by.yaw))
     assert math.isnan(found.rpe) or found.rpe == pytest.approx(0.0, abs=1e-6)

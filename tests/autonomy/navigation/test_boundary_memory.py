@@ -13,7 +13,7 @@ from radarsim.autonomy.navigation.boundary_memory import (
 )
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
-from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
+from radarsim.autonomy.navigation.wall_following import WallFollower
 from radarsim.geometry import Point, Pose2
 
 BOX = shapely.box(1, -1, 2, 1)
@@ -46,7 +46,7 @@ def test_what_is_met_where_something_had_gone_stands(flatland: World) -> None:
     follower = WallFollower(Bumpers(safety_distance=0.5), SpeedLimits())
     goal, at, places = (3.0, 0.0), Pose2(0.2, 0.1, 0.0), list[Point]()
     for has_gone in (True, False):
-        boundary = FollowedBoundary(follower, FollowMode(wall_on_left=True))
+        boundary = FollowedBoundary(follower)
         scan = flatland(BOX, at=at).scan()
         boundary.reach(scan, 0.0, goal)
         # Known from then on, or it would be left for any place at once.

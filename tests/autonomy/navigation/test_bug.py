@@ -224,22 +224,6 @@ def gate(width: float) -> list[shapely.Polygon]:
 @pytest.mark.slow
 @BOTH
 @HANDS
-@pytest.mark.parametrize("width", [1.1, 1.3, 1.5, 1.7, 1.9])
-def test_bug_passes_two_obstacles_at_any_distance(
-    flatland: World, algorithm: Algorithm, wall_on_left: bool, width: float
-) -> None:
-    first = shapely.box(-2.5, -1, -1.5, 1)
-    second = shapely.box(-1.5 + width, -1, -0.5 + width, 1)
-    world = flatland(first, second, at=Pose2(-5.0, 0.3))
-    navigator = bug(algorithm, (4.0, 0.3), wall_on_left=wall_on_left)
-    world.run(navigator)
-    assert navigator.activity is Activity.REACHED
-    assert world.nearest > 0.42
-
-
-@pytest.mark.slow
-@BOTH
-@HANDS
 @pytest.mark.parametrize("width", [1.4, 1.5, 1.9])
 @pytest.mark.parametrize("start", [0.0, 1.5])
 def test_bug_passes_gaps_wider_than_twice_the_safety_distance(

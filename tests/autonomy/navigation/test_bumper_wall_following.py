@@ -12,11 +12,7 @@ from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
-from radarsim.autonomy.navigation.wall_following import (
-    BumperWallFollower,
-    FollowMode,
-    WallFollower,
-)
+from radarsim.autonomy.navigation.wall_following import BumperWallFollower
 from radarsim.geometry import Pose2
 
 S = 0.5
@@ -25,9 +21,9 @@ WALL = shapely.box(-30, 0, 30, 1)  # to the left of a robot that faces along x
 CORNER = shapely.union(WALL, shapely.box(3, -30, 4, 0))
 
 
-def steering() -> BumperWallFollower:
+def steering(*, wall_on_left: bool = True) -> BumperWallFollower:
     bumpers = Bumpers(safety_distance=S, rule=Rule.THESIS)
-    return BumperWallFollower(WallFollower(bumpers, LIMITS))
+    return BumperWallFollower(bumpers, LIMITS, wall_on_left=wall_on_left)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +38,7 @@ def test_side_bumper_decides_along_a_wall(
     flatland: World, distance: float, speed: float, turn: int
 ) -> None:
     scan = flatland(WALL, at=Pose2(0.0, -distance)).scan()
-    twist, _ = steering().step(scan, FollowMode())
+    twist, _ = steering().step(scan)
     assert twist.speed == pytest.approx(speed * LIMITS.speed)
     assert math.copysign(1, twist.turn) * (twist.turn != 0) == turn
 
@@ -55,12 +51,12 @@ def test_pressed_front_is_turned_away_from_until_the_back_is_pressed(
     side = 1 if wall_on_left else -1
     corner = shapely.affinity.scale(CORNER, side, 1, origin=(0, 0))
     world = flatland(corner, at=Pose2(side * 2.2, -0.75, yaw))
-    follow, mode = steering(), FollowMode(wall_on_left=wall_on_left)
-    twist, _ = follow.step(world.scan(), mode)
+    follow = steering(wall_on_left=wall_on_left)
+    twist, _ = follow.step(world.scan())
     assert twist == Twist(0.0, -LIMITS.turn if wall_on_left else LIMITS.turn)
     while twist.speed == 0:
         world.move(twist)
-        twist, _ = follow.step(world.scan(), mode)
+        twist, _ = follow.step(world.scan())
     turned = abs(world.pose.yaw - yaw)
     assert turned == pytest.approx(math.pi / 2, abs=0.35)
     assert world.nearest > S
@@ -69,11 +65,11 @@ def test_pressed_front_is_turned_away_from_until_the_back_is_pressed(
 def test_turn_that_no_bumper_ends_ends_after_a_circle(flatland: World) -> None:
     world = flatland(shapely.Point(0.55, 0).buffer(0.1), at=Pose2(0.0, 0.0))
     follow, turned = steering(), 0.0
-    twist, _ = follow.step(world.scan(), FollowMode())
+    twist, _ = follow.step(world.scan())
     while twist.speed == 0 and turned < 10:
         world.move(twist)
         turned += abs(twist.turn) * 0.1
-        twist, _ = follow.step(world.scan(), FollowMode())
+        twist, _ = follow.step(world.scan())
     assert turned <= 2 * math.pi + 0.6  # and past what is ahead
 
 

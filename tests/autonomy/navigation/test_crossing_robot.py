@@ -1,5 +1,6 @@
 """Another robot crosses a navigator's path, or meets it, and looks nowhere."""
 
+import itertools
 import math
 
 import pytest
@@ -9,7 +10,7 @@ from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
 from radarsim.generators.random_maps import RandomMap
 from radarsim.geometry import Pose2
@@ -17,6 +18,37 @@ from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
 
 MEETING: float = 18.2  # s after which a navigator is where the paths cross
+
+
+def drive_past(
+    algorithm: str, pose: Pose2, speed: float, *, time_limit: float
+) -> Result:
+    """Drive to a goal while another robot drives straight on from a pose."""
+    start, goal = (-5.0, 0.0), (3.0, 0.0)
+    host = Host(load_random_map(RandomMap(0, "boxes", (), math.inf, start, goal)))
+    monitor = GroundTruthMonitor(host)
+    with (
+        Client(InProcessTransport(host)) as other,
+        Client(InProcessTransport(host, after_tick=monitor.watch)) as client,
+    ):
+        other.spawn("P3AT", pose=pose)
+        wheels = other.robot_info().wheel_speeds(speed, 0.0)
+        steps = itertools.count()
+
+        def start_other(_: NavigationStep) -> None:
+            if next(steps) == 0:
+                other.drive(*wheels)
+
+        mission = Mission(
+            algorithm=Algorithm(algorithm),
+            goals=(goal,),
+            safety_distance=0.5,
+            time_limit=time_limit,
+        )
+        result = run_mission(client, mission, start_other)
+    assert result.outcome == "reached"
+    assert monitor.collisions == 0
+    return result
 
 
 @pytest.mark.slow
@@ -36,34 +68,9 @@ MEETING: float = 18.2  # s after which a navigator is where the paths cross
 def test_crossing_robot_is_let_by_and_not_touched(
     algorithm: str, speed: float, delay: float, side: int
 ) -> None:
-    start, goal = (-5.0, 0.0), (3.0, 0.0)
-    yard = RandomMap(0, "boxes", (), math.inf, start, goal)
-    host = Host(load_random_map(yard))
-    monitor = GroundTruthMonitor(host)
-    with (
-        Client(InProcessTransport(host)) as other,
-        Client(InProcessTransport(host, after_tick=monitor.watch)) as client,
-    ):
-        away = speed * (MEETING + delay)
-        other.spawn("P3AT", pose=Pose2(0.0, -side * away, side * math.pi / 2))
-        wheels = other.robot_info().wheel_speeds(speed, 0.0)
-        is_going = False
-
-        def start_other(_: NavigationStep) -> None:
-            nonlocal is_going
-            if not is_going:
-                other.drive(*wheels)
-            is_going = True
-
-        mission = Mission(
-            algorithm=Algorithm(algorithm),
-            goals=(goal,),
-            safety_distance=0.5,
-            time_limit=120.0,
-        )
-        result = run_mission(client, mission, start_other)
-    assert result.outcome == "reached"
-    assert monitor.collisions == 0
+    away = speed * (MEETING + delay)
+    pose = Pose2(0.0, -side * away, side * math.pi / 2)
+    drive_past(algorithm, pose, speed, time_limit=120.0)
 
 
 @pytest.mark.slow
@@ -82,33 +89,8 @@ def test_planned_path_leads_round_a_robot_that_comes_the_other_way(
     speed: float, beside: float, begin: float
 ) -> None:
     """To stand, or to back off before it, would never end: it drives on and on."""
-    start, goal = (-5.0, 0.0), (3.0, 0.0)
-    yard = RandomMap(0, "boxes", (), math.inf, start, goal)
-    host = Host(load_random_map(yard))
-    monitor = GroundTruthMonitor(host)
-    with (
-        Client(InProcessTransport(host)) as other,
-        Client(InProcessTransport(host, after_tick=monitor.watch)) as client,
-    ):
-        other.spawn("P3AT", pose=Pose2(begin, beside, math.pi))
-        wheels = other.robot_info().wheel_speeds(speed, 0.0)
-        is_going = False
-
-        def start_other(_: NavigationStep) -> None:
-            nonlocal is_going
-            if not is_going:
-                other.drive(*wheels)
-            is_going = True
-
-        mission = Mission(
-            algorithm=Algorithm.PLANNED,
-            goals=(goal,),
-            safety_distance=0.5,
-            time_limit=60.0,
-        )
-        result = run_mission(client, mission, start_other)
-    assert result.outcome == "reached"
-    assert monitor.collisions == 0
+    pose = Pose2(begin, beside, math.pi)
+    result = drive_past("planned", pose, speed, time_limit=60.0)
     # without the other robot it takes 26.7 s and 7.9 m
     assert result.time < 40
     assert result.path_length < 9.5

@@ -115,6 +115,7 @@ def drive_at_a_thin_bush(link: type[InProcessTransport], **changed: Any) -> Any:
         algorithm=Algorithm.BUG2,
         goals=(bush.goal,),
         safety_distance=0.5,
+        speed=0.6,
         **changed,
     )
     with Client(link(host, after_tick=monitor.watch)) as client:
@@ -136,7 +137,7 @@ def test_thin_bush_is_not_touched_by_who_uses_echoes() -> None:
 def test_ranges_alone_lead_into_a_thin_bush(
     link: type[InProcessTransport], changed: dict[str, Any]
 ) -> None:
-    outcome, touches = drive_at_a_thin_bush(link, time_limit=12.0, **changed)
+    outcome, touches = drive_at_a_thin_bush(link, time_limit=8.0, **changed)
     assert outcome == "failed"  # it presses against the bush
     assert touches > 0
 

@@ -18,28 +18,30 @@ from radarsim.autonomy.navigation.footprint_follower import (
     SLOW,
     FootprintFollower,
 )
-from radarsim.autonomy.navigation.footprint_planning import Hull
+from radarsim.autonomy.navigation.footprint_planning import Footprint
 from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.geometry import Floats, Pose2
 
-HULL = Hull(0.552, 0.497)
+HULL = Footprint(0.552, 0.497)
 LIMITS = SpeedLimits(0.3, 0.8)
 NOTHING: Floats = np.zeros((0, 2))
 ROOM = shapely.box(-4, -3, 4, 3).difference(shapely.box(-3.9, -2.9, 3.9, 2.9))
 
 
-def planning(goal: tuple[float, float], hull: Hull | None = HULL) -> PathPlanning:
+def planning(
+    goal: tuple[float, float], footprint: Footprint | None = HULL
+) -> PathPlanning:
     settings = ControllerSettings(
         algorithm=Algorithm.PLANNED,
         bumpers=Bumpers(safety_distance=0.5),
         speed_limits=LIMITS,
-        hull=None if hull is None else (hull.length, hull.width),
+        footprint=None if footprint is None else (footprint.length, footprint.width),
     )
     return PathPlanning([goal], settings)
 
 
 def least_room(world: Any) -> float:
-    """Return how near the hull has come to the walls of a world, m."""
+    """Return how near the footprint has come to the walls of a world, m."""
     corners = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / 2
     corners = corners * (HULL.length, HULL.width)
     walls = shapely.multilinestrings(world.walls)
@@ -71,13 +73,13 @@ def test_gap_that_is_too_narrow_for_a_disc_is_passed(flatland: World, y: float) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("gap", "hull"), [pytest.param(0.5, HULL, id="gap"), pytest.param(0.66, None)]
+    ("gap", "footprint"), [pytest.param(0.5, HULL, id="gap"), pytest.param(0.66, None)]
 )
 def test_no_path_is_told_where_nothing_passes(
-    flatland: World, gap: float, hull: Hull | None
+    flatland: World, gap: float, footprint: Footprint | None
 ) -> None:
     world = flatland(*gate(gap), at=Pose2(-2.5, 0.3, 0.4))
-    planned = planning((2.5, 0.0), hull)
+    planned = planning((2.5, 0.0), footprint)
     world.run(planned, steps=1000)
     assert planned.activity is Activity.NO_PATH
     assert world.nearest > 0.4
@@ -86,9 +88,9 @@ def test_no_path_is_told_where_nothing_passes(
 @pytest.mark.slow
 def test_where_the_disc_passes_the_footprint_changes_nothing(flatland: World) -> None:
     tracks = []
-    for hull in (HULL, None):
+    for footprint in (HULL, None):
         world = flatland(*gate(1.4), at=Pose2(-2.5, 1.3, 0.4))
-        world.run(planning((2.5, -1.3), hull))
+        world.run(planning((2.5, -1.3), footprint))
         tracks.append(world.track)
     assert tracks[0] == tracks[1]
 
@@ -147,7 +149,7 @@ def test_nothing_that_is_seen_is_driven_into() -> None:
     assert follower.is_blocked(beside)
 
 
-def test_what_is_seen_within_the_hull_is_in_error(flatland: World) -> None:
+def test_what_is_seen_within_the_footprint_is_in_error(flatland: World) -> None:
     world = flatland(*gate(0.66), at=Pose2(-2.5, 0.0))
     planned = planning((2.5, 0.0))
     for _ in range(400):

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from radarsim.autonomy.navigation.footprint_planning import (
     LEAST_MARGIN,
-    Hull,
+    Footprint,
     plan_footprint,
 )
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2
 
-HULL = Hull(0.552, 0.497)
+HULL = Footprint(0.552, 0.497)
 WIDTH = HULL.width + 2 * LEAST_MARGIN
 ROUNDED = 0.01  # m by which places of points are in error
 CELL = 0.05  # m between two tracks side by side
@@ -38,21 +38,21 @@ def room_with_gap(low: float, high: float) -> Floats:
 
 
 def swept(path: Floats) -> list[shapely.Geometry]:
-    """Return what the hull covers in each motion of a path."""
+    """Return what the footprint covers in each motion of a path."""
     half, beside = HULL.length / 2, HULL.width / 2
     corners = np.array([(half, beside), (half, -beside), (-half, -beside)])
     corners = np.vstack([corners, [(-half, beside)]])
     areas = []
     for begin, end in pairwise(path):
         turn = math.remainder(end[2] - begin[2], 2 * math.pi)
-        hulls = []
+        footprints = []
         for share in np.linspace(0, 1, 60):
             x, y = begin[:2] + share * (end[:2] - begin[:2])
             yaw = begin[2] + share * turn
             c, s = math.cos(yaw), math.sin(yaw)
             turned = corners @ np.array([[c, s], [-s, c]]) + (x, y)
-            hulls.append(shapely.Polygon(turned))
-        areas.append(shapely.union_all(hulls))
+            footprints.append(shapely.Polygon(turned))
+        areas.append(shapely.union_all(footprints))
     return areas
 
 

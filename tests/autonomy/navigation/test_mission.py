@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import MARGIN, hull_for, run_mission
+from radarsim.autonomy.navigation.mission import MARGIN, footprint_for, run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
@@ -160,7 +160,7 @@ def test_robot_turns_the_boundary_to_the_chosen_side(
 
 
 @pytest.mark.parametrize(
-    ("overrides", "hull"),
+    ("overrides", "footprint"),
     [
         pytest.param({}, (0.552, 0.497), id="echoes"),
         pytest.param({"echoes": False}, None, id="no echoes"),
@@ -171,10 +171,12 @@ def test_robot_turns_the_boundary_to_the_chosen_side(
         ),
     ],
 )
-def test_hull_is_as_large_as_what_is_not_seen_asks_for(
-    foliage_room: Scene, overrides: dict[str, Any], hull: tuple[float, float] | None
+def test_footprint_is_as_large_as_what_is_not_seen_asks_for(
+    foliage_room: Scene,
+    overrides: dict[str, Any],
+    footprint: tuple[float, float] | None,
 ) -> None:
     with Client(InProcessTransport(Host(foliage_room))) as client:
         client.spawn("P3AT_Radar360")
-        found = hull_for(client.robot_info(), mission(**overrides))
-    assert found == (hull if hull is None else pytest.approx(hull))
+        found = footprint_for(client.robot_info(), mission(**overrides))
+    assert found == (footprint if footprint is None else pytest.approx(footprint))

@@ -699,11 +699,11 @@ def test_diagnostics_of_delayed_commands_are_returned_by_step(host: Host) -> Non
 
 def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
     number = connected(host)
-    assert not host.must_close(number)
+    assert not host.close_reason(number)
     (diagnostic,) = host.receive(number, b"GETSTARTPOSES\r\n" + b"x" * 70_000)
     assert diagnostic.kind == "line"
     assert diagnostic.text == "line of 70000 bytes, expected at most 65536"
-    assert host.must_close(number)
+    assert host.close_reason(number)
     assert host.take(number) == STARTS
     assert host.receive(number, b"\r\nGETSTARTPOSES\r\n") == []
     assert host.take(number) == b""
@@ -728,7 +728,7 @@ def test_http_request_is_closed_and_nothing_after_it_is_executed(
     number = connected(host)
     data = request_line + b"\r\nHost: a\r\n\r\n" + INIT + b"GETSTARTPOSES\r\n"
     assert host.receive(number, data[:cut]) + host.receive(number, data[cut:]) == []
-    assert host.must_close(number)
+    assert host.close_reason(number)
     assert "HTTP" in host.close_reason(number)
     host.receive(number, INIT)
     run_ticks(host, 20)
@@ -742,7 +742,7 @@ def test_http_request_after_a_command_is_one_bad_line(host: Host) -> None:
     assert len(diagnostics) == 1
     host.step()
     assert host.take(number) == GEO
-    assert not host.must_close(number)
+    assert not host.close_reason(number)
 
 
 def test_client_that_asks_without_reading_must_be_closed(empty_room: Scene) -> None:
@@ -753,11 +753,11 @@ def test_client_that_asks_without_reading_must_be_closed(empty_room: Scene) -> N
     size = host.unsent_bytes(number)
     assert 4000 < size < 4096  # as many as fit into one read
     while host.unsent_bytes(number) + size <= 4 * 2**20:
-        assert not host.must_close(number)
+        assert not host.close_reason(number)
         host.receive(number, b"GETSTARTPOSES\r\n")
         host.step()
     host.receive(number, b"GETSTARTPOSES\r\n")
-    assert host.must_close(number)
+    assert host.close_reason(number)
 
 
 def test_client_that_does_not_read_loses_readings_but_no_replies(host: Host) -> None:

@@ -299,7 +299,7 @@ def test_watcher_that_does_not_read_loses_the_oldest_and_holds_up_nobody(
     while host.dropped_readings(deaf.number) == 0:
         step(100, client, reader)
         assert host.unsent_bytes(deaf.number) < 2**22 + 2**16
-        assert not host.must_close(deaf.number)
+        assert not host.close_reason(deaf.number)
     assert seen(reader.data) == client.data
     assert host.dropped_readings(reader.number) == 0
     late = deaf.read()
@@ -352,9 +352,9 @@ def test_watcher_that_asks_again_and_again_without_reading_is_closed(
     for _ in range(2000):
         watcher.send(WATCH_ALL)
         host.step()
-        if host.must_close(watcher.number):
+        if host.close_reason(watcher.number):
             break
-    assert host.must_close(watcher.number)
+    assert host.close_reason(watcher.number)
     assert host.unsent_bytes(watcher.number) < 2**23
     host.disconnect(watcher.number)
     host.step()

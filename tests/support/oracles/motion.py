@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
-from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Contact, Footprint
+from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
 from radarsim.robots.obstacles import Obstacles
 
 CONTACT_GAP = 1e-3  # m left between the robot and what it runs into
@@ -88,6 +90,12 @@ def advance(
         pose.y + chord * math.sin(pose.yaw + half),
         wrap_angle(pose.yaw + turn),
     )
+
+
+class Contact(NamedTuple):
+    gap: float
+    away_x: float = 0.0
+    away_y: float = 0.0
 
 
 def find_contact(footprint: Footprint, pose: Pose2, segments: Floats) -> Contact:
@@ -233,9 +241,13 @@ class CollisionResolver:
         position = (pose.x, pose.y)
         if math.dist(position, self._cache_centre) > _CACHE_RANGE / 2:
             self._cache_centre = position
-            self._walls = self._obstacles.near(
-                *position, self._footprint.radius + _CACHE_RANGE
+            reach, walls = (
+                self._footprint.radius + _CACHE_RANGE,
+                self._obstacles.segments,
             )
+            lines = shapely.linestrings(walls)
+            near = shapely.distance(lines, shapely.Point(position)) <= reach
+            self._walls = walls[near]
         outlines = self._outlines_near(pose, others)
         return np.concatenate([self._walls, *outlines]) if outlines else self._walls
 

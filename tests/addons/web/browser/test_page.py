@@ -4,8 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Browser
 from served_page import Served
@@ -109,59 +107,6 @@ def test_names_of_robots_and_maps_are_text(
         commander.page.wait_for_timeout(300)
         commander.page.context.close()
     server.finish()
-
-
-# The rows and columns of a canvas that have a colour, px from its corner.
-SHOWN = """(canvas, [red, green, blue]) => {
-  const { width, height } = canvas;
-  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
-  const [rows, columns] = [[], []];
-  for (let i = 0; i < data.length; i += 4) {
-    if (data[i] !== red || data[i + 1] !== green || data[i + 2] !== blue) continue;
-    rows.push(Math.floor(i / 4 / width) * canvas.clientHeight / height);
-    columns.push((i / 4) % width * canvas.clientWidth / width);
-  }
-  return [rows, columns];
-}"""
-NOT_SENSED = [0xC2, 0xCB, 0xE0]
-DARK_PAPER = [0x1B, 0x1E, 0x23]
-
-
-def bottom_of(page: CommanderPage, name: str) -> float:
-    """Return how deep a part of the page reaches into the plan, px."""
-    part, plan = (page.page.locator(each).bounding_box() for each in (name, "#plan"))
-    assert part is not None
-    assert plan is not None
-    return part["y"] + part["height"] - plan["y"]
-
-
-@pytest.mark.slow
-def test_headlines_cover_no_part_of_plan_and_map(
-    served: Served, open_page: Callable[..., CommanderPage]
-) -> None:
-    page = open_page(served, color_scheme="dark")
-    page.add_robot("R1", kind="P3AT_Compare360", place=(-8, 0, 0))
-    page.page.click("#goal-pick")
-    top = page.point(0, page.bounds[3])[1]
-    assert 0 < bottom_of(page, "#aim") <= top
-    page.page.keyboard.press("Escape")
-    page.page.click("[data-view=map]")
-    page.page.locator("#mapping [name=on]").check()
-    page.until(lambda: "not sensed" in page.text("legend"), "for a map")
-    page.page.wait_for_timeout(500)
-    plan = page.page.locator("#plan")
-    rows, columns = plan.evaluate(SHOWN, NOT_SENSED)
-    assert bottom_of(page, "#finding") <= min(rows)
-    # Paper around the robot's ring, where the map is white.
-    assert page.map is not None
-    scale = (max(rows) - min(rows)) / (page.map["height"] * page.map["resolution"])
-    left = min(columns) + (-8 - page.map["origin"][0]) * scale
-    top = max(rows) - (0 - page.map["origin"][1]) * scale
-    down, right = plan.evaluate(SHOWN, DARK_PAPER)
-    away = np.hypot(np.array(right) - left, np.array(down) - top)
-    is_above = np.array(down) < top  # not the name, which has an outline as well
-    assert np.count_nonzero(is_above & (away > 10) & (away < 30)) > 50
-    page.remove_robots()
 
 
 def test_legend_names_what_is_drawn(commander: CommanderPage) -> None:

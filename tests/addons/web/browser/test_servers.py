@@ -1,7 +1,6 @@
 """The page with servers that are lost, are foreign, or cannot watch."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from commander_page import CommanderPage
@@ -15,22 +14,17 @@ OpenPage = Callable[..., CommanderPage]
 
 
 def test_a_lost_server_is_told_and_a_new_one_is_found(
-    empty_room: Scene, start_commander: Any, open_page: OpenPage, tmp_path: Path
+    empty_room: Scene, start_commander: Any, open_page: OpenPage
 ) -> None:
     first, second = (ServerThread(Host(empty_room), speed=1.0) for _ in range(2))
     address = first.begin()
-    with start_commander(address, record_to=tmp_path, map="empty_room") as running:
+    with start_commander(address, map="empty_room") as running:
         commander = open_page(running)
         lost = commander.page.locator("#lost")
         commander.add_robot("L1")
-        commander.page.click("#record")
-        commander.until(lambda: "Records to" in commander.text("notice"))
         assert lost.is_hidden()
         first.finish()
         commander.until(lost.is_visible, "for the banner")
-        commander.until(lambda: "Recorded in" in commander.text("notice"))
-        (folder,) = tmp_path.iterdir()
-        assert (folder / "metadata.yaml").exists()
         assert "stale" in (commander.page.locator("body").get_attribute("class") or "")
         commander.until(lambda: "no server" in commander.text("lost"))
         second.begin(port=address[1])

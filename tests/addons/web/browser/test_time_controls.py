@@ -4,10 +4,11 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from commander_page import CommanderPage
-from served_page import play, serve
+from served_page import serve
 
 
 def time_of(page: CommanderPage) -> float:
@@ -79,6 +80,7 @@ def x_of(page: CommanderPage) -> float:
 
 @pytest.mark.slow
 def test_a_run_is_recorded_played_paused_stepped_and_sought(
+    start_commander: Any,
     open_page: Callable[..., CommanderPage],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -88,7 +90,7 @@ def test_a_run_is_recorded_played_paused_stepped_and_sought(
         live = open_page(served)
         folder = record_a_drive(live)
         live.page.context.close()
-    with play(folder) as played:
+    with start_commander(None, recording=folder) as played:
         page = open_page(played)
         page.until(lambda: page.robot("R1") is not None, "for the robot")
         assert page.text("level") == "DM-FoliageRoom"

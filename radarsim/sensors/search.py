@@ -1,8 +1,8 @@
-"""The items with which robots look for victims and RFID tags.
+"""Sensors with which robots look for victims and RFID tags.
 
 Theory of operation
 ===================
-An item sees a target that is within its range and its field of view, if a ray to it is
+A sensor sees a target that is within its range and its field of view, if a ray to it is
 not stopped. The ray may end a little before the target: a tag is on a wall, and a user
 may have put a body around the parts of a victim. Sound and gas go around obstacles.
 
@@ -12,24 +12,22 @@ square of the distance from 0.1 m on; what no source tells is an estimate.
 """
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
-from typing import Any, ClassVar, Final, Generic, TypeVar
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from typing import ClassVar, Final, Generic, TypeVar
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from radarsim.geometry import Floats
-from radarsim.presets.robots import Item
+from radarsim.presets.sensor_settings import Angle, Positive
 from radarsim.protocol import rescue
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.rescue import Sighting
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
-from radarsim.scene.scene import Scene
-from radarsim.scene.victims import Place, Victim
-from radarsim.sensors.sonar import SONAR_CLASS
-from radarsim.simulation.items import Mounting
+from radarsim.scene.scene import Place, Scene, Victim
+from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
 Target = TypeVar("Target")
 REACH: Final = 0.3  # m before a target at which a ray to it may end
@@ -38,29 +36,35 @@ AHEAD: Final = (1.0, 0.0, 0.0)
 BREATH: Final = 0.1  # m within which breath has not mixed with the air
 
 
-class SearchItem(ABC, Generic[Target]):
-    """An item that sees some of the targets of a scene.
+class SearchSettings(BaseModel):
+    """All settings of a sensor that looks for victims or tags.
 
     Attributes:
-        item: The item of the robot's class.
+        max_range: Longest distance of what it notices, m.
+        fov_deg: Angle of the whole cone in which it notices that, degrees.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    max_range: Positive
+    fov_deg: Angle
+
+
+class SearchSensor(Sensor, Generic[Target]):
+    """A sensor that sees some of the targets of a scene.
+
+    Attributes:
         needs_sight: Whether what stops rays hides a target.
     """
 
+    settings: ClassVar[type[BaseModel]] = SearchSettings
     needs_sight: ClassVar[bool] = True
 
-    def __init__(self, mounting: Mounting, scene: Scene, *, carrier_id: int) -> None:
-        """Create the item.
-
-        Args:
-            mounting: What items are created from.
-            scene: What it looks at.
-            carrier_id: Id of the robot's box.
-        """
-        self.item: Item = mounting.item
-        self._robot = mounting.robot
-        self._settings = mounting.config.search_settings(self.item)
-        self._carrier_id = carrier_id
-        found = list(self.targets(scene))
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        self._max_range = mounting.settings.max_range
+        self._half_fov = math.radians(mounting.settings.fov_deg) / 2
+        found = list(self.targets(mounting.scene))
         self._targets = [target for target, _ in found]
         self._places = np.array([place for _, place in found]).reshape(-1, 3)
         # Of the last rays: numbers of their targets, and all places, sensor's frame.
@@ -85,37 +89,34 @@ class SearchItem(ABC, Generic[Target]):
 
     def rays(self) -> Rays:
         """Return a ray to each target within range and field of view."""
-        pose = self._robot.body.compose(self.item.mount)
+        pose = self.pose
         self._local = places = (self._places - pose.position()) @ pose.rotation()
         distances = np.linalg.norm(places, axis=1)
         angles = np.arctan2(np.hypot(places[:, 1], places[:, 2]), places[:, 0])
-        is_near = distances <= self._settings.max_range
-        is_near &= angles <= math.radians(self._settings.fov_deg) / 2
+        is_near = (distances <= self._max_range) & (angles <= self._half_fov)
         self._near = np.flatnonzero(is_near)
         aimed = self._near if self.needs_sight else self._near[:0]
         # What is where the sensor is lies in no direction; any will do.
         offsets = np.where(distances[:, None] > LEAST, places, AHEAD)[aimed]
         lengths = np.linalg.norm(offsets, axis=1)
-        rays = Rays.uniform(
+        return sight_rays(
             np.tile(pose.position(), (len(aimed), 1)),
             offsets / lengths[:, None] @ pose.rotation().T,
-            max_range=0.0,
-            carrier_id=self._carrier_id,
+            np.maximum(distances[aimed] - REACH, 0.0),
+            self.robot.number,
         )
-        reach = np.maximum(distances[aimed] - REACH, 0.0)
-        return replace(rays, max_range=reach, ray_classes=(SONAR_CLASS,))
 
-    def read(self, time: float, traces: Traces) -> tuple[SensorReport, ...]:
+    def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
         """Return the reading, if there is one."""
         seen = self._near
         if self.needs_sight:
             seen = seen[traces.outcomes == Outcome.NOTHING]
         targets = [self._targets[k] for k in seen]
         report = self.report(time, targets, self._local[seen])
-        return () if report is None else (report,)
+        return [] if report is None else [report]
 
 
-class RfidItem(SearchItem[str]):
+class RfidReader(SearchSensor[str], types=["RFID"]):
     """A reader of RFID tags; without a tag it reports nothing."""
 
     def targets(self, scene: Scene) -> Iterable[tuple[str, Place]]:
@@ -130,7 +131,7 @@ class RfidItem(SearchItem[str]):
         return rescue.RfidTags(time, self.item.name, _sightings(seen, places))
 
 
-class VictimItem(SearchItem[str]):
+class VictimSensor(SearchSensor[str], types=["VictSensor"]):
     """A sensor that sees parts of bodies."""
 
     def targets(self, scene: Scene) -> Iterable[tuple[str, Place]]:
@@ -145,36 +146,26 @@ def _sightings(labels: Sequence[str], places: Floats) -> tuple[Sighting, ...]:
     return tuple(Sighting(label, (x, y, z)) for label, (x, y, z) in rows)
 
 
-class SignItem(SearchItem[Victim]):
-    """An item that notices a sign of life of victims, at their heads."""
-
-    def targets(self, scene: Scene) -> Iterable[tuple[Victim, Place]]:
-        return [(each, each.head) for each in scene.victims if self.is_given_by(each)]
-
-    @abstractmethod
-    def is_given_by(self, victim: Victim) -> bool:
-        """Return whether a victim gives this sign."""
-
-
-class MotionItem(SignItem):
+class MotionSensor(SearchSensor[Victim], types=["HumanMotion"]):
     """A sensor of motion: the less far away somebody moves, the surer it is."""
 
-    def is_given_by(self, victim: Victim) -> bool:
-        return victim.moves
+    def targets(self, scene: Scene) -> Iterable[tuple[Victim, Place]]:
+        return [(each, each.head) for each in scene.victims if each.moves]
 
     def report(self, time: float, _: Sequence[Victim], places: Floats) -> SensorReport:
-        most = self._settings.max_range
+        most = self._max_range
         nearest = float(np.linalg.norm(places, axis=1).min(initial=most))
         return rescue.HumanMotion(time, self.item.name, 1.0 - nearest / most)
 
 
-class SoundItem(SignItem):
-    """A microphone."""
+class Microphone(SearchSensor[Victim], types=["Sound"]):
+    """A microphone, which hears victims call."""
 
     needs_sight = False
 
-    def is_given_by(self, victim: Victim) -> bool:
-        return victim.loudness is not None
+    def targets(self, scene: Scene) -> Iterable[tuple[Victim, Place]]:
+        callers = (each for each in scene.victims if each.loudness is not None)
+        return [(each, each.head) for each in callers]
 
     def report(
         self, time: float, seen: Sequence[Victim], places: Floats
@@ -189,13 +180,13 @@ class SoundItem(SignItem):
         return rescue.Sound(time, self.item.name, max(0.0, total), duration)
 
 
-class GasItem(SignItem):
+class GasSensor(SearchSensor[Victim], types=["CO2Sensor"]):
     """A sensor of carbon dioxide."""
 
     needs_sight = False
 
-    def is_given_by(self, victim: Victim) -> bool:
-        return victim.co2 > 0
+    def targets(self, scene: Scene) -> Iterable[tuple[Victim, Place]]:
+        return [(each, each.head) for each in scene.victims if each.co2 > 0]
 
     def report(
         self, time: float, seen: Sequence[Victim], places: Floats
@@ -205,13 +196,3 @@ class GasItem(SignItem):
         density = float((shares * (BREATH / distances) ** 2).sum())
         name = self.item.name
         return rescue.GasDensity(time, name, rescue.CO2, min(density, 100.0))
-
-
-# By item type.
-SEARCH_ITEMS: Final[dict[str, Callable[..., SearchItem[Any]]]] = {
-    "RFID": RfidItem,
-    "VictSensor": VictimItem,
-    "HumanMotion": MotionItem,
-    "Sound": SoundItem,
-    "CO2Sensor": GasItem,
-}

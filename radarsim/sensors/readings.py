@@ -5,7 +5,7 @@
 
 import operator
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +13,9 @@ from numpy.typing import NDArray
 from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.robots.fleet import Fleet
 
-# Kinds of jobs, as ``Reading`` in ``readings.hpp``. One number each: time, s; charge of
-# the battery, s; whether it is touched.
-TIME, CHARGE, TOUCHED = range(3)
-# Pose of the body; its yaw, rad; angles of the front and the rear wheels; heights above
-# the spawn and above the sea, m; minutes since the spawn.
-BODY_POSE, HEADING, STEERING, ALTITUDES, MINUTES = range(3, 8)
-# x, y, yaw that the wheels imply; nothing, while the drift of an INS goes on; the pose
-# that it estimates.
-WHEEL_POSE, DRIFT, INS_POSE = range(8, 11)
-# One number for a wheel: its speed, which is measured then; its angle; its ticks.
-LEFT_SPEED, RIGHT_SPEED, LEFT_ANGLE, RIGHT_ANGLE, TICKS = range(11, 16)
-# Three numbers: accelerations, and those of a mass that rests on the sensor. Twelve: of
-# an inertial measurement unit. One: of a link of a mission package.
-ACCELERATION, PROPER_ACCELERATION, INERTIA, LINK_ANGLE = range(16, 20)
+if TYPE_CHECKING:
+    from radarsim.robots.fleet import Fleet
 
 _JOB: Final = engine.rows["Job"]
 _DUE: Final = engine.rows["DueJobs"]
@@ -39,7 +26,7 @@ class Job(NamedTuple):
     """What the numbers of an attribute are computed from.
 
     Attributes:
-        kind: One of the kinds above.
+        kind: A ``Reading`` of ``readings.hpp``.
         place: Place of the sensor's state in the row of its robot.
     """
 
@@ -64,7 +51,7 @@ class Program(NamedTuple):
 class ReadingTable:
     """What the sensors of all robots remember, a row for each slot of a fleet; jobs."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet: "Fleet") -> None:
         self._fleet = fleet
         self._rows: Floats = np.zeros((0, 1))
         self._jobs = np.zeros(0, _JOB)
@@ -99,7 +86,7 @@ class ReadingTable:
         out = np.zeros(sum([each.size for _, each in due]))
         rows = np.array([(slot, each.first, each.end) for slot, each in due], _DUE)
         fleet, tables = self._fleet, self._tables
-        arrays = self._jobs, self._rows, fleet.columns, fleet.odometry
+        arrays = self._jobs, self._rows, fleet.table, fleet.odometry
         if not all(map(operator.is_, arrays, tables.fields.values())):
             tables = self._tables = self._pack()
         depleted = engine.take_readings(rows, tables, ticks, out)
@@ -111,7 +98,7 @@ class ReadingTable:
         return engine.structures["SensorTables"].pack(
             jobs=self._jobs,
             rows=self._rows,
-            robots=self._fleet.columns,
+            robots=self._fleet.table,
             odometry=self._fleet.odometry,
         )
 
@@ -119,7 +106,7 @@ class ReadingTable:
         """Return the row of a slot; there is room for at least ``width`` numbers."""
         rows, columns = self._rows.shape
         if slot >= rows or width > columns:
-            shape = max(rows, len(self._fleet.columns)), max(columns, width)
+            shape = max(rows, len(self._fleet.table)), max(columns, width)
             # By the fleet's own growth, which doubles: rows are copied rarely.
             more = np.zeros(shape)
             more[:rows, :columns] = self._rows
@@ -129,7 +116,11 @@ class ReadingTable:
 
 
 class RobotState:
-    """What the sensors of one robot remember."""
+    """What the sensors of one robot remember.
+
+    Attributes:
+        table: Where it is.
+    """
 
     def __init__(self, table: ReadingTable, slot: int) -> None:
         """Begin without sensors.
@@ -138,7 +129,7 @@ class RobotState:
             table: Where it is.
             slot: Slot of the robot in the fleet.
         """
-        self._table = table
+        self.table = table
         self._slot = slot
         self._width = _DEPLETED + 1
         self.is_depleted = False
@@ -160,10 +151,15 @@ class RobotState:
         self._row[places] = numbers
         return places
 
+    def jobs(self, kind: int, places: slice, dtype: np.dtype[np.void]) -> list[Job]:
+        """Return a job for each of some structures."""
+        starts = range(places.start, places.stop, dtype.itemsize // 8)
+        return [Job(kind, start) for start in starts]
+
     def __getitem__(self, places: slice) -> Floats:
         """Return a view of some numbers, which is not to be kept."""
         return self._row[places]
 
     @property
     def _row(self) -> Floats:
-        return self._table.row(self._slot, self._width)
+        return self.table.row(self._slot, self._width)

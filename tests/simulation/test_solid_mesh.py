@@ -2,24 +2,26 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
 from radarsim.robots.obstacles import slice_parts
-from radarsim.robots.solid_mesh import Area, SolidMesh
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
+from radarsim.simulation.flight import Area, SolidMesh
 
 
 def reaching_into(segments: Floats, area: Area) -> Floats:
     """Return the segments whose bounding boxes reach into an area."""
     low, high = segments.min(axis=1), segments.max(axis=1)
-    inside = (low <= [area.x_max, area.y_max]) & (high >= [area.x_min, area.y_min])
+    x_min, x_max, y_min, y_max = area
+    inside = (low <= [x_max, y_max]) & (high >= [x_min, y_min])
     reaching: Floats = segments[inside.all(axis=1)]
     return reaching
 
 
+@settings(max_examples=20)
 @given(
     x=st.floats(-12, 12),
     y=st.floats(-12, 12),
@@ -29,7 +31,7 @@ def reaching_into(segments: Floats, area: Area) -> Floats:
 def test_a_slice_is_that_of_all_parts_in_the_same_order(
     foliage_room: Scene, x: float, y: float, size: float, height: float
 ) -> None:
-    area = Area(x, x + size, y, y + size)
+    area = x, x + size, y, y + size
     solid = [part for part in foliage_room.parts if part.material.solid]
     expected = reaching_into(slice_parts(solid, height), area)
     found = SolidMesh(foliage_room.parts).slice(area, height)
@@ -41,7 +43,7 @@ def test_parts_that_are_not_solid_are_left_out(solid: bool) -> None:
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]])
     faces = np.array([[0, 1, 2]], np.int32)
     part = Part("p", Material("m", 1.0, 1.0, solid=solid), corners, faces)
-    found = SolidMesh([part]).slice(Area(-1, 2, -1, 2), 0.5)
+    found = SolidMesh([part]).slice((-1, 2, -1, 2), 0.5)
     assert found.shape == (int(solid), 2, 2)
 
 

@@ -1,0 +1,104 @@
+"""Sensors of what the body of a robot does: pose, contact, height, heading, time."""
+
+from collections.abc import Sequence
+from typing import ClassVar, Final
+
+import numpy as np
+
+from radarsim.engine import engine
+from radarsim.protocol import reports
+from radarsim.protocol.fields import SensorReport
+from radarsim.sensors.readings import Job
+from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
+
+_ACCELEROMETER: Final = engine.rows["Accelerometer"]
+
+
+class GroundTruthSensor(EngineSensor, types=["GroundTruth"]):
+    """Reads the true pose of the robot's body."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        sample = reports.GroundTruth(0.0, self.item.name, self.robot.body)
+        self._report(sample, pose=[Job(Reading.BODY_POSE)])
+
+
+class TouchSensor(EngineSensor, types=["Touch"]):
+    """Reads whether something touches the robot."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        sample = reports.Touch(0.0, self.item.name, touched=False)
+        self._report(sample, touched=[Job(Reading.TOUCHED)])
+
+
+class AltitudeSensor(EngineSensor, types=["AltitudeSensor"]):
+    """Reads how high the robot is above its spawn, and above the sea."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        place = mounting.state.add(np.array([self.robot.body.z])).start
+        sample = reports.Altitude(0.0, self.item.name, 0.0, 0.0)
+        # The job of the first attribute writes the numbers of both.
+        jobs = [Job(Reading.ALTITUDES, place)]
+        self._report(sample, above_start=jobs, above_sea=())
+
+
+class Compass(EngineSensor, types=["MagneticCompass"]):
+    """Reads the heading of the robot."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        sample = reports.Compass(0.0, self.item.name, 0.0)
+        self._report(sample, heading=[Job(Reading.HEADING)])
+
+
+class MissionClock(EngineSensor, types=["MissionTime"]):
+    """Counts the minutes since the spawn."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        start = np.array([round(100 * mounting.time)], np.float64)
+        job = Job(Reading.MINUTES, mounting.state.add(start).start)
+        self._report(reports.MissionTime(0.0, self.item.name, 0), minutes=[job])
+
+
+class Accelerometer(EngineSensor, types=["Accel"]):
+    """Reads how the velocity changes, along its axes.
+
+    Attributes:
+        reading: What the engine writes.
+        report: The report of it.
+        others: Attributes of the report besides the acceleration.
+    """
+
+    reading: ClassVar[int] = Reading.ACCELERATION
+    report: ClassVar[type[SensorReport]] = reports.Acceleration
+    others: ClassVar[Sequence[str]] = ()
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        start = np.zeros(1, _ACCELEROMETER)
+        start["axes"] = self.item.mount.rotation().T.ravel()
+        start["read_at"] = mounting.time
+        start["attitude"] = 0.0, 0.0, self.robot.pose.yaw
+        job = Job(self.reading, mounting.state.add(start).start)
+        vectors = dict.fromkeys(("acceleration", *self.others), (0.0, 0.0, 0.0))
+        sample = self.report(0.0, name=self.item.name, **vectors)  # type: ignore[call-arg]
+        # The job of the first attribute writes the numbers of all of them.
+        self._report(sample, acceleration=[job], **dict.fromkeys(self.others, ()))
+
+
+class ProperAccelerometer(Accelerometer, types=["AcceleroMeter"]):
+    """Reads the acceleration of what rests on it, so that it feels gravity."""
+
+    reading = Reading.PROPER_ACCELERATION
+    report = reports.ProperAcceleration
+
+
+class InertialUnit(Accelerometer, types=["IMU"]):
+    """An inertial measurement unit, which reads how the robot turns, too."""
+
+    reading = Reading.INERTIA
+    report = reports.Imu
+    others = ("rates", "rate_changes", "angles")

@@ -1,0 +1,85 @@
+"""Mission packages: links that turn at their speeds to where they are told."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.engine import engine
+from radarsim.geometry import Pose3
+from radarsim.protocol import packages
+from radarsim.protocol.packages import LinkOrder, PackageState
+from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
+
+FAR: Final = 1e6  # rad; where a link without limits turns to that is told a speed
+_LINK: Final = engine.rows["Link"]
+
+
+class MissionPackage(EngineSensor, types=["MisPkg"]):
+    """A mission package, which reports the state of its links."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        links, self._state = self.item.links, mounting.state
+        start = np.zeros(len(links), _LINK)
+        angles = [link.limit(0.0) for link in links]
+        start["from_angle"] = start["to_angle"] = angles
+        self._places = self._state.add(start)
+        torques = [-link.max_torque for link in links]
+        states = tuple(zip(angles, torques, strict=True))
+        self._report(
+            PackageState(0.0, self.item.name, states),
+            links=self._state.jobs(Reading.LINK_ANGLE, self._places, _LINK),
+        )
+
+    def tip(self, ticks: int) -> Pose3:
+        """Return the pose of its last link in the body frame.
+
+        Args:
+            ticks: Simulated time in ticks.
+        """
+        pose = self.item.mount
+        for number, link in enumerate(self.item.links):
+            angle = engine.angle_of_link(self._link(number), ticks)
+            pose = pose.compose(link.turned(angle))
+        return pose
+
+    def move(self, order: LinkOrder, ticks: int) -> bool:
+        """Let a link move from now on, if it is one of this package.
+
+        Args:
+            order: What a link is told.
+            ticks: Simulated time in ticks.
+
+        Returns:
+            Whether there is this link.
+        """
+        name = order.name.casefold()
+        is_own = name == self.item.name.casefold()
+        for number, link in enumerate(self.item.links):
+            is_named = order.link is None and link.name.casefold() == name
+            if is_named or (is_own and order.link == number + 1):
+                self._turn(number, order, ticks)
+                return True
+        return False
+
+    def _turn(self, number: int, order: LinkOrder, ticks: int) -> None:
+        """Turn a link; an order that is not known does nothing."""
+        link, state = self.item.links[number], self._link(number)
+        angle = engine.angle_of_link(state, ticks)
+        speed = link.max_speed
+        if order.order in (packages.ABSOLUTE, packages.BANG_BANG):
+            target = order.value
+        elif order.order == packages.RELATIVE:
+            target = angle + order.value
+        elif order.order == packages.RATE:
+            target = math.copysign(FAR, order.value)
+            speed = min(abs(order.value), speed)
+        else:
+            return
+        state["from_angle"], state["from_tick"] = angle, ticks
+        state["to_angle"], state["speed"] = link.limit(target), speed
+
+    def _link(self, number: int) -> NDArray[Any]:
+        return self._state[self._places].view(_LINK)[number : number + 1]

@@ -1,0 +1,131 @@
+"""Sensors of wheels: odometry, tachometers, encoders; ``readings.hpp`` reads them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.engine import engine
+from radarsim.geometry import Pose2
+from radarsim.protocol import reports
+from radarsim.sensors.readings import Job
+from radarsim.sensors.sensor import EngineSensor, Mounting, Reading, Source
+
+ENCODER_NOISE: Final = 0.005  # largest error, as a fraction of the total angle
+ENCODER_RESOLUTION: Final = 0.01745  # rad per tick, as in readings.hpp
+_TACHOMETER: Final = engine.rows["Tachometer"]
+_ENCODER: Final = engine.rows["Encoder"]
+
+
+class Odometry(EngineSensor, types=["Odometry"]):
+    """Reads the pose that follows from the turns of the wheels."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        self._odometry = self.robot.fleet.add_odometry(self.robot)
+        place = mounting.state.add(np.array([float(self._odometry.row)])).start
+        sample = reports.Odometry(0.0, self.item.name, Pose2(0.0, 0.0))
+        self._report(sample, pose=[Job(Reading.WHEEL_POSE, place)])
+
+    def reset(self) -> None:
+        """Start again from a pose of zeros."""
+        self._odometry.reset()
+
+
+class Tachometer(EngineSensor, types=["Tachometer"]):
+    """Reads speeds and angles of the wheels."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        start, self._state = np.zeros(1, _TACHOMETER), mounting.state
+        start["read_at"] = mounting.time
+        start["angles"] = start["zero"] = self.robot.side_angles
+        self._places, sides = self._state.add(start), self.robot.model.wheels
+        zeros, place = (0.0,) * len(sides), self._places.start
+        speeds = {"left": Reading.LEFT_SPEED, "right": Reading.RIGHT_SPEED}
+        angles = {"left": Reading.LEFT_ANGLE, "right": Reading.RIGHT_ANGLE}
+        self._report(
+            reports.Tachometer(0.0, self.item.name, zeros, zeros),
+            velocities=[Job(speeds[side], place) for side in sides],
+            positions=[Job(angles[side], place) for side in sides],
+        )
+
+    def reset(self) -> None:
+        """Count angles from zero again."""
+        self._state[self._places].view(_TACHOMETER)["zero"] = self.robot.side_angles
+
+
+class Encoder(EngineSensor, types=["Encoder"]):
+    """Reads ticks of the wheels that are in the item's name."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        sides, self._state = self.robot.model.wheels, mounting.state
+        wheels = encoded_wheels(self.item.name, sides)
+        start = np.zeros(len(wheels), _ENCODER)
+        start["side"] = [sides[index] == "right" for _, index, _ in wheels]
+        start["sign"] = [sign for *_, sign in wheels]
+        start["noise"], start["used"] = ENCODER_NOISE, np.inf
+        self._places = self._state.add(start)
+        self.draw()
+        self.reset()
+        sample = reports.Encoder(0.0, tuple((name, 0) for name, *_ in wheels))
+        self._report(
+            sample, ticks=self._state.jobs(Reading.TICKS, self._places, _ENCODER)
+        )
+
+    def reset(self) -> None:
+        """Count ticks from zero again."""
+        encoders, (left, right) = self._encoders, self.robot.side_angles
+        encoders["zero"] = np.where(encoders["side"], right, left)
+
+    def draw(self) -> None:
+        """Draw the errors of the next readings, if they are used up."""
+        encoders = self._encoders
+        draws = encoders["draws"]
+        if (encoders["used"] >= draws.shape[1]).any():
+            draws[:] = self._rng.random(draws.T.shape).T
+            encoders["used"] = 0.0
+
+    @property
+    def _encoders(self) -> NDArray[Any]:
+        return self._state[self._places].view(_ENCODER)
+
+
+def encoded_wheels(name: str, sides: Sequence[str]) -> list[tuple[str, int, int]]:
+    """Return the wheels whose ticks an encoder counts, by its name.
+
+    ``W1`` counts wheel 1. ``ECLeft`` counts the first of the left wheels, forward
+    negative, as clients of UT2004's encoders expect.
+
+    Source: the original server's encoder, and lines of UT2004's that clients quote.
+
+    Args:
+        name: Name of the item.
+        sides: ``left`` or ``right`` for each wheel.
+
+    Returns:
+        Of each the name that its ticks have in a reading, its index, and -1 if forward
+        counts down, else 1.
+    """
+    for side in ("left", "right"):
+        if name.casefold() == f"ec{side}" and side in sides:
+            return [(name, sides.index(side), -1)]
+    numbers = [wheel for wheel in range(len(sides)) if f"W{wheel}" in name]
+    return [(f"W{wheel}", wheel, 1) for wheel in numbers]
+
+
+def join_encoders(sources: Iterable[Source]) -> list[Source]:
+    """Return the sources of reports, with one report of neighbouring encoders."""
+    joined: list[Source] = []
+    for sample, jobs in sources:
+        before, its_jobs = joined[-1] if joined else (None, {})
+        # Clients of the older servers read the encoders of both sides from one line.
+        if isinstance(before, reports.Encoder) and isinstance(sample, reports.Encoder):
+            both = replace(before, ticks=(*before.ticks, *sample.ticks))
+            joined[-1] = both, {**jobs, "ticks": [*its_jobs["ticks"], *jobs["ticks"]]}
+        else:
+            joined.append((sample, jobs))
+    return joined

@@ -1,0 +1,33 @@
+"""Parts of scenes: boxes of a material."""
+
+import math
+
+import numpy as np
+
+from radarsim.geometry import rotation_matrix
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+from radarsim.scene.shapes import box
+
+Triple = tuple[float, float, float]
+
+
+def block(
+    name: str, material: Material, size: Triple, place: Triple, yaw_deg: float = 0.0
+) -> Part:
+    """Return a box around a place."""
+    vertices, faces = box(*size)
+    turned = vertices @ rotation_matrix(0, 0, math.radians(yaw_deg)).T
+    return Part(name, material, turned + np.array(place), faces)
+
+
+def brick(
+    material: Material, size: Triple, place: Triple, yaw_deg: float = 0.0
+) -> Part:
+    """Return a box with the name of its material."""
+    return block(material.name, material, size, place, yaw_deg)
+
+
+def layer(name: str, material: Material, near: float, far: float) -> Part:
+    """Return what a ray along x crosses between two distances."""
+    return block(name, material, (far - near, 4, 4), ((near + far) / 2, 0, 0))
