@@ -1,4 +1,4 @@
-"""Bridges of ROS that run in a thread of a test."""
+"""Bridges of ROS that run in a thread of a test, or in a process."""
 
 import asyncio
 import queue
@@ -6,6 +6,8 @@ import threading
 from collections.abc import Coroutine, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
+
+from processes import start_radarsim
 
 from radarsim.addons.ros.board import Board
 from radarsim.addons.ros.bridge import run_bridge
@@ -63,3 +65,16 @@ def serving(
     )
     with running(work):
         yield ports.get(timeout=TIMEOUT)
+
+
+@contextmanager
+def bridge(server: UsarsimServer, *options: str) -> Iterator[str]:
+    """Run a bridge in a process of its own; yield what it prints first."""
+    words = ("ros", "--connect", f"127.0.0.1:{server.port}", *options)
+    with start_radarsim(*words) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().decode()
+        finally:
+            process.terminate()
+            process.communicate(timeout=TIMEOUT)

@@ -5,13 +5,12 @@ wire, so that a run can be repeated. Their times are simulated: that of the tick
 nanosecond more for each call in it, so that no two are equal and their order is kept.
 """
 
-import pickle
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Final
 
 from radarsim.addons.recording.bag_folder import RecordingInfo
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.host_recorder import EventType, RunEvent, unpack
 from radarsim.addons.recording.messages import (
     Fields,
     TopicMessage,
@@ -20,7 +19,12 @@ from radarsim.addons.recording.messages import (
     transforms,
 )
 from radarsim.addons.recording.robot_model import body_of
-from radarsim.addons.recording.robot_topics import Legend, RobotTopics, topic_name
+from radarsim.addons.recording.robot_topics import (
+    Legend,
+    RobotTopics,
+    map_topic,
+    topic_name,
+)
 from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, same_name
 from radarsim.client.session import Session
 from radarsim.errors import ClientError, MalformedMessage
@@ -84,7 +88,7 @@ class CallConverter:
     def _messages(self, event: RunEvent) -> Iterator[TopicMessage]:
         type_, tick, client, data = event
         if type_ is EventType.MAP:
-            yield pickle.loads(data)
+            yield map_topic(*unpack(data))
             return
         time = tick * TICK / 1e9
         connection = self._connections.setdefault(client, _Connection())
@@ -93,7 +97,7 @@ class CallConverter:
                 yield from self._describe(connection, data.decode(), time)
             case EventType.TURN:
                 assert connection.topics is not None  # it is described before
-                yield from connection.topics.of_turn(*pickle.loads(data))
+                yield from connection.topics.of_turn(*unpack(data))
             case EventType.PICTURE:
                 yield from self._picture(connection, data, time)
             case EventType.DISCONNECT:

@@ -8,11 +8,13 @@ of robots is for those who read the recording; no repetition needs it.
 
 from __future__ import annotations
 
-import pickle
+import io
+import json
 from collections.abc import Callable
+from dataclasses import astuple
 from enum import IntEnum
 from functools import partial
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +39,7 @@ DESCRIBED: Final = ("Robot", "RangeScanner", "INS")
 class EventType(IntEnum):
     """What is recorded: calls of a host, and what else is told of a run.
 
-    The data of a turn, a map and a view are pickled, as they only pass from this
-    process to the one that writes.
+    The data of a turn, a map and a view are packed by ``pack``.
     """
 
     CONNECT = 1
@@ -51,8 +52,8 @@ class EventType(IntEnum):
     END = 8  # the recording ends
     ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
     TURN = 101  # a turn of a radar on the robot of a client; see ``TurnCollector``
-    MAP = 102  # the message of a map that is made in the run
-    VIEW = 103  # what the camera on the robot of a client looks at
+    MAP = 102  # a map that is made in the run: the arguments of ``map_topic``
+    VIEW = 103  # what the camera on the robot of a client looks at; see ``draw_views``
     PICTURE = 104  # a picture of that camera, as JPEG
 
 
@@ -77,6 +78,21 @@ class RunEvent(NamedTuple):
         return self.type <= EventType.END
 
 
+def pack(*values: Any) -> bytes:
+    """Return values of JSON, and an array after them, as data of an event."""
+    *head, array = values
+    file = io.BytesIO()
+    file.write(json.dumps(head).encode() + b"\n")
+    np.save(file, array, allow_pickle=False)
+    return file.getvalue()
+
+
+def unpack(data: bytes) -> list[Any]:
+    """Return the values that ``pack`` was called with."""
+    file = io.BytesIO(data)
+    return [*json.loads(file.readline()), np.load(file, allow_pickle=False)]
+
+
 class TurnCollector:
     """Collects what an antenna receives until a turn is complete."""
 
@@ -85,7 +101,7 @@ class TurnCollector:
 
         Args:
             scanner: Name of the scanner item.
-            report: Called with each turn, once it is complete: the pickled arguments of
+            report: Called with each turn, once it is complete: the packed arguments of
                 ``RobotTopics.of_turn``.
         """
         self._scanner, self._report = scanner, report
@@ -108,8 +124,8 @@ class TurnCollector:
         if sector.ends_turn:
             turn = np.concatenate(self._rows)
             self._rows.clear()
-            arguments = self._scanner, self._began, settings.bin_size, turn
-            self._report(pickle.dumps(arguments))
+            data = pack(self._scanner, self._began, settings.bin_size, turn)
+            self._report(data)
 
 
 class HostRecorder(HostObserver):
@@ -218,8 +234,8 @@ class HostRecorder(HostObserver):
         for client, (vehicle, _) in self._described.items():
             if vehicle is first:
                 view = View.of(simulation)
-                data = view.camera, view.boxes.rows, view.carrier_id
-                self._report(EventType.VIEW, client, pickle.dumps(data))
+                data = pack(astuple(view.camera), view.carrier_id, view.boxes.rows)
+                self._report(EventType.VIEW, client, data)
 
     def _observe_antennas(self, client: int, vehicle: Vehicle) -> None:
         """Report the turns of the radars on a robot."""

@@ -8,9 +8,10 @@ pipe it completes the recording.
 
 from __future__ import annotations
 
+import json
 import logging
 import os
-import pickle
+import struct
 import subprocess
 import sys
 import threading
@@ -26,7 +27,7 @@ from radarsim.addons.recording.bag_folder import (
     create_folder,
     recorded_scene,
 )
-from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
+from radarsim.addons.recording.host_recorder import EventType, HostRecorder, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
 WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
 PAUSE: Final = 0.01  # s between looks at a process that is behind
 END_TIMEOUT: Final = 60.0  # s that it has to write what is left
+FRAME: Final = struct.Struct("<BQQQ")  # type, tick, client, bytes that follow
 # The modules are found where this process has found them.
 PROGRAM: Final = (
     "import sys; sys.path[:] = sys.argv[1:];"
@@ -87,7 +89,7 @@ class RecordingProcess:
         except OSError as error:
             text = f"cannot start recording: {describe_os_error(error)}"
             raise RecordingError(text) from error
-        self._frames.append(pickle.dumps((folder.resolve(), info)))
+        self._frames.append(opening_of(folder, info))
         self._thread = threading.Thread(target=self._pass_on, daemon=True)
         self._thread.start()
 
@@ -109,7 +111,7 @@ class RecordingProcess:
         """Record an event; never raises, and waits only if that was asked for."""
         if self._has_ended:
             return
-        frame = pickle.dumps(event)
+        frame = frame_of(event)
         # Appending to a deque needs no lock, so that no tick waits for the thread. Two
         # counters, as one that both change would need a lock.
         self._frames.append(frame)
@@ -193,12 +195,26 @@ def record_host(
     return complete
 
 
+def opening_of(folder: Path, info: RecordingInfo) -> bytes:
+    """Return what the process reads first: a line of JSON."""
+    opening = str(folder.resolve()), info.model_dump(mode="json")
+    return json.dumps(opening).encode() + b"\n"
+
+
+def frame_of(event: RunEvent) -> bytes:
+    """Return an event as the process reads it."""
+    return FRAME.pack(*event[:3], len(event.data)) + event.data
+
+
 def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
     """Yield events up to the end of the pipe, or to one that is not whole."""
-    # The server was killed while it wrote: the event before was the last.
-    with suppress(EOFError, pickle.UnpicklingError):
-        while True:
-            yield pickle.load(pipe)
+    while len(head := pipe.read(FRAME.size)) == FRAME.size:
+        type_, tick, client, size = FRAME.unpack(head)
+        data = pipe.read(size)
+        # The server was killed while it wrote: the event before was the last.
+        if len(data) < size:
+            return
+        yield RunEvent(EventType(type_), tick, client, data)
 
 
 def write_recording(
@@ -250,12 +266,13 @@ def write_run() -> None:
     if sys.platform != "win32":  # which has no such call
         os.nice(NICENESS)
     pipe = sys.stdin.buffer
-    try:
-        folder, info = pickle.load(pipe)
-    except (EOFError, pickle.UnpicklingError):  # the server was killed before
+    opening = pipe.readline()
+    if not opening.endswith(b"\n"):  # the server was killed before
         return
+    folder, conditions = json.loads(opening)
+    info = RecordingInfo.model_validate(conditions)
     try:
-        write_recording(folder, info, _read_events(pipe), recorded_scene(info))
+        write_recording(Path(folder), info, _read_events(pipe), recorded_scene(info))
     except OSError as error:
         text = f"recording to {folder} ends: {describe_os_error(error)}"
         sys.stderr.write(f"radarsim: {text}; the server goes on\n")

@@ -390,19 +390,19 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
 
 
 def map_topic(
-    time: float, cells: NDArray[np.int8], corner: tuple[float, float], resolution: float
+    time: float, corner: tuple[float, float], resolution: float, cells: NDArray[np.int8]
 ) -> TopicMessage:
     """Return the message of ``/map``; see ``occupancy_grid``."""
     grid = occupancy_grid(time, MAP, cells, Pose3(*corner, 0.0), resolution)
     return TopicMessage("/map", grid, latched=True)
 
 
-def sensed_map(grid: OccupancyGrid, time: float) -> TopicMessage:
-    """Return the sensed part of a map; foliage is occupied: robots drive into it.
+def sensed_map(
+    grid: OccupancyGrid,
+) -> tuple[tuple[float, float], float, NDArray[np.int8]]:
+    """Return the sensed part of a map that has cells, for ``map_topic``.
 
-    Args:
-        grid: The map; it has cells.
-        time: Simulated time, s.
+    Foliage is occupied: robots drive into it.
     """
     levels = np.full(len(CellClass), FREE, np.int8)
     levels[CellClass.UNKNOWN] = UNKNOWN
@@ -411,4 +411,4 @@ def sensed_map(grid: OccupancyGrid, time: float) -> TopicMessage:
     x, y = grid.frame.origin
     size = grid.frame.resolution
     corner = x + columns.start * size, y + rows.start * size
-    return map_topic(time, levels[grid.classes()[rows, columns]], corner, size)
+    return corner, size, levels[grid.classes()[rows, columns]]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -179,11 +178,11 @@ class RunRecording(Recording):
         # case.
         if time < self._map_due and not last:
             return
-        from radarsim.addons.recording.host_recorder import EventType, RunEvent
+        from radarsim.addons.recording.host_recorder import EventType, RunEvent, pack
         from radarsim.addons.recording.robot_topics import sensed_map
 
         self._map_due = time + MAP_INTERVAL
-        data = pickle.dumps(sensed_map(mapper.grid, time))
+        data = pack(time, *sensed_map(mapper.grid))
         self._process.add(RunEvent(EventType.MAP, round(100 * time), 0, data))
 
     def __enter__(self) -> Self:

@@ -2,7 +2,6 @@
 
 import io
 import math
-import pickle
 from collections.abc import Iterable, Iterator
 from typing import Final
 
@@ -10,7 +9,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.host_recorder import EventType, RunEvent, unpack
 from radarsim.addons.recording.messages import (
     Fields,
     RosMessage,
@@ -121,7 +120,7 @@ def true_map(scene: Scene) -> TopicMessage:
         west - frame.column : east - frame.column,
     ]
     cells = np.where(window, OCCUPIED, FREE).astype(np.int8)
-    return map_topic(0.0, cells, (west * size, south * size), size)
+    return map_topic(0.0, (west * size, south * size), size, cells)
 
 
 def draw_views(scene: Scene, events: Iterable[RunEvent]) -> Iterator[RunEvent]:
@@ -135,8 +134,8 @@ def draw_views(scene: Scene, events: Iterable[RunEvent]) -> Iterator[RunEvent]:
             from radarsim.server.camera import Renderer  # noqa: PLC0415
 
             renderer = Renderer(scene, WIDTH, HEIGHT)
-        camera, rows, carrier = pickle.loads(event.data)
-        picture = renderer.render(View(camera, Boxes(rows), carrier))
+        camera, carrier, rows = unpack(event.data)
+        picture = renderer.render(View(Pose3(*camera), Boxes(rows), carrier))
         file = io.BytesIO()
         Image.fromarray(picture).save(file, "JPEG", quality=QUALITY)
         yield event._replace(type=EventType.PICTURE, data=file.getvalue())

@@ -26,7 +26,12 @@ from radarsim.addons.recording.call_converter import (
 )
 from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEvent
 from radarsim.addons.recording.messages import TopicMessage, clock
-from radarsim.addons.recording.robot_topics import below, sensed_map, topic_name
+from radarsim.addons.recording.robot_topics import (
+    below,
+    map_topic,
+    sensed_map,
+    topic_name,
+)
 from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
@@ -187,7 +192,8 @@ async def publish_map(
             if time >= due:
                 due = time + MAP_INTERVAL
                 # A map is made in a thread of its own, and topics belong to the loop.
-                loop.call_soon_threadsafe(publish, sensed_map(mapper.grid, time))
+                message = map_topic(time, *sensed_map(mapper.grid))
+                loop.call_soon_threadsafe(publish, message)
 
         follower.on_scan = publish_now
         watcher = RobotWatcher(server, robot, echoes=echoes)

@@ -1,7 +1,6 @@
 """Run many independent tasks in several processes; one that fails ends no other."""
 
 import os
-import pickle
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -12,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, TypeAlias, TypeVar
 
+import joblib
 from joblib import Parallel, delayed
 from joblib.externals.loky import get_reusable_executor
 
@@ -96,8 +96,8 @@ def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
     with TemporaryDirectory(prefix="radarsim-") as folder:
         # Not through a pipe: each worker would start when the one before has read it.
-        file = Path(folder) / "prepare.pickle"
-        file.write_bytes(pickle.dumps(prepare))
+        file = Path(folder) / "prepare.joblib"
+        joblib.dump(prepare, file)
         try:
             with Parallel(
                 workers,
@@ -112,7 +112,7 @@ def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel
 
 
 def _prepare(file: Path) -> None:
-    pickle.loads(file.read_bytes())()
+    joblib.load(file)()
 
 
 def run_task(

@@ -9,11 +9,7 @@ from fmcw_scenes import beat_spectrum, db, dbm, no_echoes, radar, received_power
 from scipy.signal import get_window
 
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
-from radarsim.addons.fmcw.beat_signal import (
-    NO_TONES,
-    Power,
-    Tones,
-)
+from radarsim.addons.fmcw.beat_signal import NO_TONES, Power, Tones
 from radarsim.addons.fmcw.point_echoes import Points, Ways, point_tones
 from radarsim.addons.fmcw.radar_equation import (
     fft_length,
@@ -33,6 +29,10 @@ def tone(row: int, distance: float, power: float) -> Tones:
     return Tones(np.array([row]), distance * one, 0 * one, power * one)
 
 
+def spectrum_of(settings: FmcwSettings, tones: Tones, seed: int = 0) -> Power:
+    return beat_spectrum(settings, no_echoes(settings), tones, generator_for(seed))
+
+
 def one_point(window: str) -> tuple[FmcwSettings, Power]:
     """Return the spectrum of a single strong point, relative to its peak, dB."""
     resolution = radar().settings.resolution
@@ -40,12 +40,12 @@ def one_point(window: str) -> tuple[FmcwSettings, Power]:
         window=window, azimuths=4, bins=16384, bin_size=resolution / FINE
     ).settings
     tones = tone(0, 0.4 * settings.max_range, 1e14)
-    power = beat_spectrum(settings, no_echoes(settings), tones, generator_for(1))[0]
+    power = spectrum_of(settings, tones, 1)[0]
     return settings, np.asarray(db(np.maximum(power / power.max(), 1e-20)))
 
 
-def noise(settings: FmcwSettings, seed: int = 3) -> Power:
-    return beat_spectrum(settings, no_echoes(settings), NO_TONES, generator_for(seed))
+def noise(settings: FmcwSettings) -> Power:
+    return spectrum_of(settings, NO_TONES, 3)
 
 
 @pytest.mark.parametrize("window", ["rectangular", "hann", "hamming", "blackman"])
@@ -100,7 +100,7 @@ def test_radar_equation_of_a_square_metre_at_20_m() -> None:
     view = fixed_viewpoints(Pose3(0, 0, 0), radar().times(0))
     straight = Ways(np.zeros(1, np.int64), points.positions, np.ones(1))
     tones = point_tones(settings, view, range(400), points, straight)
-    power = beat_spectrum(settings, no_echoes(settings), tones, generator_for(0))
+    power = spectrum_of(settings, tones)
     peak = dbm(power[0].max() * noise_power(settings))
     assert peak == pytest.approx(-52.08, abs=0.1)
 
@@ -117,7 +117,7 @@ def test_two_points_in_a_cell_beat_with_their_phase() -> None:
         rows, one = np.zeros(2, np.int64), np.ones(2)
         ranges = np.array([20.0, 20.0 + apart])
         tones = Tones(rows, ranges, np.array([0, phase]), 1e8 * one)
-        power = beat_spectrum(settings, no_echoes(settings), tones, generator_for(0))
+        power = spectrum_of(settings, tones)
         middle = 20.0 + apart / 2
         at = round(middle / settings.bin_size)
         found = power[0, at] / 1e8
@@ -159,9 +159,7 @@ def test_clipped_echo_shows_at_twice_and_three_times_its_range(distance: float) 
     settings = radar(azimuths=4, full_scale_dbm=-40, clip_skew=skew).settings
     full_scale = 1e-3 * 10**-4 / noise_power(settings)
     strong = full_scale * 10 ** (over / 10)
-    power = beat_spectrum(
-        settings, no_echoes(settings), tone(0, distance, strong), generator_for(0)
-    )[0]
+    power = spectrum_of(settings, tone(0, distance, strong))[0]
     end = fft_length(settings) / 2 * settings.bin_size
     for number in (1, 2, 3):
         place = distance * number
@@ -182,7 +180,7 @@ def test_strong_echo_raises_the_floor_of_its_direction() -> None:
     """By the phase noise: 80 dB over the noise, -70 dB of that in each bin."""
     settings = radar(azimuths=40, phase_noise_db=-70).settings
     strong = tone(2, 20.0, 1e8)
-    power = beat_spectrum(settings, no_echoes(settings), strong, generator_for(0))
+    power = spectrum_of(settings, strong)
     floor = power[:, 2000:].mean(axis=1)
     assert db(floor[2]) == pytest.approx(db(1 + 10), abs=0.7)
     assert db(np.delete(floor, 2).mean()) == pytest.approx(0, abs=0.1)
@@ -201,7 +199,7 @@ def test_clipped_direction_is_lifted_as_a_whole() -> None:
     level = 1e-3 * 10 ** (-45 / 10) / noise_power(settings)
     rows, power = np.full(count, 2), np.full(count, level)
     strong = Tones(rows, ranges, 100 * ranges, power)
-    found = beat_spectrum(settings, no_echoes(settings), strong, generator_for(0))
+    found = spectrum_of(settings, strong)
     quiet = np.delete(np.arange(8), 2)
     assert db(np.median(found[2]) / np.median(found[quiet])) > 10
 
@@ -227,10 +225,7 @@ def test_detection_of_points_is_that_of_their_fluctuation(
         rng.uniform(0, 2 * np.pi, count),
         10 ** (snr_db / 10) * share,
     )
-    power = [
-        beat_spectrum(settings, no_echoes(settings), tones, generator_for(seed))[:, 50]
-        for seed in range(4)
-    ]
+    power = [spectrum_of(settings, tones, seed)[:, 50] for seed in range(4)]
     found = (np.array(power) > -math.log(pfa)).mean()
     assert found == pytest.approx(expected, abs=0.025)
 
@@ -245,10 +240,7 @@ def test_detection_of_known_phase_is_that_of_published_curves() -> None:
     field = np.full(count, strong + 10 ** (12.4 / 20))
     at, rows = np.full(count, 50 * settings.bin_size), np.arange(count)
     tones = Tones(rows, at, np.zeros(count), field**2)
-    power = [
-        beat_spectrum(settings, no_echoes(settings), tones, generator_for(seed))[:, 50]
-        for seed in range(4)
-    ]
+    power = [spectrum_of(settings, tones, seed)[:, 50] for seed in range(4)]
     in_phase = np.sqrt(np.array(power, np.float64)) - strong
     threshold = NormalDist(0, math.sqrt(0.5)).inv_cdf(1 - 1e-6)
     assert (in_phase > threshold).mean() == pytest.approx(0.8733, abs=0.015)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from fmcw_scenes import EYE, block, db, radar, received_power
+from fmcw_scenes import EYE, block, db, radar, received_power, scene_of
 
 import radarsim
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
@@ -31,6 +31,13 @@ def received(which: FmcwRadar, corner: Reflector, *parts: Part) -> Floats:
     return np.asarray(turn.echo_power, np.float64)
 
 
+def pane_at(distance: float, degrees: float, size: tuple[float, float, float]) -> Part:
+    """Return a plate of metal ahead of ``EYE``, turned about the vertical."""
+    vertices, faces = box(*size)
+    turned = vertices @ rotation_matrix(0, 0, math.radians(degrees)).T
+    return Part("pane", METAL, turned + np.array([distance, 0, EYE.z]), faces)
+
+
 def ground(material: radarsim.Material) -> Part:
     return block((800, 800, 0.2), (0.0, 0.0, -0.1), material)
 
@@ -53,9 +60,7 @@ def test_sidelobes_of_a_point_are_at_their_level(degrees: float) -> None:
 
 def test_point_in_a_mirror_is_where_its_image_is() -> None:
     """A mirror at 45 degrees, 10 m ahead, and a point 5 m to the side of that."""
-    vertices, faces = box(0.01, 6, 6)
-    turn = rotation_matrix(0, 0, math.radians(45))
-    pane = Part("pane", METAL, vertices @ turn.T + [10, 0, EYE.z], faces)
+    pane = pane_at(10, 45, (0.01, 6, 6))
     which = radar(bins=800)
     ahead = received(which, corner_at(10, -5), pane)[0]
     near = np.abs(which.ranges - 15) < 0.2
@@ -118,10 +123,7 @@ def test_plate_off_its_glint_returns_by_its_edges(distance: float) -> None:
     wave = 2 * math.pi / wavelength
     found, expected = [], []
     for degrees in np.linspace(4.5, 5.5, 41).tolist():
-        vertices, faces = box(0.004, side, side)
-        turned = vertices @ rotation_matrix(0, 0, math.radians(degrees)).T
-        plate = Part("plate", METAL, turned + np.array([distance, 0, EYE.z]), faces)
-        scene = Scene("plate", "Plate", (plate,))
+        scene = scene_of(pane_at(distance, degrees, (0.004, side, side)))
         points = edge_points(tracer_of(scene), EYE.position(), wavelength)
         found.append(points.rcs.sum())
         expected.append(optics_of_a_plate(side, distance, math.radians(degrees), wave))
@@ -131,13 +133,9 @@ def test_plate_off_its_glint_returns_by_its_edges(distance: float) -> None:
 
 
 def test_edges_of_a_plate_show_in_a_spectrum() -> None:
-    vertices, faces = box(0.004, 0.5, 0.5)
-    turned = vertices @ rotation_matrix(0, 0, math.radians(5)).T
-    plate = Part("plate", METAL, turned + np.array([20, 0, EYE.z]), faces)
+    scene = scene_of(pane_at(20, 5, (0.004, 0.5, 0.5)))
     which = radar(bins=800, beamwidth_az_deg=20)
-    turn = which.spectrum(
-        Scene("plate", "Plate", (plate,)), EYE, radarsim.generator_for(0)
-    )
+    turn = which.spectrum(scene, EYE, radarsim.generator_for(0))
     power = turn.echo_power[0].sum()
     per_metre = received_power(which.settings, 1.0, 20.0)
     assert db(power / per_metre) == pytest.approx(-2.8, abs=1)

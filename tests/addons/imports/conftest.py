@@ -8,6 +8,7 @@ import pytest
 from commands import Run, run_in_process
 
 Import = Callable[..., Run]
+WORLD = '<?xml version="1.0"?>\n<sdf version="1.9"><world name="w">{}</world></sdf>\n'
 
 
 @pytest.fixture
@@ -26,5 +27,17 @@ def import_file(tmp_path: Path) -> Import:
             assert not (tmp_path / "map_meshes").exists()
         assert "Traceback" not in done.err
         return done
+
+    return run
+
+
+@pytest.fixture
+def import_world(import_file: Import, tmp_path: Path) -> Import:
+    """A function that imports a world of Gazebo with such elements."""
+
+    def run(content: str, *options: str) -> Run:
+        path = tmp_path / "w.sdf"
+        path.write_text(WORLD.format(content))
+        return import_file(path, *options)
 
     return run

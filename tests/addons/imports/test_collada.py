@@ -30,8 +30,6 @@ DOCTYPES = {
     "outside": '<!DOCTYPE C SYSTEM "http://127.0.0.1:1/c.dtd">',
 }
 WRONG = {
-    "empty": "",
-    "no XML": "solid box\n",
     "other XML": "<sdf/>",
     "cut off": GOOD[:2000],
     "deep": GOOD.replace(LIBRARY, LIBRARY.replace("><", f">{DEEP}<")),
@@ -46,15 +44,9 @@ WRONG = {
     "more corners": GOOD.replace(LIST, "<vcount>2000000000 4 4 4 4 4</vcount>"),
     "fewer corners": GOOD.replace(LIST, "<vcount>-4 12 4 4 4 4</vcount>"),
     "doubled": BOMB.replace('<node id="box"', DOUBLED + '<node id="n0"'),
-    "includes itself": BOMB.replace(
-        'id="box">', 'id="n59"><instance_node url="#n59"/>'
-    ),
-    **{
-        name: GOOD.replace("<COLLADA", f"{each}<COLLADA")
-        for name, each in DOCTYPES.items()
-    },
+    "includes itself": BOMB.replace('id="box">', f'id="n59">{USE.format("n59")}'),
 }
-
+WRONG |= {n: GOOD.replace("<COLLADA", f"{DOCTYPES[n]}<COLLADA") for n in DOCTYPES}
 SLOW = pytest.mark.slow
 
 

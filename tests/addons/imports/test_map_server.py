@@ -51,7 +51,6 @@ WRONG = {
     "absolute": KEYS.replace("plan.pgm", "/etc/passwd"),
     "no YAML": KEYS.replace("]", ""),
     "no keys": "- 1\n- 2\n",
-    "empty": "",
     "mode": KEYS + "mode: best\n",
     "no image": KEYS.partition("\n")[2],
     "not a picture": KEYS.replace("plan.pgm", "plan.yaml"),

@@ -13,7 +13,8 @@ from radarsim.scene.scene import Part
 
 Import = Callable[..., Run]
 
-WORLD = '<?xml version="1.0"?>\n<sdf version="1.9"><world name="w">{}</world></sdf>\n'
+Imported = Callable[..., dict[str, Part]]
+
 FUEL = "https://fuel.gazebosim.org/1.0/OpenRobotics/models/Fir tree"
 
 
@@ -40,14 +41,16 @@ def volume(part: Part) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
-def imported(
-    import_file: Import, folder: Path, content: str, *options: str
-) -> dict[str, Part]:
-    path = folder / "w.sdf"
-    path.write_text(WORLD.format(content))
-    done = import_file(path, *options)
-    assert done.code == 0, done.err
-    return parts_of(folder)
+@pytest.fixture
+def imported(import_world: Import, tmp_path: Path) -> Imported:
+    """A function that imports a world, and returns the parts of its map."""
+
+    def run(content: str, *options: str) -> dict[str, Part]:
+        done = import_world(content, *options)
+        assert done.code == 0, done.err
+        return parts_of(tmp_path)
+
+    return run
 
 
 CONE = "<cone><radius>0.5</radius><length>2</length></cone>"
@@ -68,12 +71,7 @@ HOLE = polyline("0 0", "0 4", "4 4", "4 0") + polyline("1 1", "2 1", "2 3", "1 3
     ("shape", "low", "high", "expected"),
     [
         (CONE, (-0.5, -0.5, -1), (0.5, 0.5, 1), math.pi * 0.25 * 2 / 3),
-        (
-            CAPSULE,
-            (-0.5, -0.5, -1.5),
-            (0.5, 0.5, 1.5),
-            math.pi * 0.25 * 2 + 4 / 3 * math.pi * 0.125,
-        ),
+        (CAPSULE, (-0.5, -0.5, -1.5), (0.5, 0.5, 1.5), math.pi * (0.5 + 1 / 6)),
         (ELLIPSOID, (-1, -2, -0.5), (1, 2, 0.5), 4 / 3 * math.pi),
         (L_SHAPE, (0, 0, 0), (3, 2, 2), 8),
         (HOLE, (0, 0, 0), (4, 4, 2), 28),
@@ -81,32 +79,27 @@ HOLE = polyline("0 0", "0 4", "4 4", "4 0") + polyline("1 1", "2 1", "2 3", "1 3
     ids=["cone", "capsule", "ellipsoid", "polyline", "polyline with a hole"],
 )
 def test_shape_that_maps_lack_becomes_a_closed_mesh(
-    import_file: Import,
-    tmp_path: Path,
+    imported: Imported,
     shape: str,
     low: tuple[float, ...],
     high: tuple[float, ...],
     expected: float,
 ) -> None:
-    part = imported(import_file, tmp_path, model("m", shape))["m"]
+    part = imported(model("m", shape))["m"]
     assert part.closed
     np.testing.assert_allclose(part.bounds, [low, high], atol=1e-5)
     # Round shapes are inscribed.
     assert expected * 0.985 < volume(part) < expected * 1.00001
 
 
-def test_two_of_a_shape_share_a_mesh(import_file: Import, tmp_path: Path) -> None:
-    imported(import_file, tmp_path, model("a", CONE) + model("b", CONE))
+def test_two_of_a_shape_share_a_mesh(imported: Imported, tmp_path: Path) -> None:
+    imported(model("a", CONE) + model("b", CONE))
     assert len([*(tmp_path / "map_meshes").iterdir()]) == 1
 
 
-def test_polyline_that_crosses_itself_is_left_out(
-    import_file: Import, tmp_path: Path
-) -> None:
+def test_polyline_that_crosses_itself_is_left_out(import_world: Import) -> None:
     crossed = model("m", polyline("0 0", "1 1", "1 0", "0 1"))
-    path = tmp_path / "w.sdf"
-    path.write_text(WORLD.format(crossed + 2 * box_model(1)))
-    done = import_file(path)
+    done = import_world(crossed + 2 * box_model(1))
     assert "crosses itself" in done.text
     assert "1 of 3 models left out: 1 with a wrong <polyline>" in done.err
 
@@ -138,74 +131,61 @@ POSES = {
 
 @pytest.mark.parametrize("name", POSES)
 def test_model_stands_where_its_placement_frame_is_placed(
-    import_file: Import, tmp_path: Path, name: str
+    imported: Imported, name: str
 ) -> None:
     middle, inside = POSES[name]
     content = box_model(1, inside).replace("<model ", "<model placement_frame='hook' ")
     content = content.replace(
         "<model placement_frame='hook' name='inner'", "<model name='inner'"
     )
-    part = imported(import_file, tmp_path, content)["m"]
+    part = imported(content)["m"]
     np.testing.assert_allclose(part.bounds.mean(axis=0), middle, atol=1e-5)
 
 
-def test_pose_may_be_relative_to_a_frame_or_a_model(
-    import_file: Import, tmp_path: Path
-) -> None:
+def test_pose_may_be_relative_to_a_frame_or_a_model(imported: Imported) -> None:
     content = (
         "<frame name='f'><pose>1 0 0 0 0 1.5707963267948966</pose></frame>"
         + box_model(1, "<pose relative_to='f'>2 0 0 0 0 0</pose>", "a")
         + box_model(1, "<pose relative_to='a'>0 1 0 0 0 0</pose>", "b")
         + box_model(1, "<pose relative_to='b::l'>0 0 5 0 0 0</pose>", "c")
     )
-    parts = imported(import_file, tmp_path, content)
+    parts = imported(content)
     for name, middle in {"a": (1, 2, 0), "b": (0, 2, 0), "c": (0, 2, 5)}.items():
         got = parts[name].bounds.mean(axis=0)
         np.testing.assert_allclose(got, middle, atol=1e-5)
 
 
 @pytest.mark.parametrize("size", [1, 1e-320, 1e308])
-def test_quaternion_may_have_any_length(
-    import_file: Import, tmp_path: Path, size: float
-) -> None:
+def test_quaternion_may_have_any_length(imported: Imported, size: float) -> None:
     turn = f"<pose rotation_format='quat_xyzw'>0 0 0 0 {size} 0 {size}</pose>"
     content = model("m", "<box><size>1 2 3</size></box>", turn)
-    part = imported(import_file, tmp_path, content)["m"]  # pitch is 90 degrees
+    part = imported(content)["m"]  # pitch is 90 degrees
     np.testing.assert_allclose(np.ptp(part.bounds, axis=0), [3, 2, 1], atol=1e-5)
 
 
 @pytest.mark.parametrize("shape", [CONE, CAPSULE, ELLIPSOID, L_SHAPE])
-def test_shape_that_is_too_large_is_left_out(
-    import_file: Import, tmp_path: Path, shape: str
-) -> None:
-    path = tmp_path / "w.sdf"
+def test_shape_that_is_too_large_is_left_out(import_world: Import, shape: str) -> None:
     for tag, power in (("radius", 308), ("radii", 308), ("height", 307)):
         shape = shape.replace(f"</{tag}>", f"e{power}</{tag}>")
     state = STATE.format("5 2 1 0 0 0.5")  # its scale makes radii infinite
-    path.write_text(
-        WORLD.format(model("m", shape) + 2 * box_model(1, name="o") + state)
-    )
-    assert "1 of 3 models left out: 1 with <" in import_file(path).err
+    content = model("m", shape) + 2 * box_model(1, name="o") + state
+    assert "1 of 3 models left out: 1 with <" in import_world(content).err
 
 
 @pytest.mark.parametrize("count", [1, 2, 90, 200])
 def test_frames_that_are_relative_to_each_other_are_refused(
-    import_file: Import, tmp_path: Path, count: int
+    import_world: Import, count: int
 ) -> None:
     frames = "".join(
         f"<frame name='f{i}' attached_to='f{(i + 1) % count}'/>" for i in range(count)
     )
-    path = tmp_path / "w.sdf"
     moved = box_model(1, "<pose relative_to='f0'/>")
-    path.write_text(WORLD.format(frames + moved))
-    done = import_file(path)
+    done = import_world(frames + moved)
     assert done.code == 1
     assert "more than 100 poses relative to each other, expected no loop" in done.err
 
 
-def test_time_does_not_double_with_each_level(
-    import_file: Import, tmp_path: Path
-) -> None:
+def test_time_does_not_double_with_each_level(imported: Imported) -> None:
     inside = ""
     for level in range(40):
         frame = "<frame name='x' attached_to='m::x'/>" if level else "<frame name='x'/>"
@@ -213,7 +193,7 @@ def test_time_does_not_double_with_each_level(
     content = box_model(1, inside.partition("/>")[2]).replace(
         "<model ", "<model placement_frame='m::x' ", 1
     )
-    part = imported(import_file, tmp_path, content)["m"]
+    part = imported(content)["m"]
     np.testing.assert_allclose(part.bounds.mean(axis=0), 0, atol=1e-5)
 
 
@@ -235,11 +215,11 @@ STATE = """
     ids=["box", "sphere", "cylinder", "ellipsoid", "cone"],
 )
 def test_world_that_was_saved_from_the_window_is_in_its_state(
-    import_file: Import, tmp_path: Path, shape: str, sides: tuple[float, ...]
+    imported: Imported, shape: str, sides: tuple[float, ...]
 ) -> None:
     inside = "<pose>0 0 0.5 0 0 0</pose>"
     content = model("m", shape, inside) + STATE.format("5 2 1 0 0 0.5")
-    part = imported(import_file, tmp_path, content)["m"]
+    part = imported(content)["m"]
     c, s = math.cos(0.5), math.sin(0.5)
     back = (part.vertices - [5, 2, 1]) @ [[c, -s, 0], [s, c, 0], [0, 0, 1]]
     half = np.array(sides) / 2
@@ -247,11 +227,9 @@ def test_world_that_was_saved_from_the_window_is_in_its_state(
     np.testing.assert_allclose(back.max(axis=0), half, atol=1e-3)
 
 
-def test_link_that_has_moved_is_where_the_state_has_it(
-    import_file: Import, tmp_path: Path
-) -> None:
+def test_link_that_has_moved_is_where_the_state_has_it(imported: Imported) -> None:
     content = box_model(1) + STATE.format("7 2 1 0 0 0")
-    part = imported(import_file, tmp_path, content)["m"]
+    part = imported(content)["m"]
     np.testing.assert_allclose(part.bounds, [[6.5, 0, 0], [7.5, 4, 2]], atol=1e-5)
 
 
@@ -269,7 +247,7 @@ def test_link_that_has_moved_is_where_the_state_has_it(
     ],
 )
 def test_model_config_names_the_file_of_the_newest_version(
-    import_file: Import, tmp_path: Path, config: str | None, side: float
+    imported: Imported, tmp_path: Path, config: str | None, side: float
 ) -> None:
     folder = tmp_path / "models" / "crate"
     folder.mkdir(parents=True)
@@ -279,21 +257,17 @@ def test_model_config_names_the_file_of_the_newest_version(
         (folder / "model.config").write_text(f"<model>{config}</model>")
     content = "<include><uri>model://crate</uri></include>"
     options = "--model-path", str(tmp_path / "models")
-    part = imported(import_file, tmp_path, content, *options)["m"]
+    part = imported(content, *options)["m"]
     np.testing.assert_allclose(np.ptp(part.bounds, axis=0), side)
 
 
 @pytest.mark.parametrize("uri", [FUEL, f"{FUEL}/2", FUEL.replace(" ", "%20")])
 @pytest.mark.parametrize(
     "place",
-    [
-        "Fir tree",
-        "fir tree/2",
-        "fuel.gazebosim.org/openrobotics/models/fir tree/2",
-    ],
+    ["Fir tree", "fir tree/2", "fuel.gazebosim.org/openrobotics/models/fir tree/2"],
 )
 def test_models_of_fuel_are_found_below_the_model_path(
-    import_file: Import, tmp_path: Path, uri: str, place: str
+    imported: Imported, tmp_path: Path, uri: str, place: str
 ) -> None:
     folder = tmp_path / "models" / place
     (folder / "meshes").mkdir(parents=True)
@@ -307,7 +281,7 @@ def test_models_of_fuel_are_found_below_the_model_path(
     )
     content = f"<include><uri>{uri}</uri></include>"
     options = "--model-path", str(tmp_path / "models")
-    part = imported(import_file, tmp_path, content, *options)["m"]
+    part = imported(content, *options)["m"]
     np.testing.assert_allclose(part.bounds, [[0, 0, 0], [3, 2, 0]], atol=1e-5)
 
 
@@ -319,11 +293,9 @@ VISUALS = (
 
 
 def test_visuals_are_imported_in_place_of_collisions(
-    import_file: Import, tmp_path: Path
+    import_world: Import, tmp_path: Path
 ) -> None:
-    path = tmp_path / "w.sdf"
-    path.write_text(WORLD.format(VISUALS))
-    done = import_file(path, "--visuals", "--material", "*crown*=hedge")
+    done = import_world(VISUALS, "--visuals", "--material", "*crown*=hedge")
     assert "the model 'pole' is left out: it has no visual" in done.text
     assert "1 of 3 models left out: 1 without a visual" in done.err
     parts = parts_of(tmp_path)
@@ -331,25 +303,18 @@ def test_visuals_are_imported_in_place_of_collisions(
     np.testing.assert_allclose(np.ptp(parts["crown"].bounds, axis=0), 2.4, atol=1e-5)
     np.testing.assert_allclose(np.ptp(parts["grass"].bounds, axis=0), [0.5, 3, 0.8])
     assert parts["crown"].material.name == "hedge"
-    done = import_file(path)
+    done = import_world(VISUALS)
     assert done.text.count("it has no collision (see --visuals)") == 2
     assert parts_of(tmp_path).keys() == {"pole"}
 
 
-def test_summary_counts_all_that_is_left_out(
-    import_file: Import, tmp_path: Path
-) -> None:
-    path = tmp_path / "w.sdf"
+def test_summary_counts_all_that_is_left_out(import_world: Import) -> None:
     part = "<collision name='d'><geometry><heightmap/></geometry></collision></link>"
-    path.write_text(
-        WORLD.format(
-            "<include><uri>model://sun</uri></include>"
-            "<include><uri>model://ground_plane</uri></include>"
-            f"<include><uri>{FUEL.replace('Fir tree', 'Ground Plane')}</uri></include>"
-            "<actor/><actor/><road/>" + box_model(1).replace("</link>", part)
-        )
-    )
-    done = import_file(path)
+    plane = FUEL.replace("Fir tree", "Ground Plane")
+    uris = ("model://sun", "model://ground_plane", plane)
+    content = "".join(f"<include><uri>{uri}</uri></include>" for uri in uris)
+    content += "<actor/><actor/><road/>" + box_model(1).replace("</link>", part)
+    done = import_world(content)
     left_out = [line for line in done.text.splitlines() if "is left out" in line]
     assert len(left_out) == 4
     also = "also 2 <actor>s, 1 <road>, 1 shape"
@@ -358,48 +323,45 @@ def test_summary_counts_all_that_is_left_out(
 
 
 def test_file_that_is_included_has_one_model(
-    import_file: Import, tmp_path: Path
+    import_world: Import, tmp_path: Path
 ) -> None:
     (tmp_path / "a").mkdir()
     two = box_model(1, name="first") + box_model(1, name="second")
     (tmp_path / "a" / "model.sdf").write_text(f"<sdf>{two}</sdf>")
-    path = tmp_path / "w.sdf"
     include = "<include><uri>model://a</uri><name>{}</name></include>"
-    path.write_text(WORLD.format(include.format("one") + include.format("two")))
-    done = import_file(path, "--model-path", str(tmp_path))
+    content = include.format("one") + include.format("two")
+    done = import_world(content, "--model-path", str(tmp_path))
     assert parts_of(tmp_path).keys() == {"one", "two"}
     assert "the model 'second' is left out: it is not the first" in done.text
     assert "1 of 3 models left out: 1 not the first in an included file" in done.err
 
 
-def test_map_without_a_floor_is_told(import_file: Import, tmp_path: Path) -> None:
-    path = tmp_path / "w.sdf"
-    path.write_text(WORLD.format(box_model(1, "<pose>3 0 0.5 0 0 0</pose>")))
-    assert "no floor below the start" in import_file(path).err
-    assert "no floor" not in import_file(path, "--start", "3,0,0").err
+def test_map_without_a_floor_is_told(import_world: Import) -> None:
+    content = box_model(1, "<pose>3 0 0.5 0 0 0</pose>")
+    assert "no floor below the start" in import_world(content).err
+    assert "no floor" not in import_world(content, "--start", "3,0,0").err
 
 
-@pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])
-@pytest.mark.parametrize("head", ["", "<?xml version='1.0'?>"])
+HEAD = "<?xml version='1.0'{}?>"
+
+
+@pytest.mark.parametrize(
+    ("head", "encoding", "name"),
+    [
+        ("", "latin-1", "Büsche"),
+        ("", "utf-16", "Büsche"),
+        (HEAD.format(""), "latin-1", "Büsche"),
+        (HEAD.format(""), "utf-8-sig", "Büsche"),
+        (HEAD.format(" encoding='UTF-8'"), "latin-1", "Büsche"),
+        (HEAD.format(" encoding='windows-1252'"), "windows-1252", "Büsche€"),
+    ],
+)
 def test_world_may_be_in_another_encoding(
-    import_file: Import, tmp_path: Path, encoding: str, head: str
+    import_file: Import, tmp_path: Path, head: str, encoding: str, name: str
 ) -> None:
+    """Also in Latin-1 if it says that it is UTF-8."""
     path = tmp_path / "w.world"
-    text = f"{head}<sdf><world name='w'>{box_model(1, name='Büsche')}</world></sdf>"
+    text = f"{head}<sdf><world name='w'>{box_model(1, name=name)}</world></sdf>"
     path.write_bytes(text.encode(encoding))
     assert import_file(path).code == 0
-    assert parts_of(tmp_path).keys() == {"Büsche"}
-
-
-def test_world_that_says_utf_8_may_be_latin_1(
-    import_file: Import, tmp_path: Path
-) -> None:
-    path = tmp_path / "w.world"
-    head = "<?xml version='1.0' encoding='UTF-8'?>"
-    text = f"{head}<sdf><world name='w'>{box_model(1, name='Büsche')}</world></sdf>"
-    path.write_bytes(text.encode("latin-1"))
-    assert import_file(path).code == 0
-    text = text.replace("UTF-8", "windows-1252").replace("Büsche", "Büsche€")
-    path.write_bytes(text.encode("windows-1252"))
-    assert import_file(path).code == 0
-    assert parts_of(tmp_path).keys() == {"Büsche€"}
+    assert parts_of(tmp_path).keys() == {name}

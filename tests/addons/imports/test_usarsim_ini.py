@@ -55,16 +55,15 @@ WRONG: dict[str, str | bytes] = {
     "same name": f"[USARBot.P3AT]\n{SICK}\n{SICK}\n",
     "no name": f"[USARBot.P3AT]\n{SICK.replace('lms200', '1 2')}\n",
     "no class name": f"[USARBot.1]\n{SICK}\n",
-    "empty": "",
     "half a letter": b"\xff\xfe[",
     "no text": b"\xfc\0\1",
 }
 
 
-def imported(tmp_path: Path, text: str = P3AT) -> RobotModel:
-    path = tmp_path / "UDKUSAR.ini"
-    path.write_text(text)
-    out = tmp_path / "robot.yaml"
+def imported(tmp_path: Path, content: bytes = P3AT.encode()) -> RobotModel:
+    path, out = tmp_path / "UDKUSAR.ini", tmp_path / "robot.yaml"
+    path.write_bytes(content)
+    out.unlink(missing_ok=True)
     done = run_in_process("import", str(path), "-o", str(out))
     assert done.code == 0, done.err
     return read_robot(out)
@@ -89,7 +88,7 @@ def test_class_answers_as_the_original(tmp_path: Path, foliage_room: Scene) -> N
 
 def test_axes_become_those_of_the_robot(tmp_path: Path) -> None:
     text = P3AT.replace("(X=0.0,Y=0.0,Z=0.0)", "(X=0,Y=0.5235987756,Z=1.5707963268)")
-    (scanner,) = imported(tmp_path, text).items_of("RangeScanner")
+    (scanner,) = imported(tmp_path, text.encode()).items_of("RangeScanner")
     assert scanner.position == (0.2085, 0.0, 0.2)
     assert scanner.rotation_deg == pytest.approx((0, -30, -90))
 
@@ -111,11 +110,7 @@ def test_text_may_be_in_another_encoding(tmp_path: Path, encoding: str) -> None:
     model = imported(tmp_path)
     text = f"; Roboter für Übungen\n{P3AT}".replace("\n", "\r\n")
     mark = b"\xfe\xff" * (encoding == "utf-16-be")
-    path, out = tmp_path / "a.ini", tmp_path / "other.yaml"
-    path.write_bytes(mark + text.encode(encoding))
-    done = run_in_process("import", str(path), "-o", str(out))
-    assert done.code == 0, done.err
-    assert read_robot(out) == model
+    assert imported(tmp_path, mark + text.encode(encoding)) == model
 
 
 @pytest.mark.parametrize("name", WRONG)

@@ -1,6 +1,5 @@
 """A recording process that is killed leaves a bag that can be repaired."""
 
-import pickle
 import random
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from radarsim.addons.recording.bag import CHUNK_BYTES, BagReader, repair
 from radarsim.addons.recording.bag_folder import create_folder, file_name
 from radarsim.addons.recording.host_recorder import RunEvent
-from radarsim.addons.recording.recording_process import PROGRAM
+from radarsim.addons.recording.recording_process import PROGRAM, frame_of, opening_of
 from radarsim.errors import RecordingError
 from radarsim.scene.scene import Scene
 
@@ -32,7 +31,7 @@ def start(folder: Path, run: recorded_runs.RecordedRun) -> "subprocess.Popen[byt
         [sys.executable, "-c", PROGRAM, *sys.path], stdin=subprocess.PIPE, bufsize=0
     )
     assert process.stdin is not None
-    process.stdin.write(pickle.dumps((folder, run.info)))
+    process.stdin.write(opening_of(folder, run.info))
     return process
 
 
@@ -72,7 +71,7 @@ def test_bag_of_a_killed_process_is_repaired(
     wait_until_idle(folder / file_name(folder))
     until = chance.randrange(len(run.events))
     for event in run.events[:until]:
-        process.stdin.write(pickle.dumps(event))
+        process.stdin.write(frame_of(event))
         time.sleep(chance.random() / 1000)
     kill(process)
     calls = repaired_calls(folder)
@@ -88,7 +87,7 @@ def test_at_most_one_chunk_is_lost(
     process = start(folder, run)
     assert process.stdin is not None
     for event in run.events:
-        process.stdin.write(pickle.dumps(event))
+        process.stdin.write(frame_of(event))
     wait_until_idle(folder / file_name(folder))
     kill(process)
     calls = repaired_calls(folder)

@@ -41,17 +41,6 @@ def rows_of(cloud: Any) -> Any:
     return cloud.data.view(dtype)
 
 
-def test_odometry_has_both_frames() -> None:
-    pose = Pose3(1.0, 2.0, 0.0, yaw=0.5)
-    frames = "R1/odom", "R1/base_link"
-    found = decoded(messages.odometry(1.5, *frames, pose, 0.5, -0.25))
-    assert (found.header.frame_id, found.child_frame_id) == frames
-    assert found.pose.pose.position.y == 2.0
-    assert (found.twist.twist.linear.x, found.twist.twist.angular.z) == (0.5, -0.25)
-    for covariance in (found.pose.covariance, found.twist.covariance):
-        assert (np.linalg.eigvalsh(covariance.reshape(6, 6)) > 0).all()
-
-
 @pytest.mark.parametrize("count", [0, 1, 300])
 def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     mount = Pose3(0.2, 0.0, 0.2)

@@ -1,6 +1,5 @@
 """Recordings have the spectra of turning radars."""
 
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from radarsim.addons.recording.host_recorder import (
     HostRecorder,
     RunEvent,
     TurnCollector,
+    unpack,
 )
 from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.recording.replay import repeat_run
@@ -93,7 +93,7 @@ def test_recorded_spectra_change_nothing_else(
     events: list[RunEvent], foliage_room: Scene
 ) -> None:
     (turn,) = [event.data for event in events if event.type is EventType.TURN]
-    assert pickle.loads(turn)[0] == "Navtech"
+    assert unpack(turn)[0] == "Navtech"
     host = Host(foliage_room)
     assert not repeat_run(host, recorded_runs.calls_in(events)).difference
 
@@ -131,31 +131,19 @@ def test_spectra_are_recorded_on_request_only(foliage_room: Scene) -> None:
     assert not antenna.observers
 
 
-def test_the_rest_of_a_turn_that_had_begun_before_is_no_turn(
-    foliage_room: Scene,
+@pytest.mark.parametrize(
+    "received", [slice(200, 400), slice(9)], ids=["begun before", "not ended"]
+)
+def test_part_of_a_turn_is_no_turn_and_no_part_of_the_next(
+    received: slice, foliage_room: Scene
 ) -> None:
     radar = radarsim.load_sensor("navtech_cts350x")
-    spectrum = radar.spectrum(foliage_room, (-7.8, 0, 0), generator_for(1, "turn"))
-    half = len(spectrum.angles) // 2
-    rest = replace(spectrum, angles=spectrum.angles[half:], power=spectrum.power[half:])
+    whole = radar.spectrum(foliage_room, (-7.8, 0, 0), generator_for(1, "turn"))
+    part = replace(whole, angles=whole.angles[received], power=whole.power[received])
     turns: list[bytes] = []
     collector = TurnCollector("Navtech", turns.append)
-    collector.take(Sector(0, half, rest), 1.0)
+    collector.take(Sector(0, received.start or 0, part), 1.0)
     assert not turns
-    collector.take(Sector(1, 0, spectrum), 1.25)
-    _, time, _, rows = pickle.loads(*turns)
-    assert (time, len(rows)) == (1.25, 400)
-
-
-def test_turn_that_the_antenna_did_not_end_is_no_part_of_the_next(
-    foliage_room: Scene,
-) -> None:
-    radar = radarsim.load_sensor("navtech_cts350x")
-    spectrum = radar.spectrum(foliage_room, (-7.8, 0, 0), generator_for(1, "turn"))
-    begun = replace(spectrum, angles=spectrum.angles[:9], power=spectrum.power[:9])
-    turns: list[bytes] = []
-    collector = TurnCollector("Navtech", turns.append)
-    collector.take(Sector(4, 0, begun), 1.0)
-    collector.take(Sector(0, 0, spectrum), 7.0)
-    _, time, _, rows = pickle.loads(*turns)
+    collector.take(Sector(1, 0, whole), 7.0)
+    _, time, _, rows = unpack(*turns)
     assert (time, len(rows)) == (7.0, 400)

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import os
-import pickle
 import re
 import resource
 import signal
@@ -15,7 +14,7 @@ from pathlib import Path
 import pytest
 from commands import run_in_process
 from processes import start_radarsim
-from recorded_runs import RecordedRun
+from recorded_runs import RecordedRun, calls_in
 
 from radarsim.addons.recording import recording_process
 from radarsim.addons.recording.bag import BagReader, repair
@@ -24,6 +23,8 @@ from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.recording_process import (
     PROGRAM,
     RecordingProcess,
+    frame_of,
+    opening_of,
 )
 from radarsim.addons.recording.replay import serve_replay, writes_of
 from radarsim.client import Client
@@ -124,7 +125,8 @@ def test_recording_of_a_killed_server_is_complete(tmp_path: Path) -> None:
 
 
 def test_existing_folder_is_refused_before_the_map_is_read(tmp_path: Path) -> None:
-    done = run_in_process("serve", "no_such_map", "--record", str(tmp_path))
+    words = ("serve", "no_such_map", "--port", "0", "--record", str(tmp_path))
+    done = run_in_process(*words)
     assert done.code == 1
     assert "expected a new folder" in " ".join(done.err.split())
 
@@ -138,15 +140,13 @@ def test_wrong_map_leaves_no_folder(tmp_path: Path) -> None:
     assert not folder.exists()
 
 
-def feed(folder: Path, events: list[RunEvent], limit: int | None) -> str:
-    """Pass events to the program of a recording process; return what it says.
+def feed(data: bytes, limit: int | None = None) -> str:
+    """Run the program of a recording process on its input; return what it says.
 
     Args:
-        folder: Folder to create.
-        events: The events.
+        data: The input.
         limit: Largest size of its files, bytes, as if the disk were full then.
     """
-    create_folder(folder)
 
     def restrict() -> None:
         if limit is not None:
@@ -162,10 +162,25 @@ def feed(folder: Path, events: list[RunEvent], limit: int | None) -> str:
         env=env,
         preexec_fn=restrict,  # noqa: PLW1509 - it changes limits only
     )
-    told = [(folder, RecordingInfo(version="1")), *events]
-    data = b"".join(map(pickle.dumps, told))
     _, errors = process.communicate(data, timeout=TIMEOUT)
     return errors.decode()
+
+
+def input_of(folder: Path, run: RecordedRun, events: list[RunEvent]) -> bytes:
+    """Return the input of a recording process for events of a run."""
+    return opening_of(folder, run.info) + b"".join(map(frame_of, events))
+
+
+def test_event_that_the_server_did_not_write_whole_is_left_out(
+    run: RecordedRun, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    create_folder(folder)
+    assert not feed(opening_of(folder, run.info)[:-1])
+    assert not [*folder.iterdir()]
+    last = max(k for k, event in enumerate(run.events) if event.data)
+    assert not feed(input_of(folder, run, run.events[: last + 1])[:-1])
+    assert list(BagReader(folder).calls()) == calls_in(run.events[:last])
 
 
 @pytest.mark.parametrize(
@@ -179,7 +194,8 @@ def test_full_disk_ends_the_recording_with_a_sentence(
     limit: int, run: RecordedRun, tmp_path: Path
 ) -> None:
     folder = tmp_path / "run"
-    errors = feed(folder, run.events, limit)
+    create_folder(folder)
+    errors = feed(input_of(folder, run, run.events), limit)
     assert errors.count("\n") == 1
     assert "ends: the file would be too large; the server goes on" in errors
     repair(folder)

@@ -13,7 +13,7 @@ import recorded_runs
 import shapely
 from matplotlib.colors import to_rgb
 from PIL import Image
-from recorded_runs import all_messages, messages_of
+from recorded_runs import messages_of
 from rosbags.highlevel import AnyReader
 
 from radarsim.addons.recording import scene_topics
@@ -50,13 +50,6 @@ def write_shown(run: recorded_runs.RecordedRun, folder: Path, scene: Scene) -> N
 
 def decoded(message: Any) -> Any:
     return typestore().deserialize_cdr(encode(message), message.type)
-
-
-def test_every_message_of_a_bag_is_of_its_type(bag: Path) -> None:
-    assert {topic for topic, _ in all_messages(bag)} >= {
-        *("/scene", "/map", "/R_1/robot_description", "/R_1_2/robot_description"),
-        *("/R_1/camera/image/compressed", "/R_1/camera/camera_info"),
-    }
 
 
 def test_scene_has_the_surfaces_and_colours_of_its_parts(
@@ -140,20 +133,12 @@ def test_map_of_a_wide_scene_has_larger_cells() -> None:
 FACE = np.array([[0, 1, 2]], np.int32)
 
 
-def test_scene_of_nothing_has_no_map() -> None:
-    shown = scene_topics.scene_topics(Scene("a", "A"))
-    assert [each.topic for each in shown] == ["/scene"]
-
-
-def test_maps_that_robots_make_replace_the_true_one(
-    foliage_room: Scene, tmp_path: Path
+def test_scene_of_nothing_has_no_map_nor_one_that_a_robot_maps(
+    foliage_room: Scene,
 ) -> None:
-    run = recorded_runs.run_two_clients(foliage_room, ticks=20)
-    info = run.info.model_copy(update={"robots_map": True})
-    folder = tmp_path / "run"
-    write_shown(run._replace(info=info), folder, foliage_room)
-    with AnyReader([folder]) as reader:
-        assert {"/scene"} <= set(reader.topics) - {"/map"} == set(reader.topics)
+    for scene, with_map in ((Scene("a", "A"), True), (foliage_room, False)):
+        shown = scene_topics.scene_topics(scene, with_map=with_map)
+        assert [each.topic for each in shown] == ["/scene"]
 
 
 def test_links_of_the_model_are_frames(bag: Path) -> None:

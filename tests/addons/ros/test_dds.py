@@ -7,15 +7,13 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from live_bridge import running
+from live_bridge import bridge, running
 from PIL import Image
 from processes import start_radarsim
 
@@ -31,30 +29,15 @@ from radarsim.protocol.reports import GroundTruth, WatchedLine
 TIMEOUT = 240  # s that a busy machine may need
 SUPPORT = Path(__file__).parents[2] / "support"
 DOMAIN = 1 + os.getpid() % 100  # tests beside each other have their own
+OPTIONS = ["--bridge", "dds", "--robot", "P3AT_Compare", "--start", "RobotStart1"]
+OPTIONS += ["--map", "R1", "--domain", str(DOMAIN)]
 foliage_server = pytest.mark.usarsim(map="foliage_room")
 
 
-@contextmanager
-def bridge(server: UsarsimServer, domain: int, *options: str) -> Iterator[int]:
-    """Run a bridge with a robot of its own; yield its process number."""
-    words = ["ros", "--bridge", "dds", "--connect", f"127.0.0.1:{server.port}"]
-    words += ["--robot", "P3AT_Compare", "--start", "RobotStart1", "--map", "R1"]
-    words += ["--domain", str(domain), *options]
-    with start_radarsim(*words) as process:
-        assert process.stdout is not None
-        try:
-            assert b"DDS domain" in process.stdout.readline()
-            yield process.pid
-        finally:
-            process.terminate()
-            process.communicate(timeout=TIMEOUT)
-
-
-def start_listener(domain: int, count: int) -> "subprocess.Popen[bytes]":
-    """Start a participant that drives, until it has heard so many scans and a map."""
-    command = [sys.executable, str(SUPPORT / "dds_drive.py"), str(domain), str(count)]
-    pipe = subprocess.PIPE
-    return subprocess.Popen(command, stdin=pipe, stdout=pipe)
+def participant(program: str, domain: int, *words: str) -> "subprocess.Popen[bytes]":
+    """Start a program of another participant."""
+    command = [sys.executable, str(SUPPORT / program), str(domain), *words]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
 
 @foliage_server
@@ -64,9 +47,11 @@ def test_participant_hears_scans_and_a_map_and_drives(
     pytest.importorskip("cyclonedds")
     with (
         Client.connect("127.0.0.1", usarsim_server.port) as watcher,
-        bridge(usarsim_server, DOMAIN),
-        start_listener(DOMAIN, 15) as listener,
+        bridge(usarsim_server, *OPTIONS) as line,
+        # It drives until it has heard so many scans, and a map.
+        participant("dds_drive.py", DOMAIN, "15") as listener,
     ):
+        assert "DDS domain" in line
         assert listener.stdout is not None
         told = json.loads(listener.stdout.read())
         watcher.watch(["R1"])
@@ -87,11 +72,14 @@ def check_map(grid: dict[str, Any]) -> None:
     """Check a map of the foliage room: floor ahead of the start is free."""
     assert grid["frame"] == "map"
     assert grid["resolution"] == pytest.approx(0.05)
-    cells = np.array(grid["data"]).reshape(grid["shape"])
-    assert {*np.unique(cells)} == {-1, 0, 100}
-    ahead = np.array([-8.0 + 1.0, 0.0]) - grid["origin"]  # of RobotStart1
-    column, row = (ahead / grid["resolution"]).astype(int)
-    assert cells[row, column] == 0
+    assert {*grid["data"]} == {-1, 0, 100}
+    assert cell_at(grid, -8.0 + 1.0, 0.0) == 0  # ahead of RobotStart1
+
+
+def cell_at(grid: dict[str, Any], x: float, y: float) -> int:
+    place = np.array([x, y]) - grid["origin"]
+    column, row = (place / grid["resolution"]).astype(int)
+    return int(np.array(grid["data"]).reshape(grid["shape"])[row, column])
 
 
 def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:
@@ -110,12 +98,6 @@ def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:
     return poses
 
 
-def start_viewer(domain: int) -> "subprocess.Popen[bytes]":
-    """Start a participant that ends when it has heard of all that viewers show."""
-    command = [sys.executable, str(SUPPORT / "dds_world.py"), str(domain), "R1"]
-    return subprocess.Popen(command, stdout=subprocess.PIPE)
-
-
 def check_world(told: dict[str, Any]) -> None:
     """Check what a viewer has heard of a robot in the foliage room."""
     alphas = {marker["ns"]: marker["alpha"] for marker in told["scene"]}
@@ -124,12 +106,8 @@ def check_world(told: dict[str, Any]) -> None:
     assert all(marker["points"] % 3 == 0 for marker in told["scene"])
     grid = told["map"]
     assert (grid["frame"], {*grid["data"]}) == ("map", {0, 100})
-    cells = np.array(grid["data"]).reshape(grid["shape"])
-    for place, expected in (((-7.0, 0.0), 0), ((-10.5, 0.0), 100)):  # floor, a wall
-        column, row = ((np.array(place) - grid["origin"]) / grid["resolution"]).astype(
-            int
-        )
-        assert cells[row, column] == expected
+    assert cell_at(grid, -7.0, 0.0) == 0  # the floor
+    assert cell_at(grid, -10.5, 0.0) == 100  # a wall
     links = ET.fromstring(told["robot_description"]).iter("link")
     assert {"R1/base_link", "R1/lms200"} <= {link.get("name") for link in links}
     picture = told["camera/image/compressed"]
@@ -178,7 +156,9 @@ def test_participant_sees_the_world_of_a_live_run(dialect: str) -> None:
                 options=options,
                 robot_class="P3AT",
             )
-            with running(work), start_viewer(domain) as viewer:
+            # It ends when it has heard of all that viewers show.
+            viewing = participant("dds_world.py", domain, "R1")
+            with running(work), viewing as viewer:
                 try:
                     out, _ = viewer.communicate(timeout=TIMEOUT)
                 finally:
@@ -197,10 +177,10 @@ def test_each_frame_has_one_parent(
 ) -> None:
     pytest.importorskip("cyclonedds")
     by_other = localised_by == "another program"
-    options = ("--own-localization",) if by_other else ()
+    options = ["--own-localization"] * by_other
     command = [sys.executable, str(SUPPORT / "dds_frames.py"), str(DOMAIN)]
-    command += ["map"] if by_other else []
-    with bridge(usarsim_server, DOMAIN, *options):
+    command += ["map"] * by_other
+    with bridge(usarsim_server, *OPTIONS, *options):
         told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
     parents = {child: parent for parent, child in told}
     assert len(parents) == len(told)

@@ -4,8 +4,6 @@ import json
 import struct
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +11,8 @@ import foxglove
 import numpy as np
 import pytest
 from foxglove.websocket import Capability
-from live_bridge import serving
+from live_bridge import bridge, serving
 from node_packages import install_packages
-from processes import start_radarsim
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
@@ -162,49 +159,36 @@ def advertisement(
     return json.dumps({"op": "advertise", "channels": [each]})
 
 
-def twist(speed: float, turn: float) -> bytes:
-    vectors = [messages.vector(speed, 0, 0), messages.vector(0, 0, turn)]
-    fields = Fields(linear=vectors[0], angular=vectors[1])
-    return encode(RosMessage("geometry_msgs/msg/Twist", fields))
+def velocity(speed: float, turn: float) -> Fields:
+    linear, angular = messages.vector(speed, 0, 0), messages.vector(0, 0, turn)
+    return Fields(linear=linear, angular=angular)
 
 
-def test_client_drives_in_both_encodings() -> None:
+def test_clients_drive_in_both_encodings_by_types_of_velocities() -> None:
     board, driven = FoxgloveBoard(), list[tuple[float, float]]()
     board.drivers["/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = board.new_client()
-    client.receive(advertisement(3, "/cmd_vel", "cdr"))
-    client.receive(advertisement(4, "/cmd_vel", "json"))
-    client.receive(struct.pack("<BI", 1, 3) + twist(0.5, -1.0))
-    text = '{"linear": {"x": 0.25}, "angular": {"z": 2}}'
-    client.receive(struct.pack("<BI", 1, 4) + text.encode())
-    assert driven == [(0.5, -1.0), (0.25, 2.0)]
-    client.waiting.clear()
+    header = Fields(stamp=Fields(sec=5, nanosec=7), frame_id="base_link")
+    fields = Fields(header=header, twist=velocity(0.75, 1.0))
+    stamped = RosMessage("geometry_msgs/msg/TwistStamped", fields)
+    text = b'{"linear": {"x": 0.25}, "angular": {"z": 2}}'
+    plain = encode(RosMessage("geometry_msgs/msg/Twist", velocity(0.5, -1.0)))
+    for number, encoding, type_, data in (
+        (3, "cdr", "geometry_msgs/msg/Twist", plain),
+        (4, "json", "geometry_msgs/msg/Twist", text),
+        (5, "cdr", stamped.type, encode(stamped)),
+    ):
+        client.receive(advertisement(number, "/cmd_vel", encoding, type_))
+        client.receive(struct.pack("<BI", 1, number) + data)
+    assert driven == [(0.5, -1.0), (0.25, 2.0), (0.75, 1.0)]
+    client.receive(advertisement(6, "/cmd_vel", "cdr", "std_msgs/msg/String"))
     client.receive('{"op": "unadvertise", "channelIds": [3]}')
-    client.receive(struct.pack("<BI", 1, 3) + twist(1.0, 0.0))
-    assert len(driven) == 2
-    assert len(statuses(client)) == 1
-
-
-def test_stamped_velocities_drive_and_other_types_do_not() -> None:
-    board, driven = FoxgloveBoard(), list[tuple[float, float]]()
-    board.drivers["/cmd_vel"] = lambda *speeds: driven.append(speeds)
-    client = board.new_client()
-    vectors = [messages.vector(0.5, 0, 0), messages.vector(0, 0, -1)]
-    fields = Fields(
-        header=Fields(stamp=Fields(sec=5, nanosec=7), frame_id="base_link"),
-        twist=Fields(linear=vectors[0], angular=vectors[1]),
-    )
-    stamped = encode(RosMessage("geometry_msgs/msg/TwistStamped", fields))
-    client.receive(
-        advertisement(3, "/cmd_vel", "cdr", "geometry_msgs/msg/TwistStamped")
-    )
-    client.receive(advertisement(4, "/cmd_vel", "cdr", "std_msgs/msg/String"))
-    client.receive(struct.pack("<BI", 1, 3) + stamped)
-    assert driven == [(0.5, -1.0)]
     client.waiting.clear()
-    client.receive(struct.pack("<BI", 1, 4) + twist(0.5, -1.0))
-    assert len(driven) == 1
-    assert "std_msgs/msg/String" in statuses(client)[0]
+    client.receive(struct.pack("<BI", 1, 3) + plain)
+    client.receive(struct.pack("<BI", 1, 6) + plain)
+    assert len(driven) == 3
+    _, wrong_type = statuses(client)
+    assert "std_msgs/msg/String" in wrong_type
 
 
 def test_entries_of_a_client_are_limited() -> None:
@@ -227,22 +211,6 @@ def test_entries_of_a_client_are_limited() -> None:
 )
 def test_only_foxglove_is_trusted(origin: str, trusted: bool) -> None:
     assert FoxgloveBoard().trusts(origin) is trusted
-
-
-@contextmanager
-def bridge(server: UsarsimServer, *options: str) -> Iterator[int]:
-    """Run a bridge with a robot of its own; yield its port."""
-    words = ["ros", "--bridge", "foxglove", "--web", "0", "--robot", "P3AT"]
-    words += ["--connect", f"127.0.0.1:{server.port}", *options]
-    with start_radarsim(*words) as process:
-        assert process.stdout is not None
-        try:
-            line = process.stdout.readline()
-            assert b"Foxglove on ws://127.0.0.1:" in line
-            yield int(line.rpartition(b":")[2])
-        finally:
-            process.terminate()
-            process.communicate(timeout=TIMEOUT)
 
 
 def await_topics(peer: ClientConnection, *wanted: str) -> dict[str, Any]:
@@ -298,11 +266,13 @@ def test_foxgloves_own_client_reads_every_topic_and_drives(
     install_packages(tmp_path, *PACKAGES)
     wanted = ["/scene", "/map", "/R1/robot_description", "/R1/odom", "/tf"]
     wanted += ["/tf_static", "/R1/lms200/scan", "/R1/lms200/echoes", "/clock"]
-    with bridge(
-        usarsim_server, "--draw", "foliage_room", "--true-map", "--echoes"
-    ) as port:
+    options = ["--bridge", "foxglove", "--web", "0", "--robot", "P3AT", "--echoes"]
+    options += ["--draw", "foliage_room", "--true-map"]
+    with bridge(usarsim_server, *options) as line:
+        assert "Foxglove on ws://127.0.0.1:" in line
+        port = line.rpartition(":")[2].strip()
         program = SUPPORT / "foxglove_questions.mjs"
-        words = ["node", str(program), str(tmp_path), str(port), "/R1/cmd_vel"]
+        words = ["node", str(program), str(tmp_path), port, "/R1/cmd_vel"]
         told = json.loads(subprocess.check_output([*words, *wanted], timeout=TIMEOUT))
         with connect(f"ws://127.0.0.1:{port}", subprotocols=[SDK]) as peer:
             channel = await_topics(peer, "/R1/odom")["/R1/odom"]["id"]
@@ -321,5 +291,5 @@ def test_foxgloves_own_client_reads_every_topic_and_drives(
     assert told["messages"]["/R1/lms200/scan"]["ranges"] == 181
     stamp = told["messages"]["/R1/odom"]["header"]["stamp"]
     told_at = told["stamps"]["/R1/odom"] / 1e9
-    assert told_at - stamp["sec"] - stamp["nsec"] / 1e9 == pytest.approx(0, abs=0.05)
+    assert told_at - stamp["sec"] - stamp["nanosec"] / 1e9 == pytest.approx(0, abs=0.05)
     assert odometry.pose.pose.position.x > 0.01
