@@ -165,6 +165,7 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
 @pytest.mark.parametrize(
     ("line", "text"),
     [
+        ("DRIVE {Left 1}", "DRIVE without Right, expected Left and Right"),
         (
             "DRIVE {Left 1} {Rigth 1}",
             "DRIVE field 'Rigth' (did you mean 'Right'?), expected one of ['Left', ",
