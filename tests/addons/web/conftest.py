@@ -1,11 +1,12 @@
 import asyncio
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from web_pages import Page, open_page
 
 from radarsim.addons.web.program import CommanderSettings, serve_page
 from radarsim.addons.web.scene_message import SceneMessages
@@ -97,6 +98,13 @@ def commander(server: tuple[str, int]) -> Iterator[RunningCommander]:
     """Run a commander for the room."""
     with run_commander(server, map="foliage_room") as running:
         yield running
+
+
+@pytest.fixture
+async def page(commander: RunningCommander) -> AsyncIterator[Page]:
+    """Open the page of the commander."""
+    async with open_page(commander.web, commander.token) as page:
+        yield page
 
 
 @pytest.fixture(scope="session")

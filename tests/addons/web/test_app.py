@@ -6,7 +6,7 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from web_pages import open_page
+from web_pages import Page, open_page
 from websockets.typing import Origin
 
 from radarsim.addons.web.program import PAGE
@@ -131,15 +131,14 @@ async def test_who_sends_too_much_is_closed(commander: Any) -> None:
     assert await close_code(commander.web, hello, *stops) == 4429
 
 
-async def test_hello_tells_what_there_is_and_the_map_follows(commander: Any) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        hello = page.hello
-        assert hello["level"] == "DM-FoliageRoom"
-        assert next(start["name"] for start in hello["starts"]) == "RobotStart1"
-        assert "P3AT" in [each["name"] for each in hello["classes"]]
-        assert (await page.hear("scene"))["level"] == "DM-FoliageRoom"
-        await page.send("triangles")
-        assert (await page.hear("triangles"))["parts"]
+async def test_hello_tells_what_there_is_and_the_map_follows(page: Page) -> None:
+    hello = page.hello
+    assert hello["level"] == "DM-FoliageRoom"
+    assert next(start["name"] for start in hello["starts"]) == "RobotStart1"
+    assert "P3AT" in [each["name"] for each in hello["classes"]]
+    assert (await page.hear("scene"))["level"] == "DM-FoliageRoom"
+    await page.send("triangles")
+    assert (await page.hear("triangles"))["parts"]
 
 
 async def test_what_is_not_possible_is_told(commander: Any) -> None:

@@ -28,19 +28,11 @@ def test_requests_are_read(message: dict[str, Any]) -> None:
         pytest.param("{}", "op", id="no op"),
         pytest.param('{"op": "drvie"}', "did you mean 'drive'", id="unknown op"),
         pytest.param('{"op": "stop", "more": 1}', "more", id="unknown key"),
-        pytest.param('{"op": "drive", "robot": "R1", "v": 1}', "w", id="missing"),
         pytest.param(
             '{"op": "drive", "robot": "R1", "v": 1.1, "w": 0}', "v", id="too fast"
         ),
         pytest.param(
             '{"op": "drive", "robot": "R1", "v": NaN, "w": 0}', "v", id="no number"
-        ),
-        pytest.param(
-            '{"op": "drive", "robot": "R1", "v": "1", "w": 0}', "v", id="a text"
-        ),
-        pytest.param('{"op": "drive", "robot": 1, "v": 1, "w": 0}', "robot", id="type"),
-        pytest.param(
-            '{"op": "spawn", "class": "P3AT", "name": "{a}"}', "name", id="braces"
         ),
         pytest.param(
             '{"op": "spawn", "class": "P3AT", "name": "a\\nINIT"}', "name", id="line"

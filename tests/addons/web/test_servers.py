@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from web_pages import Frame, open_page
+from web_pages import Frame, Page, open_page
 
 from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
@@ -98,18 +98,15 @@ async def test_commander_asks_again_when_there_were_too_many_watchers(
         await server.stop()
 
 
-async def test_robot_that_is_called_all_or_none_is_a_robot_like_any(
-    commander: Any,
-) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        for name in ("All", "None", "true"):
-            await page.spawn(name=name)
-            await page.send("select", robot=name)
-            await page.see(
-                lambda frame, name=name: any(
-                    scan["objects"] for scan in frame.robot(name).get("echoes", [])
-                )
+async def test_robot_that_is_called_all_or_none_is_a_robot_like_any(page: Page) -> None:
+    for name in ("All", "None", "true"):
+        await page.spawn(name=name)
+        await page.send("select", robot=name)
+        await page.see(
+            lambda frame, name=name: any(
+                scan["objects"] for scan in frame.robot(name).get("echoes", [])
             )
+        )
 
 
 async def test_original_dialect_is_understood(
