@@ -1,9 +1,7 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -12,7 +10,8 @@ from radarsim.cli import app
 from radarsim.errors import ServerError
 from radarsim.processes import BROKEN_PIPE
 
-Command = Callable[..., Any]
+from .conftest import Command
+
 PROGRAM = (sys.executable, "-m", "radarsim")
 
 

@@ -1,10 +1,8 @@
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-Command = Callable[..., Any]
+from .conftest import Command
 
 WRONG = """\
 version: 1
@@ -130,10 +128,6 @@ def test_goal_in_something_is_told_with_what_is_there(
     )
     run = radarsim("check", str(path))
     assert "goal 2.60 0.00: taken by pillar" in run.text
-
-
-def test_strict_check_passes_a_map_without_doubts(radarsim: Command) -> None:
-    assert radarsim("check", "foliage_room", "--strict").code == 0
 
 
 def test_plan_is_drawn_into_a_file_beside_the_summary(

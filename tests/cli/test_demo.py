@@ -1,15 +1,13 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-Command = Callable[..., Any]
+from .conftest import Command
 
 
 def test_demo_needs_no_options_and_says_where_its_picture_is(

@@ -1,14 +1,12 @@
 import re
 import sys
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from radarsim.cli import first_steps as module
 from radarsim.cli.first_steps import FOLDER
 
-Command = Callable[..., Any]
+from .conftest import Command
 
 
 def test_topics_are_listed_without_a_topic(radarsim: Command) -> None:
@@ -21,13 +19,6 @@ def test_topics_are_listed_without_a_topic(radarsim: Command) -> None:
 def test_page_is_plain_markdown_in_a_pipe(radarsim: Command) -> None:
     run = radarsim("docs", "radar")
     assert run.out == (FOLDER / "radar.md").read_bytes()
-
-
-def test_unknown_topic_is_wrong_usage_with_a_suggestion(radarsim: Command) -> None:
-    run = radarsim("docs", "radr")
-    assert run.code == 2
-    assert "'radr'" in run.err
-    assert "did you mean 'radar'" in run.err
 
 
 def test_page_is_rendered_on_a_terminal(

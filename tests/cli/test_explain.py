@@ -1,12 +1,11 @@
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-Command = Callable[..., Any]
+from .conftest import Command
 
 MAP = """\
 version: 1
@@ -47,12 +46,14 @@ def room(tmp_path: Path) -> str:
     return str(path)
 
 
+def explain(radarsim: Command, *words: str) -> Any:
+    return json.loads(radarsim("explain", *words, "--format", "json").text)
+
+
 def test_crossings_have_the_power_before_and_after(
     radarsim: Command, room: str
 ) -> None:
-    run = radarsim("explain", room, *AHEAD, "--format", "json")
-    assert run.code == 0
-    told = json.loads(run.text)
+    told = explain(radarsim, room, *AHEAD)
     mist, bush, paper = told["crossings"]
     assert (mist["object"], mist["material"]) == ("mist", "mist")
     assert mist["starts_inside"] is True
@@ -69,10 +70,8 @@ def test_crossings_have_the_power_before_and_after(
 
 
 def test_spent_beam_has_the_object_and_distance(radarsim: Command, room: str) -> None:
-    weak = ("--set", "penetration_power=0.6")
-    told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
-    assert told["outcome"] == "spent"
-    assert told["object"] == "bush"
+    told = explain(radarsim, room, *AHEAD, "--set", "penetration_power=0.6")
+    assert (told["outcome"], told["object"]) == ("spent", "bush")
     assert told["range"] == pytest.approx(3.5 + 0.4 / 0.5)
     assert told["crossings"][-1]["exit"] is None
 
@@ -80,8 +79,7 @@ def test_spent_beam_has_the_object_and_distance(radarsim: Command, room: str) ->
 def test_sheet_that_absorbs_the_remaining_power_ends_the_beam(
     radarsim: Command, room: str
 ) -> None:
-    weak = ("--set", "penetration_power=0.9")
-    told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
+    told = explain(radarsim, room, *AHEAD, "--set", "penetration_power=0.9")
     assert (told["outcome"], told["object"]) == ("spent", "paper")
     assert told["crossings"][-1]["power_before"] == pytest.approx(0.2)
     assert told["crossings"][-1]["power_after"] == 0
@@ -89,12 +87,9 @@ def test_sheet_that_absorbs_the_remaining_power_ends_the_beam(
 
 
 def test_spent_laser_beam_reads_zero(radarsim: Command, room: str) -> None:
-    run = radarsim(
-        *("explain", room, "--sensor", "hokuyo", "--pose", "-5,0,0", "--beam", "113"),
-        *("--set", "max_range=20", "--set", "penetration_power=0.003"),
-        *("--format", "json"),
-    )
-    told = json.loads(run.text)
+    weak = ("--set", "max_range=20", "--set", "penetration_power=0.003")
+    where = ("--sensor", "hokuyo", "--pose", "-5,0,0", "--beam", "113")
+    told = explain(radarsim, room, *where, *weak)
     assert (told["outcome"], told["range"], told["ray"]) == ("spent", 0.0, None)
     assert told["distance"] > 3
 
@@ -131,9 +126,7 @@ def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(
     start = ("--start", "RobotStart1", "--seed", "4")
     place = ("foliage_room", "--sensor", "radar", *start)
     scan = json.loads(radarsim("scan", *place).text)
-    told = json.loads(
-        radarsim("explain", *place, "--beam", str(beam), "--format", "json").text
-    )
+    told = explain(radarsim, *place, "--beam", str(beam))
     assert told["range"] == scan["ranges"][beam]
     assert told["ray"] == scan["rays"][beam]
     assert told["angle"] == pytest.approx(math.radians(beam - 90))
@@ -153,15 +146,13 @@ def test_range_depends_on_the_return_mode(
 ) -> None:
     changes = [part for text in settings for part in ("--set", text)]
     ahead = (*AHEAD[:-2], "--set", "side_offset_uu=0")
-    run = radarsim("explain", room, *ahead, *changes, "--format", "json")
-    told = json.loads(run.text)
+    told = explain(radarsim, room, *ahead, *changes)
     assert told["range"] == pytest.approx(wanted)
     assert (told["outcome"], told["distance"]) == ("hit", pytest.approx(10))
 
 
 def test_centre_ray_of_a_laser_is_its_only_ray(radarsim: Command, room: str) -> None:
-    asked = ("--sensor", "laser", *AHEAD[2:])
-    told = json.loads(radarsim("explain", room, *asked, "--format", "json").text)
+    told = explain(radarsim, room, "--sensor", "laser", *AHEAD[2:])
     assert told["ray"] is None
     assert told["range"] == pytest.approx(3.5)
 
@@ -197,7 +188,7 @@ def test_absorbing_object_and_remaining_power_are_printed(
     ahead = ("--sensor", "radar", "--pose", f"0,0,{yaw}", "--beam", "90")
     where = (str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
     assert said in radarsim("explain", *where).text
-    told = json.loads(radarsim("explain", *where, "--format", "json").text)
+    told = explain(radarsim, *where)
     assert told["power_left"] == pytest.approx(power)
 
 
@@ -228,7 +219,7 @@ def test_targets_of_a_detector_are_told(radarsim: Command) -> None:
         *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
         *("--set", "detector=ca", "--beam", "3"),
     )
-    told = json.loads(radarsim("explain", *words, "--format", "json").text)
+    told = explain(radarsim, *words)
     assert told["detector"] == "ca"
     strongest = max(told["targets"], key=lambda target: target["dbm"])
     assert told["range"] == strongest["range"]
@@ -246,7 +237,7 @@ def test_ray_of_a_detectors_beam_loses_decibels_as_its_spectrum_does(
         *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
         *("--set", "detector=ca", "--beam", "200", "--seed", "2"),
     )
-    told = json.loads(radarsim("explain", *words, "--format", "json").text)
+    told = explain(radarsim, *words)
     (bush,) = told["crossings"]
     # 3.31 dB/m of leaves at 77 GHz, over the way through the bush.
     loss = bush["power_before"] - bush["power_after"]

@@ -2,8 +2,10 @@ import json
 import re
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from subprocess import Popen
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,8 @@ from radarsim.client import Client
 from radarsim.protocol.reports import RangeScan
 from radarsim.scene.map_file import shipped_maps
 
-Command = Callable[..., Any]
+from .conftest import Command
+
 FOLIAGE = ("foliage_room", "--time-limit", "3")
 SEEN = ("empty_room", "--strategy", "frontiers")  # seen from the start
 FILES = ["map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png"]
@@ -288,20 +291,11 @@ def test_files_of_other_programs_are_not_overwritten(
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
-def test_simulated_map_is_not_overwritten(radarsim: Command, tmp_path: Path) -> None:
-    text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
-    (tmp_path / "yard.yaml").write_text(text)
-    yard = str(tmp_path / "yard.yaml")
-    run = radarsim("map", "-o", str(tmp_path / "yard"), yard, "--time-limit", "1")
-    assert run.code == 2
-    assert (tmp_path / "yard.yaml").read_text() == text
-
-
-def test_map_of_the_users_own_is_not_overwritten_beside_itself(
+def test_simulated_map_is_not_overwritten_beside_itself(
     radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = shipped_maps()["empty_room"].read_text()
+    text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
     Path("my_room.yaml").write_text(text)
     run = radarsim("map", "my_room.yaml", "--time-limit", "1")
     assert run.code == 2
@@ -336,17 +330,24 @@ def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
     assert (tmp_path / "map.tum").read_bytes() == old
 
 
+@contextmanager
+def watching(server: str, folder: Path, *words: str) -> Iterator[Popen[bytes]]:
+    """Start a program that waits for robot R1, to map what it reports."""
+    words = ("--watch", "R1", "--connect", server, *words)
+    with start_radarsim("map", "-o", str(folder), *words) as process:
+        assert process.stderr is not None
+        assert b"waiting" in process.stderr.readline()
+        yield process
+
+
 @pytest.mark.slow
 @fast_server
 def test_watched_robot_is_mapped_until_it_leaves(
     usarsim_server: UsarsimServer, server: str, tmp_path: Path
 ) -> None:
-    words = ("--watch", "r1", "--connect", server, "--json")
-    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
-        assert process.stderr is not None
-        assert b"waiting" in process.stderr.readline()
+    with watching(server, tmp_path, "--json") as process:
         with Client.connect(*usarsim_server.address) as client:
-            client.spawn("P3AT_Radar360", name="R1", start="RobotStart1")
+            client.spawn("P3AT_Radar360", name="r1", start="RobotStart1")
             client.drive(*client.robot_info().wheel_speeds(0.5, 0.0))
             deadline, began = time.monotonic() + 240, client.session.time
             while client.session.time < began + 4 and time.monotonic() < deadline:
@@ -366,10 +367,7 @@ def test_watched_robot_is_mapped_until_it_leaves(
 def test_watch_reports_which_motion_sources_a_robot_has(
     usarsim_server: UsarsimServer, server: str, tmp_path: Path
 ) -> None:
-    words = ("--watch", "R1", "--connect", server, "--motion-from", "odometry")
-    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
-        assert process.stderr is not None
-        assert b"waiting" in process.stderr.readline()
+    with watching(server, tmp_path, "--motion-from", "odometry") as process:
         with Client.connect(*usarsim_server.address) as client:
             client.spawn("P3AT_Radar360", name="R1", start="RobotStart1")
             began = client.wait_for(RangeScan).time
@@ -388,10 +386,7 @@ def test_watch_reports_which_motion_sources_a_robot_has(
 def test_no_map_is_written_of_a_robot_that_does_not_come(
     server: str, tmp_path: Path
 ) -> None:
-    words = ("--watch", "R1", "--connect", server)
-    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
-        assert process.stderr is not None
-        assert b"waiting" in process.stderr.readline()
+    with watching(server, tmp_path) as process:
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=240)
     assert process.returncode == 1

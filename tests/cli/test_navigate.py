@@ -27,10 +27,9 @@ from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
-from radarsim.scene.map_file import load_map
-from radarsim.server.host import Host
 
-Command = Callable[..., Any]
+from .conftest import Command
+
 BUG2 = ("navigate", "--algorithm", "bug2")
 BOX = (*BUG2, "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
@@ -272,6 +271,7 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
         *("--drive-unit", "rev_per_s", "--foliage-density", "5", "--scanner", "lms200"),
         *("--set", "lms200.sensor=laser", "--set", "lms200.fov_deg=359", "--json"),
         *("--set", "lms200.resolution_deg=1", "--goal", "-7,2.5", "--timeout", "0.8"),
+        *("--time-limit", "inf"),
     )
     told = json.loads(run.text)
     assert run.code == 0
@@ -448,17 +448,3 @@ def test_headline_says_how_a_run_ended() -> None:
         run.result = Result(outcome, 1.0, 1.0, (), (), 0, 1.0, 0, 0.5)
         run.error = ""
         assert text in headline(run)
-
-
-def test_interrupt_is_noted_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupt(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(
-        "radarsim.autonomy.evaluation.navigation_run.run_mission", interrupt
-    )
-    mission = Mission(algorithm=Algorithm.BUG1, goals=((1.0, 0.0),))
-    run = NavigationRun(mission, Host(load_map("empty_room")))
-    with pytest.raises(KeyboardInterrupt):
-        run.execute(("", 0))
-    assert headline(run) == "Bug1 in empty_room, interrupted"

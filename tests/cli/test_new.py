@@ -1,15 +1,13 @@
 """The starter map that ``radarsim new`` writes."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from radarsim.generators.town import town_yaml
 
-Command = Callable[..., Any]
+from .conftest import Command
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from radarsim.presets.robots import robot_names
 from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.scene.material import library_names
 
-from .conftest import RunCommand
+from .conftest import Command
 
 HUMMER = ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV")
 
@@ -37,7 +37,7 @@ HUMMER = ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV")
     ],
 )
 def test_overview_of_all_comes_before_the_details_of_each(
-    radarsim: RunCommand,
+    radarsim: Command,
     command: str,
     names: Sequence[str],
     rows: dict[str, Sequence[str]],
@@ -67,7 +67,7 @@ def test_overview_of_all_comes_before_the_details_of_each(
     ],
 )
 def test_named_ones_are_listed_alone_with_their_sources(
-    radarsim: RunCommand, command: str, names: tuple[str, ...], texts: list[str]
+    radarsim: Command, command: str, names: tuple[str, ...], texts: list[str]
 ) -> None:
     text = radarsim(command, *names).text
     assert text.startswith(f"{names[0]}: ")
@@ -87,7 +87,7 @@ def test_named_ones_are_listed_alone_with_their_sources(
     ],
 )
 def test_json_has_all_or_those_that_are_named(
-    radarsim: RunCommand,
+    radarsim: Command,
     command: str,
     names: tuple[str, ...],
     place: str,

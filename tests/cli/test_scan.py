@@ -2,7 +2,6 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,8 @@ import pytest
 from PIL import Image
 from processes import on_terminal
 
-Command = Callable[..., Any]
+from .conftest import Command
+
 START = ("--start", "RobotStart1")
 FAR_SIDE = 1.8  # m; no bush of the foliage room reaches so far in x
 

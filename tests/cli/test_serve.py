@@ -1,7 +1,6 @@
 import json
 import logging
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from radarsim.cli.server_options import ServerOptions, announce
 from radarsim.client import Client
 from radarsim.server.tcp_server import MAX_CLIENTS
 
-Command = Callable[..., Any]
+from .conftest import Command
 
 
 def test_server_takes_its_options_from_a_file(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-Command = Callable[..., Any]
+from .conftest import Command
+
 START = ("--start", "RobotStart1")
 # A radar small enough for quick tests.
 SMALL = (

@@ -1,5 +1,4 @@
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +6,8 @@ import pytest
 
 from radarsim.autonomy.evaluation.trials import TrialResult
 
-Command = Callable[..., Any]
+from .conftest import Command
+
 QUICK = ("trials", "bug_box", "--seeds", "1", "--workers", "1")
 
 
