@@ -46,59 +46,36 @@ def scan_of(preset: str = "radar", **settings: Any) -> Scan:
     return scanner.scan(YARD, SENSOR, generator_for(3, "places"))
 
 
-@pytest.mark.parametrize("side_mode", ["perpendicular", "lateral", "divergent"])
-@pytest.mark.parametrize("ray_choice", ["drawn", "together"])
-@pytest.mark.parametrize("return_mode", ["last", "all"])
-def test_echoes_of_three_rays_are_on_surfaces(
-    side_mode: str, ray_choice: str, return_mode: str
+CONE = {"side_mode": "cone", "cone_rays": 5, "beamwidth_az_deg": 3}
+
+
+@pytest.mark.parametrize(
+    ("preset", "settings"),
+    [
+        ("laser", {}),
+        ("radar", {**CONE, "ray_choice": "drawn", "return_mode": "all"}),
+        *(
+            ("radar", {"side_mode": mode, "ray_choice": choice, "return_mode": returns})
+            for mode in ("perpendicular", "lateral", "divergent")
+            for choice in ("drawn", "together")
+            for returns in ("last", "all")
+        ),
+    ],
+    ids=str,
+)
+def test_echoes_of_single_rays_are_on_surfaces(
+    preset: str, settings: dict[str, Any]
 ) -> None:
-    scan = scan_of(
-        side_mode=side_mode,
-        ray_choice=ray_choice,
-        return_mode=return_mode,
-        side_offset_uu=100,
-    )
+    scan = scan_of(preset, side_offset_uu=100, **settings)
     x = echo_points(scan, scan.echoes)[:, 0]
     assert len(x) >= 9
     gap = np.abs(x[:, None] - np.array([4.0, 4.1, 6.0]))
     assert np.max(gap.min(axis=1)) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("preset", "settings"),
-    [
-        pytest.param("laser", {}, id="laser"),
-        pytest.param(
-            "radar",
-            {
-                "side_mode": "cone",
-                "cone_rays": 5,
-                "beamwidth_az_deg": 3,
-                "ray_choice": "drawn",
-                "return_mode": "all",
-            },
-            id="drawn from a cone",
-        ),
-    ],
-)
-def test_echoes_of_one_ray_are_on_surfaces(
-    preset: str, settings: dict[str, Any]
-) -> None:
-    scan = scan_of(preset, **settings)
-    x = echo_points(scan, scan.echoes)[:, 0]
-    gap = np.abs(x[:, None] - np.array([4.0, 4.1, 6.0]))
-    assert np.max(gap.min(axis=1)) < 1e-9
-
-
 def test_echoes_of_a_whole_cone_are_along_its_axis() -> None:
-    scan = scan_of(
-        side_mode="cone",
-        cone_rays=9,
-        beamwidth_az_deg=3,
-        beamwidth_el_deg=3,
-        ray_choice="together",
-        return_mode="all",
-    )
+    cone = {**CONE, "cone_rays": 9, "beamwidth_el_deg": 3}
+    scan = scan_of(**cone, ray_choice="together", return_mode="all")
     echoes = scan.echoes
     assert len(echoes) > 9 * 9
     way = echo_points(scan, echoes) - SENSOR.position()[:2]
