@@ -5,11 +5,8 @@ import json
 import math
 import re
 import signal
-import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +16,6 @@ import pytest
 from PIL import Image
 from processes import start_radarsim
 
-from radarsim.addons.testing import UsarsimServer
 from radarsim.autonomy.cli.navigate_output import headline
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
@@ -27,6 +23,9 @@ from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Diagnostic, Host
+from radarsim.server.server_thread import ServerThread
 
 from .conftest import Command
 
@@ -34,91 +33,65 @@ BUG2 = ("navigate", "--algorithm", "bug2")
 BOX = (*BUG2, "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
 FAR = (*BUG2, "--goal", "8,0")
-fast_server = pytest.mark.usarsim(map="empty_room", speed=6)
 
 
-class Relay:
-    """Forwards between a client and a server, records DRIVE commands, and can fail.
+class FaultyHost(Host):
+    """Records DRIVE commands, and can fail 3 s after the first one.
 
-    From ``after`` s after the first one on it forwards nothing (``stalls``) or no scans
-    (``mute``), or it closes the connection (``drops``).
+    Then it sends nothing (``stalls``) or no scans (``mute``), or it closes connections
+    (``drops``).
     """
 
-    def __init__(self, address: tuple[str, int], fault: str = "", after: float = 0.5):
+    def __init__(self, scene: Scene, fault: str) -> None:
+        super().__init__(scene)
         self.driven: list[tuple[float, Drive]] = []
-        self.fault = fault
-        self._after = after
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
-        self._server = socket.create_connection(address, 5)
-        self._client: socket.socket | None = None
-        self.threads = [
-            threading.Thread(target=target, daemon=True)
-            for target in (self._up, self._down)
-        ]
-        self._connected = threading.Event()
-        for thread in self.threads:
-            thread.start()
+        self._fault = fault
 
-    @property
-    def has_failed(self) -> bool:
-        if not self.fault or not self.driven:
-            return False
-        return time.monotonic() > self.driven[0][0] + self._after
+    def failure(self) -> str:
+        begins = self.driven[0][0] + 3.0 if self.driven else math.inf
+        return self._fault if self.simulation.time > begins else ""
 
-    @property
-    def stops(self) -> list[float]:
-        """Times at which the client stopped the robot, s after the fault began."""
-        began = self.driven[0][0] + self._after
-        return [at - began for at, drive in self.driven if drive.left == 0]
+    def receive(self, number: int, data: bytes) -> list[Diagnostic]:
+        for line in data.decode().splitlines():
+            command = parse_command(line, COMPAT).command
+            if isinstance(command, Drive):
+                self.driven.append((self.simulation.time, command))
+        return super().receive(number, data)
 
-    def _up(self) -> None:
-        with suppress(OSError):
-            self._client, _ = self._listener.accept()
-            self._connected.set()
-            with self._client.makefile("rb") as lines:
-                for line in lines:
-                    text = line.decode().strip()
-                    command = parse_command(text, COMPAT).command
-                    if isinstance(command, Drive):
-                        self.driven.append((time.monotonic(), command))
-                    self._server.sendall(line)
+    def take(self, number: int) -> bytes:
+        lines = super().take(number).splitlines(keepends=True)
+        left_out = {"stalls": b"", "mute": b"{Type RangeScanner}"}.get(self.failure())
+        return b"".join(s for s in lines if left_out is None or left_out not in s)
 
-    def _down(self) -> None:
-        self._connected.wait(60)
-        with suppress(OSError), self._server.makefile("rb") as lines:
-            if self._client is None:
-                return
-            for line in lines:
-                if self.has_failed and self.fault == "drops":
-                    self._client.shutdown(socket.SHUT_RDWR)
-                    return
-                mute = self.fault == "mute" and b"{Type RangeScanner}" in line
-                if not self.has_failed or not (mute or self.fault == "stalls"):
-                    self._client.sendall(line)
+    def close_reason(self, number: int) -> str:
+        failure = self.failure()
+        return failure if failure == "drops" else super().close_reason(number)
 
-    def close(self) -> None:
-        for end in (self._listener, self._server, self._client):
-            if end is not None:
-                with suppress(OSError):
-                    end.shutdown(socket.SHUT_RDWR)
-                end.close()
-        for thread in self.threads:
-            thread.join(240)
+    def wait_for_stop(self) -> float:
+        """Wait until the robot is stopped, and return when, s."""
+        deadline = time.monotonic() + 240
+        while self.driven[-1][1] != Drive(0.0, 0.0) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert self.driven[-1][1] == Drive(0.0, 0.0)
+        return self.driven[-1][0]
+
+
+Serve = Callable[..., tuple[FaultyHost, str]]
 
 
 @pytest.fixture
-def relay(usarsim_server: UsarsimServer) -> Iterator[Callable[..., Relay]]:
-    """Return a function that puts a relay before the server."""
-    relays: list[Relay] = []
+def serve(empty_room: Scene) -> Iterator[Serve]:
+    """Return a function that serves a room, and gives the host and its address."""
+    threads: list[ServerThread] = []
 
-    def make(*fault: Any) -> Relay:
-        relays.append(Relay(usarsim_server.address, *fault))
-        return relays[-1]
+    def begin(fault: str = "") -> tuple[FaultyHost, str]:
+        host = FaultyHost(empty_room, fault)
+        threads.append(ServerThread(host, speed=6.0))
+        return host, "{}:{}".format(*threads[-1].begin())
 
-    yield make
-    for each in relays:
-        each.close()
+    yield begin
+    for each in threads:
+        each.finish()
 
 
 def test_reached_goal_is_summarised_in_lines(radarsim: Command) -> None:
@@ -355,20 +328,16 @@ def test_terminal_shows_a_live_status_line(
     assert "going to" not in run.err
 
 
-@fast_server
-def test_goal_is_reached_over_tcp(
-    radarsim: Command, relay: Callable[..., Relay]
-) -> None:
-    middle = relay()
-    run = radarsim(*NEAR, "--connect", f"127.0.0.1:{middle.port}", "--json")
+def test_goal_is_reached_over_tcp(radarsim: Command, serve: Serve) -> None:
+    host, address = serve()
+    run = radarsim(*NEAR, "--connect", address, "--json")
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (0, "reached")
     assert told["path_length"] == pytest.approx(1.4, abs=0.2)
     assert "judge" not in told
-    assert middle.driven[-1][1] == Drive(0.0, 0.0)
+    host.wait_for_stop()
 
 
-@fast_server
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
@@ -378,43 +347,34 @@ def test_goal_is_reached_over_tcp(
     ],
 )
 def test_robot_is_stopped_when_the_server_fails(
-    radarsim: Command, relay: Callable[..., Relay], fault: str, text: str
+    radarsim: Command, serve: Serve, fault: str, text: str
 ) -> None:
-    middle = relay(fault)
-    run = radarsim(*FAR, "--connect", f"127.0.0.1:{middle.port}", "--timeout", "0.8")
+    host, address = serve(fault)
+    run = radarsim(*FAR, "--connect", address, "--timeout", "0.8")
     assert (run.code, run.out) == (1, b"")
     assert f"radarsim: {text}" in run.err
-    if fault == "drops":
-        return  # nobody hears it any more
-    deadline = time.monotonic() + 240
-    while middle.driven[-1][1] != Drive(0.0, 0.0) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert 0.3 < middle.stops[0] < 240.0
+    if fault != "drops":  # nobody hears it any more
+        assert host.wait_for_stop() > host.driven[0][0] + 3.0
 
 
 @pytest.mark.slow
-@fast_server
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
 )
 def test_signal_stops_the_robot_and_the_trace_is_written(
-    relay: Callable[..., Relay], tmp_path: Path, number: int, code: int
+    serve: Serve, tmp_path: Path, number: int, code: int
 ) -> None:
-    middle = relay()
-    trace = tmp_path / "run.csv"
-    server = f"127.0.0.1:{middle.port}"
+    (host, server), trace = serve(), tmp_path / "run.csv"
     with start_radarsim(*FAR, "--connect", server, "--trace", str(trace)) as process:
         deadline = time.monotonic() + 240
-        while len(middle.driven) < 10 and time.monotonic() < deadline:
+        while len(host.driven) < 11 and time.monotonic() < deadline:
             time.sleep(0.01)
         process.send_signal(number)
         out, errors = process.communicate(timeout=240)
     assert process.returncode == code
     assert out.startswith(b"interrupted by bug")
     assert b"Traceback" not in errors
-    for thread in middle.threads:
-        thread.join(240)
-    assert middle.driven[-1][1] == Drive(0.0, 0.0)
+    host.wait_for_stop()
     rows = list(csv.DictReader(trace.read_text().splitlines()))
     assert len(rows) >= 10
     assert all(None not in row.values() for row in rows)

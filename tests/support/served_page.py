@@ -1,7 +1,6 @@
 """A server with its page, in a process of its own."""
 
 import re
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +16,6 @@ CHROMIUM_OPTIONS = ("--no-sandbox", "--enable-unsafe-swiftshader")
 class Served:
     """A running server with its page."""
 
-    process: subprocess.Popen[bytes]
     address: tuple[str, int]
     url: str
 
@@ -26,13 +24,6 @@ class Served:
 def serve(*words: str) -> Iterator[Served]:
     """Serve a map and its page on free ports, and end both afterwards."""
     words = ("serve", *words, "--port", "0", "--web", "0")
-    with _run("commander on", *words) as (process, told):
-        yield Served(process, _read_address(told), _read_url(told))
-
-
-@contextmanager
-def _run(last: str, *words: str) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """Run the program, and return what it told until ``last``."""
     process = start_radarsim(*words)
     stdout, stderr = process.stdout, process.stderr
     assert stdout is not None
@@ -42,13 +33,13 @@ def _run(last: str, *words: str) -> Iterator[tuple[subprocess.Popen[bytes], str]
     try:
         readers[0].start()
         told = ""
-        while last not in told:
+        while "commander on" not in told:
             line = stdout.readline().decode()
             assert line, f"it ended after {told!r} with {b''.join(complaints)!r}"
             told += line
         readers.append(Thread(target=stdout.read))
         readers[1].start()
-        yield process, told
+        yield Served(_read_address(told), _read_url(told))
     finally:
         process.terminate()
         process.wait(240)

@@ -62,10 +62,10 @@ def record_a_drive(page: CommanderPage) -> Path:
     # The robot stands at first, so that who plays the recording sees it at its start.
     begun = time_of(page)
     page.until(lambda: time_of(page) > begun + 1.0, "for a second of it")
-    start = page.robot("R1")["x"]  # type: ignore[index]
+    start = page.robot("R1")["x"]
     page.page.focus("#plan")
     page.page.keyboard.down("w")
-    page.until(lambda: page.robot("R1")["x"] > start + 1.0, "for a drive")  # type: ignore[index]
+    page.until(lambda: page.robot("R1")["x"] > start + 1.0, "for a drive")
     page.page.keyboard.up("w")
     page.page.click("#record")
     page.until(lambda: "Recorded in" in page.text("notice"), "for its end")
@@ -74,8 +74,7 @@ def record_a_drive(page: CommanderPage) -> Path:
 
 def x_of(page: CommanderPage) -> float:
     """Return where the robot is, m; NaN while it is not there."""
-    robot = page.robot("R1")
-    return math.nan if robot is None else float(robot["x"])
+    return float(page.robot("R1").get("x", math.nan))
 
 
 @pytest.mark.slow
@@ -92,7 +91,7 @@ def test_a_run_is_recorded_played_paused_stepped_and_sought(
         live.page.context.close()
     with start_commander(None, recording=folder) as played:
         page = open_page(played)
-        page.until(lambda: page.robot("R1") is not None, "for the robot")
+        page.until(lambda: bool(page.robot("R1")), "for the robot")
         assert page.text("level") == "DM-FoliageRoom"
         first = x_of(page)
         began = time_of(page)
