@@ -133,21 +133,19 @@ def test_validation_problems_have_value_and_expectation(
     assert file.validation_problems(caught.value, ("o",), known=["a"]) == [expected]
 
 
-def test_missing_key_points_at_the_dict_that_lacks_it() -> None:
-    file = parse_yaml(Path("r.yaml"), "low: 1\n")
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("low: 1\n", "1:1: needed: missing"),  # the place of the dict that lacks it
+        (f"needed: {'x' * 200}", f"1:9: needed: '{'x' * 79}, expected a whole number"),
+    ],
+    ids=["missing key", "long value"],
+)
+def test_problems_of_a_file_without_other_keys(text: str, problem: str) -> None:
+    file = parse_yaml(Path("r.yaml"), text)
     with pytest.raises(ValidationError) as caught:
         Outer.model_validate(file.data)
-    assert file.validation_problems(caught.value) == ["r.yaml:1:1: needed: missing"]
-
-
-def test_value_in_a_message_is_cut_to_80_characters() -> None:
-    file = parse_yaml(Path("r.yaml"), f"needed: {'x' * 200}\n")
-    with pytest.raises(ValidationError) as caught:
-        Outer.model_validate(file.data)
-    cut = "'" + "x" * 79
-    assert file.validation_problems(caught.value) == [
-        f"r.yaml:1:9: needed: {cut}, expected a whole number"
-    ]
+    assert file.validation_problems(caught.value) == [f"r.yaml:{problem}"]
 
 
 def test_file_is_utf_8_with_or_without_byte_order_mark(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -84,8 +85,8 @@ def walk(
     click.echo(repr((out.name, plan, times)))
 
 
-def run(*words: str) -> tuple[int, str]:
-    command = PlanCommand("walk", walk)
+def run(*words: str, function: Callable[..., None] = walk) -> tuple[int, str]:
+    command = PlanCommand(function.__name__, function)
     done = CliRunner().invoke(command, words, standalone_mode=False)
     if isinstance(done.exception, click.UsageError):
         return 2, describe_usage_error(done.exception)
@@ -213,12 +214,7 @@ def test_options_come_from_a_file_and_errors_have_their_places(
 ) -> None:
     file = tmp_path / "server.yaml"
     file.write_text(text)
-    command = PlanCommand("serve", serve)
-    arguments = ["--config", str(file), *words]
-    done = CliRunner().invoke(command, arguments, standalone_mode=False)
-    found = done.output
-    if isinstance(done.exception, click.UsageError):
-        found = describe_usage_error(done.exception)
+    _, found = run("--config", str(file), *words, function=serve)
     assert found.startswith(told.format(file))
 
 
@@ -250,8 +246,7 @@ def test_robots_drive_on_a_map_or_on_a_server(
     def go(where: Simulation) -> None:
         found.append(where)
 
-    done = CliRunner().invoke(PlanCommand("go", go), words, standalone_mode=False)
-    assert done.exception is None
+    run(*words, function=go)
     assert found == [plan]
     assert Server().connect == LOCAL_SERVER == ("127.0.0.1", 3000)
 

@@ -8,12 +8,11 @@ from typing import Any
 
 import click
 import pytest
+from commands import run_in_process as radarsim
 from processes import on_terminal
 
 from radarsim.cli.app import app
 from radarsim.cli.completion import complete_map
-
-from .conftest import Command
 
 SCAN = ("scan", "empty_room", "--sensor", "laser")
 SHORT = ("--set", "fov_deg=2")
@@ -38,7 +37,7 @@ def as_json(text: str) -> Any:
     ],
 )
 def test_poses_may_begin_with_a_minus_and_settings_repeat(
-    radarsim: Command, pose: list[str], expected: list[float]
+    pose: list[str], expected: list[float]
 ) -> None:
     run = radarsim(*SCAN, *SHORT, "--set", "max_range=3", *pose)
     assert (run.code, run.err) == (0, "")
@@ -55,7 +54,7 @@ def test_poses_may_begin_with_a_minus_and_settings_repeat(
     ],
 )
 def test_goals_may_begin_with_a_minus_and_repeat(
-    radarsim: Command, words: list[str], goals: list[list[float]]
+    words: list[str], goals: list[list[float]]
 ) -> None:
     run = radarsim(*GO, *BRIEF, *words)
     assert as_json(run.text)["goals"] == goals
@@ -72,7 +71,7 @@ def test_goals_may_begin_with_a_minus_and_repeat(
     ids=repr,
 )
 def test_errors_of_a_file_of_options_have_their_places(
-    radarsim: Command, tmp_path: Path, text: str, place: str
+    tmp_path: Path, text: str, place: str
 ) -> None:
     config = tmp_path / "server.yaml"
     config.write_text(text)
@@ -83,7 +82,7 @@ def test_errors_of_a_file_of_options_have_their_places(
 
 
 def test_the_command_counts_before_the_environment_and_that_before_the_file(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = tmp_path / "server.yaml"
     config.write_text("speed: 0\nmap: nowhere\n")
@@ -109,7 +108,6 @@ def test_the_command_counts_before_the_environment_and_that_before_the_file(
     ],
 )
 def test_options_come_from_the_environment(
-    radarsim: Command,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
     value: str,
@@ -139,7 +137,7 @@ def test_every_option_has_a_variable_of_its_name() -> None:
 
 
 def test_a_variable_that_is_no_options_is_named(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("RADARSIM_SCAN_COUNTS", "0")
     monkeypatch.setenv("RADARSIM_SERVE_PROT", "0")  # of another command
@@ -153,18 +151,14 @@ def test_a_variable_that_is_no_options_is_named(
 
 
 @pytest.mark.parametrize("group", [(), ("recording",)], ids=str)
-def test_groups_know_the_options_of_help_as_commands_do(
-    radarsim: Command, group: tuple[str, ...]
-) -> None:
+def test_groups_know_the_options_of_help_as_commands_do(group: tuple[str, ...]) -> None:
     shown = radarsim(*group, "--help")
     assert shown.code == 0
     for option in ("-h", "--help-all"):
         assert radarsim(*group, option).text == shown.text
 
 
-def test_address_of_numbers_with_colons_is_told_in_brackets(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_address_of_numbers_with_colons_is_told_in_brackets(tmp_path: Path) -> None:
     run = radarsim("map", "--connect", "[::1]:1", "-o", f"{tmp_path}/")
     assert run.code == 1
     assert "no server at [::1]:1" in run.err
@@ -183,7 +177,7 @@ def test_address_of_numbers_with_colons_is_told_in_brackets(
     ],
 )
 def test_words_are_completed(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch, words: str, expected: str
+    monkeypatch: pytest.MonkeyPatch, words: str, expected: str
 ) -> None:
     """As bash completes the last word."""
     monkeypatch.setenv("_RADARSIM_COMPLETE", "bash_complete")
@@ -200,9 +194,7 @@ def test_files_of_maps_are_completed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [("scan", "--help"), ("scan",)], ids=str)
-def test_output_is_plain_in_a_pipe_and_without_colour(
-    radarsim: Command, words: tuple[str, ...]
-) -> None:
+def test_output_is_plain_in_a_pipe_and_without_colour(words: tuple[str, ...]) -> None:
     run = radarsim(*words)
     assert "\x1b[" not in run.text + run.err
     plain = on_terminal(*words, NO_COLOR="1")

@@ -2,21 +2,20 @@ import re
 import sys
 
 import pytest
+from commands import run_in_process as radarsim
 
 from radarsim.cli import first_steps as module
 from radarsim.cli.first_steps import FOLDER
 
-from .conftest import Command
 
-
-def test_topics_are_listed_without_a_topic(radarsim: Command) -> None:
+def test_topics_are_listed_without_a_topic() -> None:
     run = radarsim("docs")
     assert run.code == 0
     for page in FOLDER.glob("*.md"):
         assert page.stem == "index" or f"[{page.stem}]({page.name})" in run.text
 
 
-def test_page_is_plain_markdown_in_a_pipe(radarsim: Command) -> None:
+def test_page_is_plain_markdown_in_a_pipe() -> None:
     run = radarsim("docs", "radar")
     assert run.out == (FOLDER / "radar.md").read_bytes()
 

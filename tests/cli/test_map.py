@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import run_in_process as radarsim
 from PIL import Image
 from processes import start_radarsim
 
@@ -17,8 +18,6 @@ from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
 from radarsim.protocol.reports import RangeScan
 from radarsim.scene.map_file import shipped_maps
-
-from .conftest import Command
 
 FOLIAGE = ("foliage_room", "--time-limit", "3")
 SEEN = ("empty_room", "--strategy", "frontiers")  # seen from the start
@@ -34,9 +33,7 @@ def server(usarsim_server: UsarsimServer) -> str:
 
 
 @pytest.fixture(scope="module")
-def foliage_run(
-    radarsim: Command, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Any, Path]:
+def foliage_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     """Map the foliage room once; return the output and the folder of the files."""
     folder = tmp_path_factory.mktemp("foliage")
     return radarsim("map", "-o", str(folder), *FOLIAGE), folder
@@ -69,9 +66,7 @@ def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -
 
 
 @pytest.mark.slow
-def test_waypoints_are_driven_to_and_unreachable_ones_listed(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_waypoints_are_driven_to_and_unreachable_ones_listed(tmp_path: Path) -> None:
     way = ("--way", "-7,1", "--way=-6,0", "--way", "0.5,0")
     run = radarsim("map", "-o", str(tmp_path), "foliage_room", *way, "--json")
     told = json.loads(run.text)
@@ -83,7 +78,7 @@ def test_waypoints_are_driven_to_and_unreachable_ones_listed(
     assert "left out 9 9: no way there" in run.text
 
 
-def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
+def test_json_is_one_object(tmp_path: Path) -> None:
     run = radarsim(
         "map", "-o", str(tmp_path / "room"), *FOLIAGE, "--json", "--seed", "3"
     )
@@ -129,9 +124,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_same_seed_gives_the_same_map_and_another_seed_another(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_same_seed_gives_the_same_map_and_another_seed_another(tmp_path: Path) -> None:
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
         radarsim("map", "-o", str(tmp_path / name), *SEEN, "--seed", seed)
     for ending in (".png", ".pgm", ".tum", "_view.png"):
@@ -154,9 +147,7 @@ def test_pictures_have_the_colours_of_usarcommander_and_nav2(
 
 
 @pytest.mark.slow
-def test_map_of_probabilities_is_a_second_picture(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_map_of_probabilities_is_a_second_picture(tmp_path: Path) -> None:
     run = radarsim("map", "-o", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
     assert run.code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == [
@@ -165,7 +156,7 @@ def test_map_of_probabilities_is_a_second_picture(
     assert 'image: "a_scale.png"' in (tmp_path / "a_scale.yaml").read_text()
 
 
-def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> None:
+def test_options_reach_robot_and_mapper(tmp_path: Path) -> None:
     run = radarsim(
         *("map", "-o", f"{tmp_path}/new/", "empty_room", "--json"),
         *("--strategy", "centre_out", "--radius", "2", "--speed", "0.6"),
@@ -185,9 +176,7 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
     assert lines[1].split()[1:3] == ["-7.000000", "1.000000"]
 
 
-def test_places_that_cannot_be_written_are_told_before_the_run(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_places_that_cannot_be_written_are_told_before_the_run(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     run = radarsim("map", "-o", f"{tmp_path}/file/", *SEEN)
     assert (run.code, run.out) == (2, b"")
@@ -204,7 +193,7 @@ def test_places_that_cannot_be_written_are_told_before_the_run(
 
 
 @pytest.mark.slow
-def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> None:
+def test_map_of_a_stuck_robot_is_written(tmp_path: Path) -> None:
     run = radarsim(
         *("map", "-o", str(tmp_path), "foliage_room", "--no-echoes", "--json"),
         *("--strategy", "contour", "--pose", "-2,3.9,0"),
@@ -218,7 +207,7 @@ def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> N
 
 
 def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
-    radarsim: Command, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
     run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT", "--json")
     told = json.loads(run.text)
@@ -232,9 +221,7 @@ def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
 
 
 @fast_server
-def test_room_is_mapped_over_tcp(
-    radarsim: Command, server: str, tmp_path: Path
-) -> None:
+def test_room_is_mapped_over_tcp(server: str, tmp_path: Path) -> None:
     words = ("map", "-o", str(tmp_path), "--connect", server, "--json")
     run = radarsim(*words, "--time-limit", "6")
     told = json.loads(run.text)
@@ -277,9 +264,7 @@ def film_has_begun(folder: Path) -> bool:
 
 
 @pytest.mark.slow
-def test_files_of_other_programs_are_not_overwritten(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_files_of_other_programs_are_not_overwritten(tmp_path: Path) -> None:
     for ending in (".png", ".pgm", ".yaml", ".tum", "_view.png"):
         (tmp_path / f"map{ending}").write_text("mine\n")
         run = radarsim("map", "-o", str(tmp_path), *FOLIAGE)
@@ -292,7 +277,7 @@ def test_files_of_other_programs_are_not_overwritten(
 
 
 def test_simulated_map_is_not_overwritten_beside_itself(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
@@ -305,7 +290,7 @@ def test_simulated_map_is_not_overwritten_beside_itself(
 
 
 def test_seed_of_turn_away_is_accepted_without_serve(
-    server: str, radarsim: Command, tmp_path: Path
+    server: str, tmp_path: Path
 ) -> None:
     words = ("--connect", server, "--strategy", "turn_away", "--seed", "3")
     run = radarsim("map", "-o", str(tmp_path), *words, "--time-limit", "0.5")
@@ -313,7 +298,7 @@ def test_seed_of_turn_away_is_accepted_without_serve(
 
 
 def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
-    radarsim: Command, foliage_run: tuple[Any, Path], tmp_path: Path
+    foliage_run: tuple[Any, Path], tmp_path: Path
 ) -> None:
     old = (foliage_run[1] / "map.tum").read_bytes() + b"# more\n"
     (tmp_path / "map.tum").write_bytes(old)
@@ -395,9 +380,7 @@ def test_no_map_is_written_of_a_robot_that_does_not_come(
 
 
 @pytest.mark.slow
-def test_film_shows_the_run_and_does_not_change_it(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_film_shows_the_run_and_does_not_change_it(tmp_path: Path) -> None:
     words = ("empty_room", "--way=-7,0", "--json")
     plain = radarsim("map", "-o", str(tmp_path / "a"), *words)
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
@@ -424,7 +407,7 @@ def test_film_shows_the_run_and_does_not_change_it(
 
 @pytest.mark.slow
 def test_film_that_cannot_be_written_does_not_spoil_the_map(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
@@ -439,7 +422,7 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
 
 
 def test_known_area_is_drawn_and_a_terminal_shows_a_status_line(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")

@@ -7,12 +7,12 @@ import re
 import signal
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import run_in_process as radarsim
 from PIL import Image
 from processes import start_radarsim
 
@@ -27,11 +27,10 @@ from radarsim.scene.scene import Scene
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.server_thread import ServerThread
 
-from .conftest import Command
-
 BUG2 = ("navigate", "--algorithm", "bug2")
 BOX = (*BUG2, "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
+BoxRun = tuple[dict[str, Any], Path, Path]
 FAR = (*BUG2, "--goal", "8,0")
 
 
@@ -94,7 +93,7 @@ def serve(empty_room: Scene) -> Iterator[Serve]:
         each.finish()
 
 
-def test_reached_goal_is_summarised_in_lines(radarsim: Command) -> None:
+def test_reached_goal_is_summarised_in_lines() -> None:
     run = radarsim(*BOX)
     assert run.code == 0
     assert re.fullmatch(
@@ -114,26 +113,18 @@ def test_reached_goal_is_summarised_in_lines(radarsim: Command) -> None:
     assert told[4:] == ["reached"]
 
 
-@dataclass(frozen=True)
-class BoxRun:
-    """A complete run through the box."""
-
-    summary: dict[str, Any]
-    trace: Path
-    plot: Path
-
-
 @pytest.fixture(scope="module")
-def box_run(radarsim: Command, tmp_path_factory: pytest.TempPathFactory) -> BoxRun:
+def box_run(tmp_path_factory: pytest.TempPathFactory) -> BoxRun:
+    """Run through the box; return the summary, the trace and the picture."""
     folder = tmp_path_factory.mktemp("box")
     trace, plot = folder / "run.csv", folder / "run.PNG"
     run = radarsim(*BOX, "--json", "--trace", str(trace), "--plot", str(plot))
     assert run.code == 0
-    return BoxRun(json.loads(run.text), trace, plot)
+    return json.loads(run.text), trace, plot
 
 
 def test_json_is_one_object_that_agrees_with_the_judge(box_run: BoxRun) -> None:
-    told = box_run.summary
+    told, *_ = box_run
     assert list(told) == [
         *("outcome", "algorithm", "goals", "goals_left", "path_length", "time"),
         *("hit_points", "leave_points", "circuits", "legs", "nearest_obstacle"),
@@ -151,7 +142,7 @@ def test_json_is_one_object_that_agrees_with_the_judge(box_run: BoxRun) -> None:
 
 @pytest.mark.parametrize("way", ["option", "trial"])
 def test_goal_outside_the_box_around_all_objects_is_driven_to(
-    radarsim: Command, tmp_path: Path, way: str
+    tmp_path: Path, way: str
 ) -> None:
     file, options = tmp_path / "pole.yaml", ["--goal=-1.5,2"]
     text = """
@@ -167,9 +158,7 @@ starts: [{name: RobotStart1, position: [-2.5, 2, 0]}]
     assert (told["outcome"], told["goals"]) == ("reached", [[-1.5, 2.0]])
 
 
-def test_same_seed_gives_the_same_run_and_another_seed_another(
-    radarsim: Command,
-) -> None:
+def test_same_seed_gives_the_same_run_and_another_seed_another() -> None:
     first, again, other = (
         radarsim(*BOX, "--json", "--time-limit", "5", "--seed", seed).text
         for seed in "001"
@@ -177,9 +166,7 @@ def test_same_seed_gives_the_same_run_and_another_seed_another(
     assert first == again != other
 
 
-def test_each_goal_is_told_of_and_the_last_is_the_start(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_each_goal_is_told_of_and_the_last_is_the_start(tmp_path: Path) -> None:
     file = tmp_path / "post.yaml"
     file.write_text(
         "version: 1\nobjects: [{name: post, box: [0.4, 0.4, 1], material: metal}]\n"
@@ -200,9 +187,7 @@ def test_each_goal_is_told_of_and_the_last_is_the_start(
     assert told["judge"]["goal_distance"] < 0.3
 
 
-def test_goal_to_which_there_is_no_path_is_told_among_several(
-    radarsim: Command,
-) -> None:
+def test_goal_to_which_there_is_no_path_is_told_among_several() -> None:
     way = ("--goal", "-3.5,-0.5", "--goal", "-0.4,0.2", "--return-to-start")
     run = radarsim(*BUG2, "bug_closed_box", "--speed", "0.5", *way)
     assert run.code == 3
@@ -213,7 +198,7 @@ def test_goal_to_which_there_is_no_path_is_told_among_several(
     assert re.search(r"collisions: 0, \d\.\d\d m from its start\n$", run.text)
 
 
-def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
+def test_goal_not_reached_in_time_is_a_failure() -> None:
     run = radarsim(*BOX, "--time-limit", "2", "--json")
     told = json.loads(run.text)
     assert run.code == 1
@@ -226,7 +211,7 @@ def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
     assert "radarsim: goal 1 of 2 not reached within 2 s, 6." in run.err
 
 
-def test_impossible_mission_is_reported_in_json(radarsim: Command) -> None:
+def test_impossible_mission_is_reported_in_json() -> None:
     run = radarsim(*BOX, "--safety-distance", "0.2", "--json")
     told = json.loads(run.text)
     assert run.code == 1
@@ -236,7 +221,7 @@ def test_impossible_mission_is_reported_in_json(radarsim: Command) -> None:
     assert f"radarsim: {told['error']}\n" in run.err
 
 
-def test_options_reach_robot_and_bug(radarsim: Command) -> None:
+def test_options_reach_robot_and_bug() -> None:
     run = radarsim(
         *(*BUG2, "empty_room", "--pose", "-8,1,90", "--goal", "-8,2.5"),
         *("--bumpers", "4", "--share", "0.5", "--rule", "share", "--side", "right"),
@@ -254,7 +239,7 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
 
 
 def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
-    told, trace, plot = box_run.summary, box_run.trace, box_run.plot
+    told, trace, plot = box_run
     rows = list(csv.DictReader(trace.read_text().splitlines()))
     times = [float(row["time"]) for row in rows]
     assert np.diff(times) == pytest.approx(0.1)
@@ -274,9 +259,7 @@ def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
     assert {*trace.parent.iterdir()} == {trace, plot}
 
 
-def test_start_in_a_bush_is_an_error_that_names_it(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_start_in_a_bush_is_an_error_that_names_it(tmp_path: Path) -> None:
     path = tmp_path / "bush.yaml"
     path.write_text(
         "version: 1\nmaterials: {leaves: {density: 0.7}}\nobjects:\n"
@@ -289,7 +272,7 @@ def test_start_in_a_bush_is_an_error_that_names_it(
         assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err
 
 
-def test_trace_overwrites_only_traces(radarsim: Command, tmp_path: Path) -> None:
+def test_trace_overwrites_only_traces(tmp_path: Path) -> None:
     trace = tmp_path / "run.csv"
     trace.write_text("my,own,table\n1,2,3\n")
     command = [*NEAR, "empty_room", "--trace", str(trace)]
@@ -304,7 +287,7 @@ def test_trace_overwrites_only_traces(radarsim: Command, tmp_path: Path) -> None
     assert trace.read_bytes() == first
 
 
-def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) -> None:
+def test_files_of_a_failed_run_are_written(tmp_path: Path) -> None:
     trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"
     run = radarsim(
         *(*BUG2, "foliage_room", "--start", "RobotStart1", "--goal", "8,0"),
@@ -317,9 +300,7 @@ def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) ->
     assert plot.read_text().startswith("<?xml")
 
 
-def test_terminal_shows_a_live_status_line(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_terminal_shows_a_live_status_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     run = radarsim(*BOX, "--time-limit", "2")
@@ -328,7 +309,7 @@ def test_terminal_shows_a_live_status_line(
     assert "going to" not in run.err
 
 
-def test_goal_is_reached_over_tcp(radarsim: Command, serve: Serve) -> None:
+def test_goal_is_reached_over_tcp(serve: Serve) -> None:
     host, address = serve()
     run = radarsim(*NEAR, "--connect", address, "--json")
     told = json.loads(run.text)
@@ -347,7 +328,7 @@ def test_goal_is_reached_over_tcp(radarsim: Command, serve: Serve) -> None:
     ],
 )
 def test_robot_is_stopped_when_the_server_fails(
-    radarsim: Command, serve: Serve, fault: str, text: str
+    serve: Serve, fault: str, text: str
 ) -> None:
     host, address = serve(fault)
     run = radarsim(*FAR, "--connect", address, "--timeout", "0.8")
@@ -382,9 +363,7 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
 
 
 @pytest.mark.slow
-def test_film_shows_the_run_and_does_not_change_it(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_film_shows_the_run_and_does_not_change_it(tmp_path: Path) -> None:
     words = (*BOX, "--time-limit", "2", "--json")
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
     runs = [radarsim(*words), *(radarsim(*words, "--film", str(f)) for f in films)]

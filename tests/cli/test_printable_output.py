@@ -5,11 +5,10 @@ import logging
 from pathlib import Path
 
 import pytest
+from commands import run_in_process as radarsim
 
 from radarsim.cli import output
 from radarsim.errors import MapError, RadarsimError, escape_unprintable
-
-from .conftest import Command
 
 # Colour and title of a terminal, bell, return, a C1 control, a change of direction.
 HOSTILE = "x\x1b[31m\x1b]0;t\x07\r\x9b\u202eq"
@@ -57,7 +56,7 @@ def hostile_map(tmp_path: Path) -> Path:
     ],
 )
 def test_names_in_a_map_are_escaped(
-    radarsim: Command, hostile_map: Path, command: tuple[str, ...]
+    hostile_map: Path, command: tuple[str, ...]
 ) -> None:
     words = [w.format(map=hostile_map, folder=hostile_map.parent) for w in command]
     run = radarsim(*words)
@@ -67,9 +66,7 @@ def test_names_in_a_map_are_escaped(
         assert MARKUP in run.text
 
 
-def test_title_and_legend_of_a_picture_are_escaped(
-    radarsim: Command, hostile_map: Path
-) -> None:
+def test_title_and_legend_of_a_picture_are_escaped(hostile_map: Path) -> None:
     picture = hostile_map.parent / "scan.svg"
     pose = ("--sensor", "radar", "--start", "RobotStart1")
     assert radarsim("scan", str(hostile_map), *pose, "-o", str(picture)).code == 0
@@ -77,9 +74,7 @@ def test_title_and_legend_of_a_picture_are_escaped(
 
 
 @pytest.mark.slow
-def test_markup_in_the_name_of_a_map_stays_text(
-    radarsim: Command, hostile_map: Path
-) -> None:
+def test_markup_in_the_name_of_a_map_stays_text(hostile_map: Path) -> None:
     words = ("--algorithms", "bug2", "--seeds", "1", "--workers", "1")
     run = radarsim("trials", str(hostile_map), *words)
     assert run.code == 0
@@ -103,7 +98,7 @@ def test_markup_in_the_name_of_a_map_stays_text(
     ],
 )
 def test_words_of_a_command_line_are_escaped_in_messages(
-    radarsim: Command, command: tuple[str, ...], code: int
+    command: tuple[str, ...], code: int
 ) -> None:
     run = radarsim(*command)
     assert run.code == code
@@ -111,7 +106,7 @@ def test_words_of_a_command_line_are_escaped_in_messages(
     assert r"\x1b" in run.text + run.err
 
 
-def test_path_of_a_written_file_is_escaped(radarsim: Command, tmp_path: Path) -> None:
+def test_path_of_a_written_file_is_escaped(tmp_path: Path) -> None:
     run = radarsim("new", str(tmp_path / f"{HOSTILE}.yaml"))
     assert run.code == 0
     assert is_printable(run.text)

@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from .conftest import Command
+from commands import run_in_process as radarsim
 
 # Messages by options, by the command that they follow.
 WRONG = {
@@ -174,11 +173,7 @@ CASES = [
 
 @pytest.mark.parametrize(("command", "message"), CASES)
 def test_error_of_usage_is_one_line_and_nothing_is_written(
-    radarsim: Command,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    command: str,
-    message: str,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with Path(os.devnull).open() as nothing:
@@ -206,44 +201,20 @@ def test_error_of_usage_is_one_line_and_nothing_is_written(
         ),
     ],
 )
-def test_what_a_map_or_robot_does_not_have_is_told(
-    radarsim: Command, command: str, message: str
-) -> None:
+def test_what_a_map_or_robot_does_not_have_is_told(command: str, message: str) -> None:
     run = radarsim(*shlex.split(command))
     assert run.code == 1
     assert message in run.text + run.err
     assert (run.text + run.err).count("\n") == 1
 
 
-def test_maps_beside_the_one_that_is_missing_are_suggested(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_maps_beside_the_one_that_is_missing_are_suggested(tmp_path: Path) -> None:
     (tmp_path / "my_room.yaml").touch()
     run = radarsim("check", str(tmp_path / "my_rom.yaml"))
     assert f"did you mean '{tmp_path}/my_room.yaml'" in run.text
 
 
-def test_names_in_a_map_are_suggested(radarsim: Command, tmp_path: Path) -> None:
-    file = tmp_path / "room.yaml"
-    file.write_text(
-        "version: 1\n"
-        "objecs: []\n"
-        "materials:\n"
-        "  bark: {based_on: wod}\n"
-        "objects:\n"
-        "  - {name: a, box: [1, 1, 1], material: concret}\n"
-        "  - {name: b, box: [1, 1, 1], material: brk}\n"
-        "  - {name: c, box: [1, 1, 1], material: bark, positon: [0, 0, 0]}\n"
-        "starts:\n"
-        "  - {name: RobotStart1, position: [0, 0, 0]}\n"
-        "trial: {start: RobotStrt1, goal: [1, 1], safety_distance: .5}\n"
-    )
-    run = radarsim("check", str(file))
-    for name in ("objects", "wood", "concrete", "bark", "position", "RobotStart1"):
-        assert f"did you mean '{name}'?" in run.text
-
-
-def test_program_without_a_command_prints_its_help(radarsim: Command) -> None:
+def test_program_without_a_command_prints_its_help() -> None:
     run = radarsim()
     assert run.code == 2
     assert "serve" in run.text + run.err

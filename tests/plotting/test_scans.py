@@ -16,7 +16,7 @@ from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.plotting.ray_segments import FULL_OPACITY, NO_RETURN_OPACITY
 from radarsim.plotting.scans import draw_scans, plot_scans
-from radarsim.plotting.sight import BeamEnd, find_sight
+from radarsim.plotting.sight import BeamEnd, find_sight, name_materials
 from radarsim.plotting.style import FORMS, scan_points
 from radarsim.raycast.attenuation import EventKind
 from radarsim.rng import generator_for
@@ -294,3 +294,15 @@ def test_pictures_of_all_sensors_have_the_same_frame(foliage_room: Scene) -> Non
         for figure in figures
     }
     assert len(frames) == 1
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.5])
+def test_beams_that_answer_in_smoke_are_stopped_by_it(quantum: float) -> None:
+    """The wall or the end of its power can be nearer to an answer than the edge."""
+    scene = radarsim.load_map("smoke_room")
+    laser = radarsim.load_sensor("physical", range_quantum=quantum)
+    scan = laser.scan(scene, (-9.8, 0, 0), 1)  # where the wall is in the smoke, too
+    sight = find_sight(scene, scan)
+    answered = scan.ranges > 0
+    assert np.unique(sight.ends[answered]).tolist() == [BeamEnd.STOPPED]
+    assert name_materials(sight.materials[BeamEnd.STOPPED]) == "smoke"

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -122,13 +121,10 @@ def test_scale_bar_has_a_round_length_and_says_it(width: float, length: float) -
 def test_robot_is_drawn_in_its_true_size_where_it_stands() -> None:
     axes = Figure().add_subplot()
     draw_robot(axes, "P3AT", Pose2(2.0, 1.0, math.pi / 2))
-    corners = np.concatenate([np.asarray(p.get_xy())[:, :2] for p in polygons(axes)])
+    polygons = [patch for patch in axes.patches if isinstance(patch, Polygon)]
+    corners = np.concatenate([np.asarray(p.get_xy())[:, :2] for p in polygons])
     low, high = corners.min(axis=0), corners.max(axis=0)
     assert (low + high) / 2 == pytest.approx((2.0, 1.0))
     model = load_robot("P3AT")
     assert high[1] - low[1] == pytest.approx(model.length, abs=0.1)
     assert high[0] - low[0] == pytest.approx(model.width, abs=0.1)
-
-
-def polygons(axes: Axes) -> list[Polygon]:
-    return [patch for patch in axes.patches if isinstance(patch, Polygon)]

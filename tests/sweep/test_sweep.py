@@ -131,29 +131,15 @@ def test_killed_sweep_is_resumed_to_the_same_files(small: Path, out: Path) -> No
     assert files_of(out) == before
 
 
-INTERRUPTED = """
-import os, signal
-import pyarrow.parquet as parquet
-write = parquet.ParquetWriter.write_table
-def write_and_end(*args):
-    write(*args)
-    os.kill(os.getpid(), {})
-parquet.ParquetWriter.write_table = write_and_end
-if __name__ == "__main__":
-    from radarsim.cli import main
-    main()
-"""
-
-
-def test_sweep_that_is_ended_while_it_writes_leaves_nothing_half_written(
-    small: Path,
-    out: Path,
+def test_sweep_that_is_interrupted_while_it_writes_leaves_nothing_half_written(
+    small: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    script = small.parent / "interrupted.py"
-    script.write_text(INTERRUPTED.format(int(signal.SIGTERM)))
-    words = ("sweep", str(small), "-o", str(out), "--workers", "1")
-    run = subprocess.run((sys.executable, str(script), *words), check=False)
-    assert run.returncode == 143
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(parquet.ParquetWriter, "write_table", interrupt)
+        assert sweep(small, "-o", out, "--workers", 1).code == 130
     assert files_of(out).keys() == {ABOUT, LOG}
     assert sweep(small, "-o", out, "--resume").code == 0
     assert files_of(out).keys() == {ABOUT, LOG, TABLE}

@@ -6,6 +6,7 @@ from typing import Any
 import httpx
 import pytest
 import websockets
+from served_page import run_commander
 from web_pages import Page, open_page
 from websockets.typing import Origin
 
@@ -17,10 +18,10 @@ from radarsim.server.server_thread import ServerThread
 
 
 @pytest.fixture(scope="module")
-def commander(foliage_room: Scene, start_commander: Any) -> Iterator[Any]:
+def commander(foliage_room: Scene) -> Iterator[Any]:
     """Run a commander for all of these tests."""
     thread = ServerThread(Host(foliage_room), speed=1.0)
-    with start_commander(thread.begin(), map="foliage_room") as running:
+    with run_commander(thread.begin(), map="foliage_room") as running:
         yield running
     thread.finish()
 
@@ -149,7 +150,7 @@ async def test_what_is_not_possible_is_told(commander: Any) -> None:
         ({"op": "spawn", "class": "P3AT", "start": "a", "pose": [0, 0, 0]}, "only one"),
         ({"op": "hello", "token": "again"}, "not possible here"),
     ]
-    async with open_page(commander.web, commander.token) as page:
+    async with open_page(commander) as page:
         for message, text in cases:
             await page.send(**message)
             assert text in (await page.hear("error"))["text"]

@@ -51,7 +51,7 @@ async def test_robot_drives_and_stops_when_nothing_more_is_heard(page: Page) -> 
 
 
 async def test_robot_stops_when_its_driver_is_gone(commander: Any, page: Page) -> None:
-    async with open_page(commander.web, commander.token) as driver:
+    async with open_page(commander) as driver:
         name = await driver.spawn()
         await driver.send("drive", robot=name, v=1, w=0)
         await page.hear("viewer", driver="viewer 2")
@@ -68,7 +68,7 @@ async def test_sensors_of_a_robot_are_read_once(
         kinds.add(line.split(maxsplit=1)[0])
         return decode_report(line)
 
-    async with open_page(commander.web, commander.token) as page:
+    async with open_page(commander) as page:
         await page.send("spawn", **{"class": "P3AT", "name": "R1"})
         frame = await page.see(lambda frame: frame.robot("R1").get("scans"))
         await page.see(lambda frame: frame.robot("R1")["mine"])
@@ -79,10 +79,7 @@ async def test_sensors_of_a_robot_are_read_once(
 
 
 async def test_only_one_browser_drives_a_robot(commander: Any) -> None:
-    async with (
-        open_page(commander.web, commander.token) as one,
-        open_page(commander.web, commander.token) as other,
-    ):
+    async with open_page(commander) as one, open_page(commander) as other:
         name = await one.spawn()
 
         async def insist(page: Page) -> str:
@@ -105,10 +102,7 @@ async def test_only_one_browser_drives_a_robot(commander: Any) -> None:
 
 
 async def test_anybody_may_stop_everything(commander: Any) -> None:
-    async with (
-        open_page(commander.web, commander.token) as page,
-        open_page(commander.web, commander.token) as driver,
-    ):
+    async with open_page(commander) as page, open_page(commander) as driver:
         name = await driver.spawn()
         await driver.send("drive", robot=name, v=0, w=1)
         await page.hear("viewer", robot=name, driver="viewer 2")
@@ -142,7 +136,7 @@ async def test_browser_is_told_why_a_robot_does_not_come(
 ) -> None:
     monkeypatch.setattr("radarsim.addons.web.robots.LONG_WAIT", 0.1)
     monkeypatch.setattr("radarsim.addons.web.robots.SPAWN_TIMEOUT", 1.0)
-    async with open_page(commander.web, commander.token) as page:
+    async with open_page(commander) as page:
         await page.send("spawn", **{"class": "Tank", "name": "T1"})
         notice = await page.hear("notice")
         assert "T1" in notice["text"]

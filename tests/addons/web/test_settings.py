@@ -75,7 +75,7 @@ async def test_wrong_values_change_nothing_that_is_shown(commander: Any) -> None
         ("penetration_power", 10**1000),
         ("return_mode", "last} {Opcode RESET"),
     ]
-    async with open_page(commander.web, commander.token) as page:
+    async with open_page(commander) as page:
         name = await spawn(page)
         assert page.frame is not None
         before = page.frame.robot(name)["scans"][0]["settings"]

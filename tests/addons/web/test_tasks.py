@@ -16,7 +16,7 @@ BEHIND = [5.7, -0.9]  # m; behind the bushes, more than 2 m from everything
 
 @FAST
 async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
-    async with open_page(commander.web, commander.token) as page:
+    async with open_page(commander) as page:
         name = await page.spawn("P3AT_Radar360", pose=[-8.0, 0.0, 0.0])
         await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
         running = await page.hear("task", state="running")
@@ -25,7 +25,7 @@ async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
         assert ended["state"] == "done", ended["text"]
         frame = await page.see(lambda frame: frame.robot(name)["driver"] is None)
         assert frame.robot(name)["x"] > -7.4
-    async with open_page(commander.web, commander.token) as page:
+    async with open_page(commander) as page:
         path = await page.hear("path", robot=name)  # a new browser is told as well
         assert path["goal"] == [-7.0, 0.0]
         assert path["points"][0] == pytest.approx([-8.0, 0.0], abs=0.1)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import recorded_runs
-from served_page import Served, serve
+from served_page import Served, run_commander, serve
 from web_pages import Page, open_page
 
 from radarsim.addons.web.requests import Pace
@@ -32,17 +32,11 @@ def recording(foliage_room: Scene, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder
 
 
-def at(served: Served) -> tuple[str, str]:
-    """Return address and token of a page."""
-    address, _, token = served.url.removeprefix("http://").partition("/#token=")
-    return address, token
-
-
 @pytest.fixture
-async def player(recording: Path, start_commander: Any) -> AsyncIterator[Page]:
+async def player(recording: Path) -> AsyncIterator[Page]:
     """Open the page of a commander that plays the recording."""
-    with start_commander(None, recording=recording, map="foliage_room") as commander:
-        async with open_page(commander.web, commander.token) as page:
+    with run_commander(None, recording=recording, map="foliage_room") as commander:
+        async with open_page(commander) as page:
             yield page
 
 
@@ -61,9 +55,9 @@ async def test_time_is_paused_stepped_and_resumed_for_all_browsers(
     served: Served,
 ) -> None:
     async with (
-        open_page(*at(served)) as page,
-        open_page(*at(served)) as other,
-        await AsyncClient.connect(*served.address) as client,
+        open_page(served) as page,
+        open_page(served) as other,
+        await AsyncClient.connect(*served.server) as client,
     ):
         assert (await page.hear("time"))["refusal"] == ""
         await client.spawn("P3AT", name="T1")
@@ -87,7 +81,7 @@ async def test_time_is_paused_stepped_and_resumed_for_all_browsers(
 async def test_what_makes_no_sense_is_refused(
     served: Served, keys: dict[str, Any]
 ) -> None:
-    async with open_page(*at(served)) as page:
+    async with open_page(served) as page:
         await page.send("pace", **keys)
         (key,) = keys
         assert key in (await page.hear("error"))["text"]

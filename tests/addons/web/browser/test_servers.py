@@ -1,9 +1,9 @@
 """The page with servers that are lost, are foreign, or cannot watch."""
 
 from collections.abc import Callable
-from typing import Any
 
 from commander_page import CommanderPage
+from served_page import run_commander
 
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Diagnostic, Host
@@ -22,11 +22,11 @@ class WithoutWatch(Host):
 
 
 def test_a_lost_server_is_told_and_a_new_one_is_found(
-    empty_room: Scene, start_commander: Any, open_page: OpenPage
+    empty_room: Scene, open_page: OpenPage
 ) -> None:
     first, second = (ServerThread(Host(empty_room), speed=1.0) for _ in range(2))
     address = first.begin()
-    with start_commander(address, map="empty_room") as running:
+    with run_commander(address, map="empty_room") as running:
         commander = open_page(running)
         lost = commander.page.locator("#lost")
         commander.add_robot("L1")
@@ -44,11 +44,11 @@ def test_a_lost_server_is_told_and_a_new_one_is_found(
 
 
 def test_a_foreign_server_that_cannot_watch_has_its_page(
-    foliage_room: Scene, start_commander: Any, open_page: OpenPage
+    foliage_room: Scene, open_page: OpenPage
 ) -> None:
     """It shows robots of its own, and says why time cannot be changed."""
     server = ServerThread(WithoutWatch(foliage_room), speed=1.0)
-    with start_commander(server.begin()) as running:
+    with run_commander(server.begin()) as running:
         commander = open_page(running)
         for name in ("#pause", "#step", "#speed"):
             commander.page.wait_for_selector(f"{name}:disabled")

@@ -4,11 +4,10 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from commander_page import CommanderPage
-from served_page import serve
+from served_page import run_commander, serve
 
 
 def time_of(page: CommanderPage) -> float:
@@ -79,7 +78,6 @@ def x_of(page: CommanderPage) -> float:
 
 @pytest.mark.slow
 def test_a_run_is_recorded_played_paused_stepped_and_sought(
-    start_commander: Any,
     open_page: Callable[..., CommanderPage],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -89,7 +87,7 @@ def test_a_run_is_recorded_played_paused_stepped_and_sought(
         live = open_page(served)
         folder = record_a_drive(live)
         live.page.context.close()
-    with start_commander(None, recording=folder) as played:
+    with run_commander(None, recording=folder) as played:
         page = open_page(played)
         page.until(lambda: bool(page.robot("R1")), "for the robot")
         assert page.text("level") == "DM-FoliageRoom"
