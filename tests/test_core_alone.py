@@ -97,7 +97,6 @@ def run(
         (("explain", "foliage_room", *HERE, "--beam", "92"), "radar, beam 92 at"),
         (("check", "foliage_room"), "RobotStart1"),
         (("drive", "--help"), "Drive a robot from the keyboard"),
-        (("serve", "--help"), "--port"),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )

@@ -6,12 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.errors import (
-    MapError,
-    describe_os_error,
-    did_you_mean,
-    expected_one_of,
-)
+from radarsim.errors import MapError, describe_os_error, did_you_mean, expected_one_of
 
 NAMES = ["foliage_room", "smoke_room", "empty_room"]
 

@@ -176,12 +176,6 @@ def test_invalid_yaml_is_one_problem() -> None:
     assert file.place(("a", 0)) == "r.yaml:2:1"
 
 
-def read(text: str) -> Any:
-    root, found = compose(text)
-    assert found == []
-    return root.to_plain()
-
-
 def problems(text: str) -> list[tuple[tuple[int, int], tuple[str | int, ...], str]]:
     return compose(text)[1]
 
@@ -212,8 +206,9 @@ def problems(text: str) -> list[tuple[tuple[int, int], tuple[str | int, ...], st
     ],
 )
 def test_scalars_follow_the_core_schema(text: str, value: Any) -> None:
-    result = read(text)
-    assert (result, type(result)) == (value, type(value))
+    root, found = compose(text)
+    result = root.to_plain()
+    assert (found, result, type(result)) == ([], value, type(value))
 
 
 @pytest.mark.parametrize(

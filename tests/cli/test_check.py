@@ -24,7 +24,7 @@ def test_contents_of_a_map_are_printed() -> None:
 def test_every_error_is_printed_with_line_and_key(tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text(WRONG)
-    run = radarsim("check", str(path))
+    run = radarsim("check", path)
     assert run.code == 1
     lines = run.text.splitlines()
     assert any(line.startswith(f"{path}:3:") and "density" in line for line in lines)
@@ -49,7 +49,7 @@ starts:
 def test_occupied_starts_are_listed(tmp_path: Path) -> None:
     path = tmp_path / "occupied.yaml"
     path.write_text(OCCUPIED)
-    lines = radarsim("check", str(path)).text.splitlines()
+    lines = radarsim("check", path).text.splitlines()
     at = lines.index("starts that are not free")
     assert len(lines) == at + 2
     expected = "  RobotStart2: taken by wall; a P3AT would stand at x "
@@ -68,7 +68,7 @@ variants:
 def test_variants_are_listed(tmp_path: Path) -> None:
     path = tmp_path / "yard.yaml"
     path.write_text(VARIED)
-    lines = radarsim("check", str(path)).text.splitlines()
+    lines = radarsim("check", path).text.splitlines()
     assert lines[-3:] == ["variants", "  yard@dust", "  yard@rain"]
     chosen = radarsim("check", f"{path}@rain")
     assert chosen.text.startswith("map yard@rain, level yard\n")
@@ -79,7 +79,7 @@ def test_variants_are_listed(tmp_path: Path) -> None:
 def test_errors_in_any_variant_are_found(tmp_path: Path) -> None:
     path = tmp_path / "yard.yaml"
     path.write_text(VARIED.replace("air: rain", "air: ran"))
-    run = radarsim("check", str(path))
+    run = radarsim("check", path)
     assert run.code == 1
     meant = "'ran' (did you mean 'rain'?), expected"
     assert run.text.startswith(f"{path}:5:15: variants.rain.air: {meant}")
@@ -105,7 +105,7 @@ def test_strict_check_fails_for_what_is_only_told_otherwise(
 ) -> None:
     path = tmp_path / "room.yaml"
     path.write_text(text)
-    loose, strict = (radarsim("check", str(path), *o) for o in ((), ("--strict",)))
+    loose, strict = (radarsim("check", path, *o) for o in ((), ("--strict",)))
     assert (loose.code, strict.code) == (0, 1)
     assert loose.text == strict.text
 
@@ -119,13 +119,13 @@ def test_goal_in_something_is_told_with_what_is_there(tmp_path: Path) -> None:
         "starts: [{name: RobotStart1, position: [-3, 0, 0]}]\n"
         "trial: {start: RobotStart1, goal: [2.6, 0], safety_distance: 0.5}\n"
     )
-    run = radarsim("check", str(path))
+    run = radarsim("check", path)
     assert "goal 2.60 0.00: taken by pillar" in run.text
 
 
 def test_plan_is_drawn_into_a_file_beside_the_summary(tmp_path: Path) -> None:
     path = tmp_path / "plan.pdf"
-    run = radarsim("check", "empty_room", "--plot", str(path))
+    run = radarsim("check", "empty_room", "--plot", path)
     assert run.code == 0
     assert f"wrote {path}" in run.err
     assert run.text == radarsim("check", "empty_room").text

@@ -4,7 +4,6 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import click
 import pytest
@@ -19,10 +18,6 @@ SHORT = ("--set", "fov_deg=2")
 HERE = ("--start", "RobotStart1")
 GO = ("navigate", "empty_room", "--algorithm", "bug2")
 BRIEF = ("--time-limit", "0.2", "--json")
-
-
-def as_json(text: str) -> Any:
-    return json.loads(text)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +36,7 @@ def test_poses_may_begin_with_a_minus_and_settings_repeat(
 ) -> None:
     run = radarsim(*SCAN, *SHORT, "--set", "max_range=3", *pose)
     assert (run.code, run.err) == (0, "")
-    scan = as_json(run.text)
+    scan = json.loads(run.text)
     assert scan["pose"][:2] == expected
     assert (scan["range_max"], len(scan["ranges"])) == (3, 3)
 
@@ -57,7 +52,7 @@ def test_goals_may_begin_with_a_minus_and_repeat(
     words: list[str], goals: list[list[float]]
 ) -> None:
     run = radarsim(*GO, *BRIEF, *words)
-    assert as_json(run.text)["goals"] == goals
+    assert json.loads(run.text)["goals"] == goals
 
 
 @pytest.mark.parametrize(
@@ -75,7 +70,7 @@ def test_errors_of_a_file_of_options_have_their_places(
 ) -> None:
     config = tmp_path / "server.yaml"
     config.write_text(text)
-    run = radarsim("serve", "empty_room", "--config", str(config))
+    run = radarsim("serve", "empty_room", "--config", config)
     assert (run.code, run.out) == (2, b"")
     assert run.err.startswith(f"radarsim: --config: {config}:{place}")
     assert run.err.count("\n") == 1
@@ -97,14 +92,11 @@ def test_the_command_counts_before_the_environment_and_that_before_the_file(
     ("name", "value", "words", "told"),
     [
         ("RADARSIM_SERVE_PORT", "99999", ("serve", "empty_room"), "PORT: '99999'"),
-        ("RADARSIM_SERVE_PORT", "abc", ("serve", "empty_room"), "RADARSIM_SERVE_PORT:"),
         ("RADARSIM_SCAN_SENSOR", "radar", ("scan", "empty_room", *HERE), '"radar"'),
         ("RADARSIM_SCAN_SET", "fov_deg=2 max_range=3", (*SCAN, *HERE), '_max": 3'),
         ("RADARSIM_SCAN_POSE", "-7,0,0", SCAN, "[-7.0, 0.0,"),
-        ("RADARSIM_SCAN_COUNT", "0", (*SCAN, *HERE), "RADARSIM_SCAN_COUNT: '0'"),
         ("RADARSIM_SCAN_COUNT", "0", (*SCAN, *HERE, "--count", "1"), "laser"),
         ("RADARSIM_NAVIGATE_GOAL", "1,a", (*GO,), "_GOAL: '1,a', expected X,Y"),
-        ("RADARSIM_NAVIGATE_SPEED", "0", (*GO,), "NAVIGATE_SPEED: '0'"),
     ],
 )
 def test_options_come_from_the_environment(

@@ -39,11 +39,6 @@ def is_served(url: str) -> bool:
         return False
 
 
-def wait_until_gone(url: str) -> None:
-    while is_served(url):
-        pass
-
-
 SLOW = pytest.mark.slow
 
 
@@ -65,7 +60,8 @@ def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> 
         finally:
             server.send_signal(end)
         _, errors = server.communicate(timeout=TIMEOUT)
-        wait_until_gone(url)
+        while is_served(url):
+            pass
     assert end is signal.SIGKILL or errors == b""
 
 
@@ -106,7 +102,7 @@ def test_wrong_map_is_told_before_an_address_is(
     file = tmp_path / "wrong.yaml"
     if text is not None:
         file.write_text(text)
-    run = radarsim("commander", *NOBODY, "--web", "0", "--draw", str(file))
+    run = radarsim("commander", *NOBODY, "--web", "0", "--draw", file)
     assert (run.code, run.out) == (1, b"")
     assert "wrong.yaml" in run.err
 

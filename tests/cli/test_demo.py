@@ -35,7 +35,7 @@ def test_pictures_need_no_backend(tmp_path: Path) -> None:
 def test_demo_does_not_overwrite_files_of_others(tmp_path: Path) -> None:
     path = tmp_path / "photo.png"
     path.write_bytes(b"\x89PNG, a photo")
-    run = radarsim("demo", str(path))
+    run = radarsim("demo", path)
     assert run.code == 2
     assert "not by radarsim" in run.err
     assert path.read_bytes() == b"\x89PNG, a photo"
@@ -47,6 +47,6 @@ def test_demo_draws_into_a_file_as_other_commands_and_may_replace_its_own(
     monkeypatch.setattr("radarsim.plotting.scans.compare", lambda *_, **__: Figure())
     path = tmp_path / "demo.svg"
     for _ in range(2):
-        run = radarsim("demo", "-o", str(path))
+        run = radarsim("demo", "-o", path)
         assert (run.code, run.text) == (0, f"{path}\n")
         assert path.read_bytes().startswith(b"<?xml")

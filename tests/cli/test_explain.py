@@ -45,7 +45,7 @@ def room(tmp_path: Path) -> str:
     return str(path)
 
 
-def explain(*words: str) -> Any:
+def explain(*words: object) -> Any:
     return json.loads(radarsim("explain", *words, "--format", "json").text)
 
 
@@ -119,7 +119,7 @@ def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(beam: int) -> None:
     start = ("--start", "RobotStart1", "--seed", "4")
     place = ("foliage_room", "--sensor", "radar", *start)
     scan = json.loads(radarsim("scan", *place).text)
-    told = explain(*place, "--beam", str(beam))
+    told = explain(*place, "--beam", beam)
     assert told["range"] == scan["ranges"][beam]
     assert told["ray"] == scan["rays"][beam]
     assert told["angle"] == pytest.approx(math.radians(beam - 90))
@@ -188,7 +188,7 @@ def test_absorbing_object_and_remaining_power_are_printed(
 def test_mirrored_echo_is_called_a_ghost(tmp_path: Path) -> None:
     (tmp_path / "black.yaml").write_text(BLACK.replace("absorption_db: all", ""))
     ahead = ("--sensor", "radar", "--pose", "0,0,179", "--beam", "90")
-    run = radarsim("explain", str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
+    run = radarsim("explain", tmp_path / "black.yaml", *ahead, "--ray", "centre")
     assert "4.5007 m: mirrored by glass (mirror) at (-4.50, 0.08, 0.35)" in run.text
     assert "reads 13.5021 m, a ghost: it was mirrored on its way" in run.text
 
@@ -196,7 +196,7 @@ def test_mirrored_echo_is_called_a_ghost(tmp_path: Path) -> None:
 def test_attenuation_of_air_is_printed(tmp_path: Path) -> None:
     (tmp_path / "fog.yaml").write_text(BLACK.replace("starts:", "air: fog\nstarts:"))
     ahead = ("--sensor", "physical", "--pose", "0,0,0", "--beam", "90")
-    run = radarsim("explain", str(tmp_path / "fog.yaml"), *ahead)
+    run = radarsim("explain", tmp_path / "fog.yaml", *ahead)
     assert "everywhere: the air takes 0.055000 of it per metre" in run.text
     assert "reads 4.5000 m, its first echo" in run.text
 

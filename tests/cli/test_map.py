@@ -36,7 +36,7 @@ def server(usarsim_server: UsarsimServer) -> str:
 def foliage_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     """Map the foliage room once; return the output and the folder of the files."""
     folder = tmp_path_factory.mktemp("foliage")
-    return radarsim("map", "-o", str(folder), *FOLIAGE), folder
+    return radarsim("map", "-o", folder, *FOLIAGE), folder
 
 
 def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -> None:
@@ -68,20 +68,18 @@ def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -
 @pytest.mark.slow
 def test_waypoints_are_driven_to_and_unreachable_ones_listed(tmp_path: Path) -> None:
     way = ("--way", "-7,1", "--way=-6,0", "--way", "0.5,0")
-    run = radarsim("map", "-o", str(tmp_path), "foliage_room", *way, "--json")
+    run = radarsim("map", "-o", tmp_path, "foliage_room", *way, "--json")
     told = json.loads(run.text)
     assert (told["outcome"], told["strategy"]) == ("explored", "way")
     assert told["left_out"] == [[0.5, 0.0]]  # in the middle of a bush
     assert told["judge"]["collisions"] == 0
     assert told["path_length"] > 5
-    run = radarsim("map", "-o", str(tmp_path), "foliage_room", "--way=9,9")
+    run = radarsim("map", "-o", tmp_path, "foliage_room", "--way=9,9")
     assert "left out 9 9: no way there" in run.text
 
 
 def test_json_is_one_object(tmp_path: Path) -> None:
-    run = radarsim(
-        "map", "-o", str(tmp_path / "room"), *FOLIAGE, "--json", "--seed", "3"
-    )
+    run = radarsim("map", "-o", tmp_path / "room", *FOLIAGE, "--json", "--seed", "3")
     told = json.loads(run.text)
     assert list(told) == [
         *("outcome", "doubts", "strategy", "seed_from", "time", "path_length"),
@@ -126,7 +124,7 @@ def test_json_is_one_object(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_same_seed_gives_the_same_map_and_another_seed_another(tmp_path: Path) -> None:
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
-        radarsim("map", "-o", str(tmp_path / name), *SEEN, "--seed", seed)
+        radarsim("map", "-o", tmp_path / name, *SEEN, "--seed", seed)
     for ending in (".png", ".pgm", ".tum", "_view.png"):
         one, same, other = (
             (tmp_path / f"{name}{ending}").read_bytes() for name in "abc"
@@ -148,7 +146,7 @@ def test_pictures_have_the_colours_of_usarcommander_and_nav2(
 
 @pytest.mark.slow
 def test_map_of_probabilities_is_a_second_picture(tmp_path: Path) -> None:
-    run = radarsim("map", "-o", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
+    run = radarsim("map", "-o", tmp_path / "a.png", *SEEN, "--mode", "scale")
     assert run.code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == [
         *("a.png", "a.tum", "a_scale.png", "a_scale.yaml", "a_view.png")
@@ -182,12 +180,12 @@ def test_places_that_cannot_be_written_are_told_before_the_run(tmp_path: Path) -
     assert (run.code, run.out) == (2, b"")
     assert "cannot make" in run.err
     (tmp_path / "map.yaml").mkdir()
-    run = radarsim("map", "-o", str(tmp_path), *SEEN)
+    run = radarsim("map", "-o", tmp_path, *SEEN)
     assert (run.code, run.out) == (2, b"")
     assert "a folder of that name" in run.err
     (tmp_path / "x.gif").symlink_to("/dev/null")
     film = ("--film", str(tmp_path / "x.gif"))
-    run = radarsim("map", "-o", str(tmp_path / "m"), *SEEN, *film)
+    run = radarsim("map", "-o", tmp_path / "m", *SEEN, *film)
     assert (run.code, run.out) == (2, b"")
     assert "regular file" in run.err
 
@@ -195,7 +193,7 @@ def test_places_that_cannot_be_written_are_told_before_the_run(tmp_path: Path) -
 @pytest.mark.slow
 def test_map_of_a_stuck_robot_is_written(tmp_path: Path) -> None:
     run = radarsim(
-        *("map", "-o", str(tmp_path), "foliage_room", "--no-echoes", "--json"),
+        *("map", "-o", tmp_path, "foliage_room", "--no-echoes", "--json"),
         *("--strategy", "contour", "--pose", "-2,3.9,0"),
     )
     told = json.loads(run.text)
@@ -209,13 +207,13 @@ def test_map_of_a_stuck_robot_is_written(tmp_path: Path) -> None:
 def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
     tmp_path: Path,
 ) -> None:
-    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT", "--json")
+    run = radarsim("map", "-o", tmp_path, *SEEN, "--robot", "P3AT", "--json")
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (1, "failed")
     assert "sees 180 degrees" in told["error"]
     assert told["cells"] is told["pose_errors"] is None
     assert told["files"] == []
-    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT")
+    run = radarsim("map", "-o", tmp_path, *SEEN, "--robot", "P3AT")
     assert (run.code, run.out) == (1, b"")
     assert not [*tmp_path.iterdir()]
 
@@ -243,7 +241,8 @@ def test_signal_ends_the_run_and_the_map_and_the_film_so_far_are_written(
     film = tmp_path / "run.gif"
     with start_radarsim(*words, "--film", str(film)) as process:
         deadline = time.monotonic() + 240
-        while not film_has_begun(tmp_path) and time.monotonic() < deadline:
+        while not any(part.stat().st_size for part in tmp_path.glob(".*.part")):
+            assert time.monotonic() < deadline, "no film has begun"
             time.sleep(0.01)
         process.send_signal(number)
         out, errors = process.communicate(timeout=240)
@@ -258,21 +257,16 @@ def test_signal_ends_the_run_and_the_map_and_the_film_so_far_are_written(
     assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, "run.gif"]
 
 
-def film_has_begun(folder: Path) -> bool:
-    """Return whether a part of a film is on the disk already."""
-    return any(part.stat().st_size for part in folder.glob(".*.part"))
-
-
 @pytest.mark.slow
 def test_files_of_other_programs_are_not_overwritten(tmp_path: Path) -> None:
     for ending in (".png", ".pgm", ".yaml", ".tum", "_view.png"):
         (tmp_path / f"map{ending}").write_text("mine\n")
-        run = radarsim("map", "-o", str(tmp_path), *FOLIAGE)
+        run = radarsim("map", "-o", tmp_path, *FOLIAGE)
         assert run.code == 2
         assert f"map{ending}, which is of another program" in run.err
         (tmp_path / f"map{ending}").unlink()
-    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0
-    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0  # its own may go
+    assert radarsim("map", "-o", tmp_path, *FOLIAGE).code == 0
+    assert radarsim("map", "-o", tmp_path, *FOLIAGE).code == 0  # its own may go
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
@@ -293,7 +287,7 @@ def test_seed_of_turn_away_is_accepted_without_serve(
     server: str, tmp_path: Path
 ) -> None:
     words = ("--connect", server, "--strategy", "turn_away", "--seed", "3")
-    run = radarsim("map", "-o", str(tmp_path), *words, "--time-limit", "0.5")
+    run = radarsim("map", "-o", tmp_path, *words, "--time-limit", "0.5")
     assert (run.code, run.err.count("expected")) == (0, 0)
 
 
@@ -303,7 +297,7 @@ def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
     old = (foliage_run[1] / "map.tum").read_bytes() + b"# more\n"
     (tmp_path / "map.tum").write_bytes(old)
     (tmp_path / "map.pgm").symlink_to("/dev/full")
-    run = radarsim("map", "-o", str(tmp_path), *FOLIAGE, "--json")
+    run = radarsim("map", "-o", tmp_path, *FOLIAGE, "--json")
     told = json.loads(run.text)
     assert run.code == 1
     why = "the disk is full"
@@ -382,11 +376,10 @@ def test_no_map_is_written_of_a_robot_that_does_not_come(
 @pytest.mark.slow
 def test_film_shows_the_run_and_does_not_change_it(tmp_path: Path) -> None:
     words = ("empty_room", "--way=-7,0", "--json")
-    plain = radarsim("map", "-o", str(tmp_path / "a"), *words)
+    plain = radarsim("map", "-o", tmp_path / "a", *words)
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
     runs = [
-        radarsim("map", "-o", str(tmp_path / "b"), *words, "--film", str(film))
-        for film in films
+        radarsim("map", "-o", tmp_path / "b", *words, "--film", film) for film in films
     ]
     told = [json.loads(run.text) for run in (plain, *runs)]
     for each in told:
@@ -414,7 +407,7 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
 
     monkeypatch.setattr("radarsim.plotting.film.open_encoder", fail)
     film = tmp_path / "x.gif"
-    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--film", str(film))
+    run = radarsim("map", "-o", tmp_path, *SEEN, "--film", film)
     assert run.code == 2
     assert f"cannot write {film}: the disk is full" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
@@ -427,7 +420,7 @@ def test_known_area_is_drawn_and_a_terminal_shows_a_status_line(
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     plot, room = tmp_path / "area.svg", str(tmp_path / "room")
-    run = radarsim("map", "-o", room, *FOLIAGE, "--plot", str(plot))
+    run = radarsim("map", "-o", room, *FOLIAGE, "--plot", plot)
     assert "path   0.00 m  sensed" in run.err
     text = plot.read_text()
     assert text.startswith("<?xml")

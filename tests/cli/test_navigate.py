@@ -118,7 +118,7 @@ def box_run(tmp_path_factory: pytest.TempPathFactory) -> BoxRun:
     """Run through the box; return the summary, the trace and the picture."""
     folder = tmp_path_factory.mktemp("box")
     trace, plot = folder / "run.csv", folder / "run.PNG"
-    run = radarsim(*BOX, "--json", "--trace", str(trace), "--plot", str(plot))
+    run = radarsim(*BOX, "--json", "--trace", trace, "--plot", plot)
     assert run.code == 0
     return json.loads(run.text), trace, plot
 
@@ -154,7 +154,7 @@ starts: [{name: RobotStart1, position: [-2.5, 2, 0]}]
         text += "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}"
         options = []
     file.write_text(text)
-    told = json.loads(radarsim(*BUG2, str(file), "--json", *options).text)
+    told = json.loads(radarsim(*BUG2, file, "--json", *options).text)
     assert (told["outcome"], told["goals"]) == ("reached", [[-1.5, 2.0]])
 
 
@@ -173,7 +173,7 @@ def test_each_goal_is_told_of_and_the_last_is_the_start(tmp_path: Path) -> None:
         "starts: [{name: RobotStart1, position: [-2, -0.1, 0]}]\n"
     )
     way = ("--goal=-1.3,-0.1", "--goal=1.2,-0.1", "--return-to-start", "--speed", "0.6")
-    told = json.loads(radarsim(*BUG2, str(file), *way, "--json").text)
+    told = json.loads(radarsim(*BUG2, file, *way, "--json").text)
     assert told["goals"][:2] == [[-1.3, -0.1], [1.2, -0.1]]
     assert math.dist(told["goals"][2], (-2, -0.1)) < 0.1
     assert [leg["goal"] for leg in told["legs"]] == told["goals"]
@@ -267,7 +267,7 @@ def test_start_in_a_bush_is_an_error_that_names_it(tmp_path: Path) -> None:
         "starts: [{name: RobotStart1, position: [-5, 0, 0]}]\n"
     )
     for command in ([*BUG2, "--goal=-6,1"], ["map", "-o", str(tmp_path / "o/")]):
-        run = radarsim(*command, str(path))
+        run = radarsim(*command, path)
         assert run.code == 1
         assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err
 
@@ -291,7 +291,7 @@ def test_files_of_a_failed_run_are_written(tmp_path: Path) -> None:
     trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"
     run = radarsim(
         *(*BUG2, "foliage_room", "--start", "RobotStart1", "--goal", "8,0"),
-        *("--time-limit", "5", "--trace", str(trace), "--plot", str(plot)),
+        *("--time-limit", "5", "--trace", trace, "--plot", plot),
     )
     assert run.code == 1
     assert "goal not reached within 5 s" in run.err
@@ -366,7 +366,7 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
 def test_film_shows_the_run_and_does_not_change_it(tmp_path: Path) -> None:
     words = (*BOX, "--time-limit", "2", "--json")
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
-    runs = [radarsim(*words), *(radarsim(*words, "--film", str(f)) for f in films)]
+    runs = [radarsim(*words), *(radarsim(*words, "--film", f) for f in films)]
     assert {run.text for run in runs} == {runs[0].text}
     assert {run.code for run in runs} == {1}
     assert films[0].read_bytes() == films[1].read_bytes()

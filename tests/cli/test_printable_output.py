@@ -69,14 +69,14 @@ def test_names_in_a_map_are_escaped(
 def test_title_and_legend_of_a_picture_are_escaped(hostile_map: Path) -> None:
     picture = hostile_map.parent / "scan.svg"
     pose = ("--sensor", "radar", "--start", "RobotStart1")
-    assert radarsim("scan", str(hostile_map), *pose, "-o", str(picture)).code == 0
+    assert radarsim("scan", hostile_map, *pose, "-o", picture).code == 0
     assert is_printable(picture.read_text(encoding="utf-8"))
 
 
 @pytest.mark.slow
 def test_markup_in_the_name_of_a_map_stays_text(hostile_map: Path) -> None:
     words = ("--algorithms", "bug2", "--seeds", "1", "--workers", "1")
-    run = radarsim("trials", str(hostile_map), *words)
+    run = radarsim("trials", hostile_map, *words)
     assert run.code == 0
     assert is_printable(run.text + run.err)
     assert "[red]" in run.text
@@ -107,7 +107,7 @@ def test_words_of_a_command_line_are_escaped_in_messages(
 
 
 def test_path_of_a_written_file_is_escaped(tmp_path: Path) -> None:
-    run = radarsim("new", str(tmp_path / f"{HOSTILE}.yaml"))
+    run = radarsim("new", tmp_path / f"{HOSTILE}.yaml")
     assert run.code == 0
     assert is_printable(run.text)
     assert SHOWN in run.text

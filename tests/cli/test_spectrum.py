@@ -5,10 +5,10 @@ import io
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from commands import Run
 from commands import run_in_process as radarsim
 from PIL import Image
 
@@ -20,10 +20,8 @@ SMALL = (
 )
 
 
-def record(path: Path, *options: str) -> Any:
-    return radarsim(
-        "spectrum", "foliage_room", *SMALL, *START, "-o", str(path), *options
-    )
+def record(path: Path, *options: object) -> Run:
+    return radarsim("spectrum", "foliage_room", *SMALL, *START, "-o", path, *options)
 
 
 def size_of(path: Path) -> tuple[int, int]:

@@ -50,7 +50,7 @@ def test_json_is_a_list_of_scores(tmp_path: Path) -> None:
         "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}\n"
     )
     options = ("--algorithms", "bug2", "--sensors", "laser", "--seeds", "1", "--json")
-    (told,) = json.loads(radarsim("trials", str(yard), *options).text)
+    (told,) = json.loads(radarsim("trials", yard, *options).text)
     expected = {"map": str(yard), "algorithm": "bug2", "sensor": "laser", "seed": 0}
     assert told.items() >= (expected | {"outcome": "reached", "collisions": 0}).items()
     assert told["shortest_path"] == 1.0

@@ -35,8 +35,6 @@ WRONG = {
         "--port 8123 --web 8123": "--web: 8123 is the port of --port, expected another",
         "--navtech x": "--navtech: 'x', expected a port from 0 to 65535, and a robot",
         "--navtech 0:": "--navtech: '0:', expected the name of a robot after the colon",
-        "--max-clients 0": "--max-clients: '0', expected at least 1",
-        "--seed -1": "--seed: '-1', expected at least 0",
         "--speed 0": "--speed: '0', expected more than 0",
         "--speed nan": "--speed: 'nan', expected a finite number",
         "--dialect comat": "--dialect: 'comat' (did you mean 'compat'?), expected one",
@@ -53,7 +51,6 @@ WRONG = {
         "": "stdin is no terminal, expected a terminal to drive at",
         "--port 3001": "'--port', expected --connect HOST:PORT",
         "--connect a:0": "--connect: 'a:0', expected HOST:PORT",
-        "--drive-unit knots": "--drive-unit: 'knots', expected one of ['rad_per_s', ",
     },
     "scan empty_room --sensor radar --start RobotStart1": {
         "--sensor rader": "'rader' (did you mean 'radar'?), expected one of ['hokuyo',",
@@ -62,7 +59,6 @@ WRONG = {
         "--pose 0,0,0": "expected only one of --start and --pose",
         "--pose 0,0": "--pose: '0,0', expected X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH,YAW_DEG",
         "--pose 0,0,nan": "--pose: '0,0,nan', expected X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH",
-        "--format jsn": "--format: 'jsn' (did you mean 'json'?), expected one of",
         "-o no/a.json": "-o: cannot write no/a.json: no such folder",
         "-o a.gif": "-o: a.gif, expected a .json, .csv, .png, .svg or .pdf file",
         "-o a.txt": ".pdf file, or --format",
@@ -105,11 +101,7 @@ WRONG = {
         "--connect h:1": "expected only one of MAP and --connect",
         "--bumpers 3": "--bumpers: '3', expected at least 4",
         "--bumpers 40": "--bumpers: '40', expected at most 36",
-        "--speed -1": "--speed: '-1', expected more than 0",
         "--share 0": "--share: '0', expected more than 0",
-        "--time-limit 0": "--time-limit: '0', expected more than 0",
-        "--timeout ''": "--timeout: '', expected a number",
-        "--safety-distance 1e999": "--safety-distance: '1e999', expected a finite num",
         "--goal 1,inf": "--goal: '1,inf', expected X,Y",
         "--pose 1,2": "--pose: '1,2', expected X,Y,YAW_DEG",
         "--pose 1,2,3 --start RobotStart1": "expected only one of --start and --pose",
@@ -120,7 +112,6 @@ WRONG = {
         "--rule any": "--rule: 'any', expected one of ['share', 'all', 'thesis']",
         "--plot run.gif": "--plot: run.gif, expected a .png, .svg or .pdf file",
         "--film run.webm": "--film: 'run.webm', expected a .gif or .mp4 file",
-        "--film-speed -1": "--film-speed: '-1', expected more than 0",
         "--trace no/t.csv": "--trace: cannot write no/t.csv: no such folder",
     },
     "map -o .": {
@@ -132,7 +123,6 @@ WRONG = {
         "--watch R1 --strategy contour": "--strategy: expected no --watch with it",
     },
     "map -o . empty_room": {
-        "--resolution 9": "--resolution: '9', expected at most 1",
         "--way=1,2 --strategy auto": "expected only one of --strategy and --way",
         "--way '1;2'": "--way: '1;2', expected X,Y",
         "--film x.avi": "--film: 'x.avi', expected a .gif or .mp4 file",
@@ -144,10 +134,7 @@ WRONG = {
     "trials": {
         "--algorithms bug1,": "--algorithms: 'bug1,', expected NAME,...",
         "--algorithms bug3": "--algorithms: 'bug3' (did you mean 'bug2'?), expected",
-        "--rules most": "--rules: 'most', expected one of ['share', 'all', 'thesis']",
         "--sensors rader": "sensor 'rader' (did you mean 'radar'?), expected one of",
-        "--seeds 0": "--seeds: '0', expected at least 1",
-        "--workers 0": "--workers: '0', expected at least 1",
     },
     "commander --connect 127.0.0.1:1 --web 0": {
         "--set lms300.max_range=2": "--set: item 'lms300' (did you mean 'lms200'?)",
@@ -210,7 +197,7 @@ def test_what_a_map_or_robot_does_not_have_is_told(command: str, message: str) -
 
 def test_maps_beside_the_one_that_is_missing_are_suggested(tmp_path: Path) -> None:
     (tmp_path / "my_room.yaml").touch()
-    run = radarsim("check", str(tmp_path / "my_rom.yaml"))
+    run = radarsim("check", tmp_path / "my_rom.yaml")
     assert f"did you mean '{tmp_path}/my_room.yaml'" in run.text
 
 

@@ -13,11 +13,7 @@ from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Pose2, Pose3
 from radarsim.plotting.palette import colour_of
 from radarsim.plotting.plan import draw_robot
-from radarsim.plotting.style import (
-    draw_scale_bar,
-    echo_points,
-    scan_points,
-)
+from radarsim.plotting.style import draw_scale_bar, echo_points, scan_points
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box

@@ -73,7 +73,7 @@ def out(tmp_path: Path) -> Path:
 
 
 def sweep(file: Path | str, *options: object) -> Run:
-    return run_in_process("sweep", str(file), *map(str, options))
+    return run_in_process("sweep", file, *options)
 
 
 def rows_of(folder: Path) -> list[dict[str, Any]]:

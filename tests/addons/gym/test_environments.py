@@ -284,9 +284,7 @@ def test_random_places_are_free_and_can_be_reached(two_rooms: str) -> None:
     ("settings", "words"),
     [
         ({"map": "nowhere"}, "nowhere"),
-        ({"robot": "P4AT"}, "P4AT"),
         ({"scanner": "eyes"}, "eyes"),
-        ({"sensor_settings": {"fov": 20}}, "fov"),
         ({"start": "Elsewhere"}, "Elsewhere"),
         ({"start": (1.0, 2.0)}, "x, y and yaw"),
         ({"start": (50.0, 0.0, math.nan)}, "finite"),

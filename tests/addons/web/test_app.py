@@ -7,7 +7,7 @@ import httpx
 import pytest
 import websockets
 from served_page import run_commander
-from web_pages import Page, open_page
+from web_pages import Page
 from websockets.typing import Origin
 
 from radarsim.addons.web.program import PAGE
@@ -142,7 +142,7 @@ async def test_hello_tells_what_there_is_and_the_map_follows(page: Page) -> None
     assert (await page.hear("triangles"))["parts"]
 
 
-async def test_what_is_not_possible_is_told(commander: Any) -> None:
+async def test_what_is_not_possible_is_told(page: Page) -> None:
     cases: list[tuple[dict[str, Any], str]] = [
         ({"op": "drive", "robot": "x", "v": 1, "w": 0}, "no robot 'x'"),
         ({"op": "nonsense"}, "nonsense"),
@@ -150,7 +150,6 @@ async def test_what_is_not_possible_is_told(commander: Any) -> None:
         ({"op": "spawn", "class": "P3AT", "start": "a", "pose": [0, 0, 0]}, "only one"),
         ({"op": "hello", "token": "again"}, "not possible here"),
     ]
-    async with open_page(commander) as page:
-        for message, text in cases:
-            await page.send(**message)
-            assert text in (await page.hear("error"))["text"]
+    for message, text in cases:
+        await page.send(**message)
+        assert text in (await page.hear("error"))["text"]

@@ -60,7 +60,7 @@ async def test_robot_stops_when_its_driver_is_gone(commander: Any, page: Page) -
 
 
 async def test_sensors_of_a_robot_are_read_once(
-    commander: Any, monkeypatch: pytest.MonkeyPatch
+    page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kinds: set[str] = set()
 
@@ -68,13 +68,12 @@ async def test_sensors_of_a_robot_are_read_once(
         kinds.add(line.split(maxsplit=1)[0])
         return decode_report(line)
 
-    async with open_page(commander) as page:
-        await page.send("spawn", **{"class": "P3AT", "name": "R1"})
-        frame = await page.see(lambda frame: frame.robot("R1").get("scans"))
-        await page.see(lambda frame: frame.robot("R1")["mine"])
-        monkeypatch.setattr("radarsim.client.session.decode_report", decode)
-        end = frame.header["t"] + 1.0
-        await page.see(lambda frame: frame.header["t"] > end)
+    await page.send("spawn", **{"class": "P3AT", "name": "R1"})
+    frame = await page.see(lambda frame: frame.robot("R1").get("scans"))
+    await page.see(lambda frame: frame.robot("R1")["mine"])
+    monkeypatch.setattr("radarsim.client.session.decode_report", decode)
+    end = frame.header["t"] + 1.0
+    await page.see(lambda frame: frame.header["t"] > end)
     assert kinds == {"SEE", "STA"}
 
 
@@ -132,13 +131,12 @@ async def test_robot_is_spawned_where_one_clicks_and_removed(page: Page) -> None
 
 
 async def test_browser_is_told_why_a_robot_does_not_come(
-    commander: Any, monkeypatch: pytest.MonkeyPatch
+    page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("radarsim.addons.web.robots.LONG_WAIT", 0.1)
     monkeypatch.setattr("radarsim.addons.web.robots.SPAWN_TIMEOUT", 1.0)
-    async with open_page(commander) as page:
-        await page.send("spawn", **{"class": "Tank", "name": "T1"})
-        notice = await page.hear("notice")
-        assert "T1" in notice["text"]
-        error = await page.hear("error")
-        assert "'Tank' within 1 s" in error["text"]
+    await page.send("spawn", **{"class": "Tank", "name": "T1"})
+    notice = await page.hear("notice")
+    assert "T1" in notice["text"]
+    error = await page.hear("error")
+    assert "'Tank' within 1 s" in error["text"]

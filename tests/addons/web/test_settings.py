@@ -1,8 +1,6 @@
 """Settings of scanners that change while a robot drives."""
 
-from typing import Any
-
-from web_pages import Frame, Page, open_page
+from web_pages import Frame, Page
 
 
 async def spawn(page: Page) -> str:
@@ -66,7 +64,7 @@ async def test_power_can_be_unlimited_and_choices_left_to_the_sensor(
     assert page.texts == [] or "error" not in {text["op"] for text in page.texts}
 
 
-async def test_wrong_values_change_nothing_that_is_shown(commander: Any) -> None:
+async def test_wrong_values_change_nothing_that_is_shown(page: Page) -> None:
     wrong: list[tuple[str, object]] = [
         ("max_range", "20"),  # a text
         ("max_range", True),
@@ -75,19 +73,18 @@ async def test_wrong_values_change_nothing_that_is_shown(commander: Any) -> None
         ("penetration_power", 10**1000),
         ("return_mode", "last} {Opcode RESET"),
     ]
-    async with open_page(commander) as page:
-        name = await spawn(page)
-        assert page.frame is not None
-        before = page.frame.robot(name)["scans"][0]["settings"]
-        for key, value in wrong:
-            change = {"robot": name, "scanner": "lms200", "key": key}
-            await page.send("setting", **change, value=value)
-            assert (await page.hear("error"))["text"]
-            page.frame = None
-            frame = await page.see(lambda frame: frame.robot(name))
-            assert frame.robot(name)["scans"][0]["settings"] == before
-        await page.send("setting", robot=name, scanner="x", key="max_range", value=1)
-        assert "no scanner 'x'" in (await page.hear("error"))["text"]
+    name = await spawn(page)
+    assert page.frame is not None
+    before = page.frame.robot(name)["scans"][0]["settings"]
+    for key, value in wrong:
+        change = {"robot": name, "scanner": "lms200", "key": key}
+        await page.send("setting", **change, value=value)
+        assert (await page.hear("error"))["text"]
+        page.frame = None
+        frame = await page.see(lambda frame: frame.robot(name))
+        assert frame.robot(name)["scans"][0]["settings"] == before
+    await page.send("setting", robot=name, scanner="x", key="max_range", value=1)
+    assert "no scanner 'x'" in (await page.hear("error"))["text"]
 
 
 async def test_each_setting_takes_the_value_that_it_has(page: Page) -> None:
