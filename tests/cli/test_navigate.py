@@ -30,8 +30,8 @@ from radarsim.server.server_thread import ServerThread
 BUG2 = ("navigate", "--algorithm", "bug2")
 BOX = (*BUG2, "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
-BoxRun = tuple[dict[str, Any], Path, Path]
 FAR = (*BUG2, "--goal", "8,0")
+BoxRun = tuple[dict[str, Any], Path, Path]
 
 
 class FaultyHost(Host):

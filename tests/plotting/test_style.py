@@ -41,7 +41,7 @@ def scan_of(preset: str = "radar", **settings: Any) -> Scan:
     return scanner.scan(YARD, SENSOR, generator_for(3, "places"))
 
 
-CONE = {"side_mode": "cone", "cone_rays": 5, "beamwidth_az_deg": 3}
+CONE: dict[str, Any] = {"side_mode": "cone", "cone_rays": 5, "beamwidth_az_deg": 3}
 
 
 @pytest.mark.parametrize(

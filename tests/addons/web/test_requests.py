@@ -41,6 +41,9 @@ def test_requests_are_read(message: dict[str, Any]) -> None:
             '{"op": "drive", "robot": "R1", "v": NaN, "w": 0}', "v", id="no number"
         ),
         pytest.param(
+            '{"op": "spawn", "class": "P3AT", "name": "{a}"}', "name", id="braces"
+        ),
+        pytest.param(
             '{"op": "spawn", "class": "P3AT", "name": "a\\nINIT"}', "name", id="line"
         ),
         pytest.param('{"op": "spawn", "class": "a b"}', "class", id="class"),
