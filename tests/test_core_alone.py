@@ -6,7 +6,6 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -98,7 +97,6 @@ def run(
         (("explain", "foliage_room", *HERE, "--beam", "92"), "radar, beam 92 at"),
         (("check", "foliage_room"), "RobotStart1"),
         (("drive", "--help"), "Drive a robot from the keyboard"),
-        (("serve", "--help"), "--port"),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )
@@ -160,9 +158,7 @@ def test_missing_add_on_is_named_where_it_is_needed(core: Path) -> None:
     ]
 
 
-@pytest.fixture
-def served(core: Path) -> Iterator[int]:
-    """Serve a map with the core alone, and return the port."""
+def test_server_sends_scans(core: Path) -> None:
     words = ("radarsim", "serve", "foliage_room", "--port", "0")
     with subprocess.Popen(
         (sys.executable, "-m", *words),
@@ -172,20 +168,14 @@ def served(core: Path) -> Iterator[int]:
         text=True,
     ) as process:
         assert process.stdout is not None
-        try:
-            yield int(process.stdout.readline().rpartition(":")[2])
-        finally:
-            process.terminate()
-            process.wait(TIMEOUT)
-
-
-def test_server_sends_scans(served: int) -> None:
-    with socket.create_connection(("127.0.0.1", served), TIMEOUT) as client:
-        client.sendall(INIT)
-        with client.makefile("rb") as lines:
-            scan = next(
-                line for line in lines if line.startswith(b"SEN") and b"Range" in line
-            )
+        port = int(process.stdout.readline().rpartition(":")[2])
+        with (
+            socket.create_connection(("127.0.0.1", port), TIMEOUT) as client,
+            client.makefile("rb") as lines,
+        ):
+            client.sendall(INIT)
+            scan = next(s for s in lines if s.startswith(b"SEN") and b"Range" in s)
+        process.terminate()
     assert scan.count(b",") > 90
 
 

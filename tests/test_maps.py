@@ -18,17 +18,15 @@ ANGLES = np.radians(np.arange(-90, 91))
 BEYOND = 1.71  # m; no bush reaches this far along x
 
 
-def fan(offset: float) -> tuple[Floats, Floats]:
-    """Return the rays of a fan that starts beside the sensor, to the left, m."""
+def ends(scene: Scene, offset: float = 0.0) -> tuple[Floats, Floats]:
+    """Return the ends of beams of power 1, (181, 3) m, and the power left there.
+
+    The beams start at an offset to the left of the sensor, m.
+    """
     zero = np.zeros_like(ANGLES)
     directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), zero])
     left = np.column_stack([-np.sin(ANGLES), np.cos(ANGLES), zero])
-    return SENSOR + offset * left, directions
-
-
-def ends(scene: Scene, offset: float = 0.0) -> tuple[Floats, Floats]:
-    """Return the ends of beams of power 1, (181, 3) m, and the power left there."""
-    origins, directions = fan(offset)
+    origins = SENSOR + offset * left
     rays = Rays.uniform(origins, directions, max_range=80.0, power=1.0)
     traces = tracer_of(scene).trace(rays)
     return origins + traces.ranges[:, None] * directions, traces.power

@@ -10,26 +10,8 @@ from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "thesis"))
 
-from plants import (
-    GRID,
-    LEAVES,
-    SEED,
-    SHAPES,
-    SHRUB,
-    TREE,
-    TUFT_RADIUS,
-    WOOD,
-    YOUNG_TREE,
-    Skeleton,
-    Species,
-    ball,
-    encode_glb,
-    make_plant,
-    make_shrubs,
-    plant_files,
-    rhombi,
-    tube,
-)
+import plants
+from plants import LEAVES, SHRUB, WOOD, ball
 
 from radarsim import shipped_maps
 from radarsim.geometry import Floats
@@ -43,7 +25,9 @@ from radarsim.scene.shapes import Faces, Surface
 from radarsim.scene.topology import connect_faces, is_closed
 
 FORMS = pytest.mark.parametrize(
-    "species", [SHRUB, TREE, YOUNG_TREE], ids=["shrub", "tree", "young tree"]
+    "species",
+    [SHRUB, plants.TREE, plants.YOUNG_TREE],
+    ids=["shrub", "tree", "young tree"],
 )
 LOSS = 0.25
 LEAF = Material("leaf", density=0.0, sheet_loss=LOSS)
@@ -57,7 +41,7 @@ def volumes(vertices: Floats, faces: Faces) -> Floats:
     return np.bincount(connect_faces(faces).labels, weights=sixths).astype(np.float64)
 
 
-def relative(points: Floats, species: Species) -> Floats:
+def relative(points: Floats, species: plants.Species) -> Floats:
     """Return how far points are from the middle of a crown; 1 is its surface."""
     places = (points - species.centre) / species.half_axes
     return np.asarray(np.linalg.norm(places, axis=1))
@@ -65,9 +49,9 @@ def relative(points: Floats, species: Species) -> Floats:
 
 @FORMS
 def test_wood_grows_from_the_ground_to_twigs_that_end_in_the_crown(
-    species: Species,
+    species: plants.Species,
 ) -> None:
-    skeleton = Skeleton(species, generator_for(0, "test"))
+    skeleton = plants.Skeleton(species, generator_for(0, "test"))
     points, parents = np.array(skeleton.points), np.array(skeleton.parents)
     radii, rooted = skeleton.radii, np.flatnonzero(parents >= 0)
     assert len(skeleton.tips) == species.twigs
@@ -93,7 +77,7 @@ def test_tube_has_the_volume_of_its_frustum_and_its_tip(
 ) -> None:
     along = np.array(direction) / np.linalg.norm(direction)
     middle = np.outer([0.0, 2.0, 3.0], along)
-    vertices, faces = tube(middle, np.array([0.2, 0.1, 0.0]), 256)
+    vertices, faces = plants.tube(middle, np.array([0.2, 0.1, 0.0]), 256)
     frustum = np.pi * 2.0 * (0.2**2 + 0.2 * 0.1 + 0.1**2) / 3
     tip = np.pi * 1.0 * 0.1**2 / 3
     assert volumes(vertices, faces) == pytest.approx([frustum + tip], rel=1e-3)
@@ -110,7 +94,7 @@ def test_ball_lies_on_its_sphere_and_fills_most_of_it() -> None:
 
 def leaves_at(middles: Floats, seed: int = 0) -> Part:
     rng = generator_for(seed, "leaves")
-    mesh = rhombi(SHRUB, middles, rng.standard_normal(middles.shape), rng)
+    mesh = plants.rhombi(SHRUB, middles, rng.standard_normal(middles.shape), rng)
     return Part("leaves", LEAF, *mesh)
 
 
@@ -155,8 +139,8 @@ def test_ray_along_a_leaf_loses_at_most_one_sheet_loss() -> None:
 
 
 @FORMS
-def test_all_leaves_are_in_the_crown(species: Species) -> None:
-    vertices, faces = make_plant(species, 3, "test")[LEAVES]
+def test_all_leaves_are_in_the_crown(species: plants.Species) -> None:
+    vertices, faces = plants.make_plant(species, 3, "test")[LEAVES]
     assert relative(vertices, species).max() <= 1
     assert len(faces) == 2 * species.leaves
 
@@ -172,8 +156,8 @@ def test_leaves_have_their_size_and_face_all_directions_equally() -> None:
 
 
 def test_shapes_of_a_shrub_have_the_same_wood_and_fill_its_crown() -> None:
-    shrubs = make_shrubs(3)
-    assert tuple(shrubs) == SHAPES
+    shrubs = plants.make_shrubs(3)
+    assert tuple(shrubs) == plants.SHAPES
     for shrub in shrubs.values():
         for index in range(2):
             assert np.array_equal(shrub[WOOD][index], shrubs["ball"][WOOD][index])
@@ -186,12 +170,12 @@ def test_shapes_of_a_shrub_have_the_same_wood_and_fill_its_crown() -> None:
     assert is_closed(faces)
     assert is_closed(shrubs["ball"][LEAVES][1])
     assert connect_faces(faces).components == SHRUB.twigs
-    assert len(faces) == SHRUB.twigs * len(ball(np.zeros(3), TUFT_RADIUS)[1])
+    assert len(faces) == SHRUB.twigs * len(ball(np.zeros(3), plants.TUFT_RADIUS)[1])
 
 
 def test_other_name_gives_another_plant() -> None:
     one, same, other = (
-        make_plant(SHRUB, 1, name)[LEAVES][0] for name in ("a", "a", "b")
+        plants.make_plant(SHRUB, 1, name)[LEAVES][0] for name in ("a", "a", "b")
     )
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
@@ -203,7 +187,7 @@ def surfaces(folder: Path, name: str) -> dict[str | None, Surface]:
 
 
 def test_shipped_meshes_are_those_that_the_script_writes(tmp_path: Path) -> None:
-    files, folder = plant_files(SEED), tmp_path.resolve()
+    files, folder = plants.plant_files(plants.SEED), tmp_path.resolve()
     assert sorted(path.name for path in SHIPPED.iterdir()) == sorted(files)
     for name, data in files.items():
         (folder / name).write_bytes(data)
@@ -213,15 +197,15 @@ def test_shipped_meshes_are_those_that_the_script_writes(tmp_path: Path) -> None
             assert np.array_equal(surface.faces, new[material].faces)
             # another machine may round differently, which moves a vertex by one step
             away = np.abs(surface.vertices - new[material].vertices)
-            assert away.max() < 1.5 * GRID
+            assert away.max() < 1.5 * plants.GRID
 
 
 def test_mesh_survives_the_file_with_y_up(tmp_path: Path) -> None:
-    plant, folder = make_shrubs(1)["cloud"], tmp_path.resolve()
-    (folder / "shrub.glb").write_bytes(encode_glb(plant))
+    plant, folder = plants.make_shrubs(1)["cloud"], tmp_path.resolve()
+    (folder / "shrub.glb").write_bytes(plants.encode_glb(plant))
     for name, surface in surfaces(folder, "shrub").items():
         vertices, faces = plant[name or ""]
         x, y, z = surface.vertices.T
         back = np.column_stack([x, -z, y])
-        assert np.abs(back - vertices).max() < 0.6 * GRID
+        assert np.abs(back - vertices).max() < 0.6 * plants.GRID
         assert np.array_equal(surface.faces, faces)

@@ -22,10 +22,6 @@ def test_other_seed_or_name_gives_other_numbers() -> None:
     assert len({tuple(numbers(*key)) for key in keys}) == len(keys)
 
 
-def test_boundaries_of_names_matter() -> None:
-    assert numbers(0, "ab", "c") != numbers(0, "a", "bc")
-
-
 def test_fixed_number_is_that_of_the_seed_whatever_is_drawn() -> None:
     drawn_from, fresh = generator_for(0, "a"), generator_for(0, "a")
     drawn_from.random(3)

@@ -302,18 +302,12 @@ def test_shipped_map_has_the_calibrated_losses(
         assert loss == pytest.approx(shipped, rel=0.03)
 
 
-@pytest.fixture
-def short_drives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace the figures of whole drives, which take long."""
-    drawn = {"figure_13.png": bushes.draw_hokuyo()}
-    monkeypatch.setattr(bugs, "draw", lambda: drawn)
-    monkeypatch.setattr(mapped, "draw", dict)
-
-
-@pytest.mark.usefixtures("short_drives")
 def test_one_command_draws_all_figures_and_lists_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    drawn = {"figure_13.png": bushes.draw_hokuyo()}
+    monkeypatch.setattr(bugs, "draw", lambda: drawn)  # not whole drives
+    monkeypatch.setattr(mapped, "draw", dict)
     monkeypatch.setitem(mpl.rcParams, "savefig.dpi", 20)
     monkeypatch.setattr(sys, "argv", ["draw_all.py", str(tmp_path / "out")])
     runpy.run_path(str(Path(common.__file__).parent / "draw_all.py"))

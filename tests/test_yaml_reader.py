@@ -45,14 +45,11 @@ FILE = parse_yaml(Path("r.yaml"), TEXT)
         ((), False, "r.yaml:1:1"),
         (("robot",), False, "r.yaml:2:3"),
         (("robot",), True, "r.yaml:1:1"),
-        (("robot", "name"), False, "r.yaml:2:9"),
         (("robot", "name"), True, "r.yaml:2:3"),
         (("robot", "items", 0, "fov"), False, "r.yaml:4:26"),
         (("robot", "items", 1), True, "r.yaml:5:7"),
         (("robot", "mass"), False, "r.yaml:2:3"),
-        (("robot", "mass"), True, "r.yaml:2:3"),
         (("robot", "items", 7), False, "r.yaml:4:5"),
-        (("robot", "items", "x"), False, "r.yaml:4:5"),
         (("robot", "name", "x"), False, "r.yaml:2:9"),
     ],
 )
@@ -111,14 +108,11 @@ class Outer(BaseModel):
         ("low: 9", "1:6: o.low: 9, expected less than 9"),
         ("high: 0", "1:7: o.high: 0, expected more than 0"),
         ("high: 9.5", "1:7: o.high: 9.5, expected at most 9"),
-        ("high: abc", "1:7: o.high: 'abc', expected a number"),
-        ("pair: [1]", "1:7: o.pair: [1], expected 2 entries"),
         ("pair: [1, 2, 3]", "1:7: o.pair: [1, 2, 3], expected 2 entries"),
         ("pair: [1, x]", "1:11: o.pair.1: 'x', expected a number"),
         ("pair: 1", "1:7: o.pair: 1, expected a list"),
         ("word: 1", "1:7: o.word: 1, expected text"),
         ("choice: c", "1:9: o.choice: 'c', expected 'a' or 'b'"),
-        ("table: 1", "1:8: o.table: 1, expected keys with values"),
         ("table: {k: v}", "1:12: o.table.k: 'v', expected a whole number"),
         ("inner: 1", "1:8: o.inner: 1, expected keys with values"),
         ("inner: {y: 1}", "1:9: o.inner.y: unknown key"),
@@ -139,21 +133,19 @@ def test_validation_problems_have_value_and_expectation(
     assert file.validation_problems(caught.value, ("o",), known=["a"]) == [expected]
 
 
-def test_missing_key_points_at_the_dict_that_lacks_it() -> None:
-    file = parse_yaml(Path("r.yaml"), "low: 1\n")
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("low: 1\n", "1:1: needed: missing"),  # the place of the dict that lacks it
+        (f"needed: {'x' * 200}", f"1:9: needed: '{'x' * 79}, expected a whole number"),
+    ],
+    ids=["missing key", "long value"],
+)
+def test_problems_of_a_file_without_other_keys(text: str, problem: str) -> None:
+    file = parse_yaml(Path("r.yaml"), text)
     with pytest.raises(ValidationError) as caught:
         Outer.model_validate(file.data)
-    assert file.validation_problems(caught.value) == ["r.yaml:1:1: needed: missing"]
-
-
-def test_value_in_a_message_is_cut_to_80_characters() -> None:
-    file = parse_yaml(Path("r.yaml"), f"needed: {'x' * 200}\n")
-    with pytest.raises(ValidationError) as caught:
-        Outer.model_validate(file.data)
-    cut = "'" + "x" * 79
-    assert file.validation_problems(caught.value) == [
-        f"r.yaml:1:9: needed: {cut}, expected a whole number"
-    ]
+    assert file.validation_problems(caught.value) == [f"r.yaml:{problem}"]
 
 
 def test_file_is_utf_8_with_or_without_byte_order_mark(tmp_path: Path) -> None:
@@ -184,12 +176,6 @@ def test_invalid_yaml_is_one_problem() -> None:
     assert file.place(("a", 0)) == "r.yaml:2:1"
 
 
-def read(text: str) -> Any:
-    root, found = compose(text)
-    assert found == []
-    return root.to_plain()
-
-
 def problems(text: str) -> list[tuple[tuple[int, int], tuple[str | int, ...], str]]:
     return compose(text)[1]
 
@@ -198,19 +184,14 @@ def problems(text: str) -> list[tuple[tuple[int, int], tuple[str | int, ...], st
     ("text", "value"),
     [
         ("1", 1),
-        ("-12", -12),
         ("010", 10),
         ("0o17", 15),
         ("0x1F", 31),
         ("1e-3", 0.001),
         (".5", 0.5),
-        ("5.", 5.0),
         ("12:30", "12:30"),
-        ("1_000", "1_000"),
         ("on", "on"),
-        ("NO", "NO"),
         ("true", True),
-        ("False", False),
         ("~", None),
         ("", None),
         ("'1'", "1"),
@@ -225,8 +206,9 @@ def problems(text: str) -> list[tuple[tuple[int, int], tuple[str | int, ...], st
     ],
 )
 def test_scalars_follow_the_core_schema(text: str, value: Any) -> None:
-    result = read(text)
-    assert (result, type(result)) == (value, type(value))
+    root, found = compose(text)
+    result = root.to_plain()
+    assert (found, result, type(result)) == ([], value, type(value))
 
 
 @pytest.mark.parametrize(
@@ -240,13 +222,11 @@ def test_scalars_follow_the_core_schema(text: str, value: Any) -> None:
             "tag 'tag:yaml.org,2002:python/object:os.system', expected none",
         ),
         ("- !x {}", (1, 3), (0,), "tag '!x', expected none"),
-        ("[.nan]", (1, 2), (0,), "'.nan', expected a finite number"),
         ("-.Inf", (1, 1), (), "'-.Inf', expected a finite number"),
         ("a: 1e400", (1, 4), ("a",), "'1e400', expected a finite number"),
         ("9" * 500, (1, 1), (), "'" + "9" * 79 + ", expected a finite number"),
         ("a: *b", (1, 4), ("a",), "alias 'b', expected an anchor before it"),
         ("a: &b [*b]", (1, 8), ("a", 0), "alias 'b', expected an anchor before it"),
-        ("? [x]\n: 3", (1, 3), (), "a key that is no plain text, expected a name"),
         ("a: {[x]: 3}", (1, 5), ("a",), "a key that is no plain text, expected a name"),
     ],
 )
@@ -276,7 +256,6 @@ def test_all_problems_are_found_and_reading_continues() -> None:
         ("a: [1", (1, 6), "not YAML: did not find expected ',' or ']'"),
         ("\ta: 1", (1, 1), "not YAML: a tab, expected blanks"),
         ("b: ü\na:\n  -\tb: 1", (3, 4), "not YAML: a tab, expected blanks"),
-        ("b: 1\r\n\tc: 1", (2, 1), "not YAML: a tab, expected blanks"),
         ("a: 1\nb: \0", (2, 4), "not YAML: character '\\x00'"),
         ("a: 1\n---\n", (2, 1), "a second document, expected one"),
         ("[" * 50, (1, MAX_DEPTH + 2), "more than 32 levels"),

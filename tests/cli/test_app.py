@@ -1,22 +1,20 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from commands import run_in_process as radarsim
 
 from radarsim import __version__
 from radarsim.cli import app
 from radarsim.errors import ServerError
 from radarsim.processes import BROKEN_PIPE
 
-Command = Callable[..., Any]
 PROGRAM = (sys.executable, "-m", "radarsim")
 
 
-def test_version_and_help_are_printed(radarsim: Command) -> None:
+def test_version_and_help_are_printed() -> None:
     assert radarsim("--version").text.startswith("radarsim 0.")
     assert "serve" in radarsim("--help").text
     assert radarsim("sarve").code == 2
@@ -49,7 +47,7 @@ def test_output_that_nobody_reads_ends_the_program_as_others() -> None:
 
 
 def test_bug_is_shown_whole_with_what_to_report(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def fail(*_: object) -> None:
         raise ArithmeticError("no such number")
@@ -80,7 +78,7 @@ def test_full_disk_is_reported_in_one_line() -> None:
     [(KeyboardInterrupt(), 130), (ServerError("the port is taken"), 1)],
 )
 def test_errors_become_exit_codes(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
+    monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
 ) -> None:
     def fail() -> None:
         raise error

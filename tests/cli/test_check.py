@@ -1,10 +1,7 @@
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-Command = Callable[..., Any]
+from commands import run_in_process as radarsim
 
 WRONG = """\
 version: 1
@@ -16,7 +13,7 @@ starts: []
 """
 
 
-def test_contents_of_a_map_are_printed(radarsim: Command) -> None:
+def test_contents_of_a_map_are_printed() -> None:
     run = radarsim("check", "foliage_room")
     assert run.code == 0
     for text in ("16 objects", "foliage: density 0.7", "bush_7", "RobotStart1"):
@@ -24,12 +21,10 @@ def test_contents_of_a_map_are_printed(radarsim: Command) -> None:
     assert run.err == ""
 
 
-def test_every_error_is_printed_with_line_and_key(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_every_error_is_printed_with_line_and_key(tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text(WRONG)
-    run = radarsim("check", str(path))
+    run = radarsim("check", path)
     assert run.code == 1
     lines = run.text.splitlines()
     assert any(line.startswith(f"{path}:3:") and "density" in line for line in lines)
@@ -51,10 +46,10 @@ starts:
 """
 
 
-def test_occupied_starts_are_listed(radarsim: Command, tmp_path: Path) -> None:
+def test_occupied_starts_are_listed(tmp_path: Path) -> None:
     path = tmp_path / "occupied.yaml"
     path.write_text(OCCUPIED)
-    lines = radarsim("check", str(path)).text.splitlines()
+    lines = radarsim("check", path).text.splitlines()
     at = lines.index("starts that are not free")
     assert len(lines) == at + 2
     expected = "  RobotStart2: taken by wall; a P3AT would stand at x "
@@ -70,10 +65,10 @@ variants:
 """
 
 
-def test_variants_are_listed(radarsim: Command, tmp_path: Path) -> None:
+def test_variants_are_listed(tmp_path: Path) -> None:
     path = tmp_path / "yard.yaml"
     path.write_text(VARIED)
-    lines = radarsim("check", str(path)).text.splitlines()
+    lines = radarsim("check", path).text.splitlines()
     assert lines[-3:] == ["variants", "  yard@dust", "  yard@rain"]
     chosen = radarsim("check", f"{path}@rain")
     assert chosen.text.startswith("map yard@rain, level yard\n")
@@ -81,16 +76,14 @@ def test_variants_are_listed(radarsim: Command, tmp_path: Path) -> None:
     assert "variants" not in chosen.text
 
 
-def test_errors_in_any_variant_are_found(radarsim: Command, tmp_path: Path) -> None:
+def test_errors_in_any_variant_are_found(tmp_path: Path) -> None:
     path = tmp_path / "yard.yaml"
     path.write_text(VARIED.replace("air: rain", "air: ran"))
-    run = radarsim("check", str(path))
+    run = radarsim("check", path)
     assert run.code == 1
     meant = "'ran' (did you mean 'rain'?), expected"
     assert run.text.startswith(f"{path}:5:15: variants.rain.air: {meant}")
     assert radarsim("check", f"{path}@dust").code == 0
-    unknown = radarsim("check", f"{path}@fog")
-    assert "variants: 'fog', expected one of ['dust', 'rain']" in unknown.text
 
 
 NO_PATH = """\
@@ -108,18 +101,16 @@ trial: {start: RobotStart1, goal: [4, 0], safety_distance: 0.5}
 
 @pytest.mark.parametrize("text", [OCCUPIED, NO_PATH])
 def test_strict_check_fails_for_what_is_only_told_otherwise(
-    radarsim: Command, tmp_path: Path, text: str
+    tmp_path: Path, text: str
 ) -> None:
     path = tmp_path / "room.yaml"
     path.write_text(text)
-    loose, strict = (radarsim("check", str(path), *o) for o in ((), ("--strict",)))
+    loose, strict = (radarsim("check", path, *o) for o in ((), ("--strict",)))
     assert (loose.code, strict.code) == (0, 1)
     assert loose.text == strict.text
 
 
-def test_goal_in_something_is_told_with_what_is_there(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_goal_in_something_is_told_with_what_is_there(tmp_path: Path) -> None:
     path = tmp_path / "room.yaml"
     path.write_text(
         "version: 1\n"
@@ -128,19 +119,13 @@ def test_goal_in_something_is_told_with_what_is_there(
         "starts: [{name: RobotStart1, position: [-3, 0, 0]}]\n"
         "trial: {start: RobotStart1, goal: [2.6, 0], safety_distance: 0.5}\n"
     )
-    run = radarsim("check", str(path))
+    run = radarsim("check", path)
     assert "goal 2.60 0.00: taken by pillar" in run.text
 
 
-def test_strict_check_passes_a_map_without_doubts(radarsim: Command) -> None:
-    assert radarsim("check", "foliage_room", "--strict").code == 0
-
-
-def test_plan_is_drawn_into_a_file_beside_the_summary(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_plan_is_drawn_into_a_file_beside_the_summary(tmp_path: Path) -> None:
     path = tmp_path / "plan.pdf"
-    run = radarsim("check", "empty_room", "--plot", str(path))
+    run = radarsim("check", "empty_room", "--plot", path)
     assert run.code == 0
     assert f"wrote {path}" in run.err
     assert run.text == radarsim("check", "empty_room").text

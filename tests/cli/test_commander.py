@@ -2,20 +2,17 @@ import os
 import re
 import signal
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import click
 import httpx
 import pytest
-from commands import Run, run_in_process
+from commands import run_in_process as radarsim
 from processes import start_radarsim
 
 from radarsim.addons.web.cli import announce_commander, read_token
 from radarsim.cli.server_options import ServerOptions
-
-RunCommand = Callable[..., Run]
 
 TIMEOUT = 240.0  # s
 NOBODY = ("--connect", "127.0.0.1:1")
@@ -42,11 +39,6 @@ def is_served(url: str) -> bool:
         return False
 
 
-def wait_until_gone(url: str) -> None:
-    while is_served(url):
-        pass
-
-
 SLOW = pytest.mark.slow
 
 
@@ -68,7 +60,8 @@ def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> 
         finally:
             server.send_signal(end)
         _, errors = server.communicate(timeout=TIMEOUT)
-        wait_until_gone(url)
+        while is_served(url):
+            pass
     assert end is signal.SIGKILL or errors == b""
 
 
@@ -104,12 +97,12 @@ def test_commander_of_a_map_serves_it() -> None:
 
 @pytest.mark.parametrize("text", [None, "version: 1\nobjects: 3\n"])
 def test_wrong_map_is_told_before_an_address_is(
-    radarsim: RunCommand, tmp_path: Path, text: str | None
+    tmp_path: Path, text: str | None
 ) -> None:
     file = tmp_path / "wrong.yaml"
     if text is not None:
         file.write_text(text)
-    run = radarsim("commander", *NOBODY, "--web", "0", "--draw", str(file))
+    run = radarsim("commander", *NOBODY, "--web", "0", "--draw", file)
     assert (run.code, run.out) == (1, b"")
     assert "wrong.yaml" in run.err
 
@@ -151,19 +144,15 @@ def test_wrong_token_file_is_a_usage_error(tmp_path: Path, data: bytes) -> None:
         read_token(tmp_path / "none")
 
 
-def test_address_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    announce_commander(("::1", 8000), "x" * 200)
-    out, _ = capsys.readouterr()
-    assert out == f"radarsim: commander on http://[::1]:8000/#token={'x' * 200}\n"
-
-
-def test_page_reads_any_token_from_the_address(
-    capsys: pytest.CaptureFixture[str],
+@pytest.mark.parametrize("token", ["x" * 200, "a+b/c=&d#e%20f 0123"])
+def test_address_is_one_line_of_which_the_page_reads_any_token(
+    capsys: pytest.CaptureFixture[str], token: str
 ) -> None:
-    token = "a+b/c=&d#e%20f 0123"
-    announce_commander(("127.0.0.1", 8000), token)
-    fragment = urlsplit(capsys.readouterr().out.split()[-1]).fragment
-    assert parse_qs(fragment) == {"token": [token]}
+    announce_commander(("::1", 8000), token)
+    out, _ = capsys.readouterr()
+    assert out.startswith("radarsim: commander on http://[::1]:8000/#token=")
+    assert out.count("\n") == 1
+    assert parse_qs(urlsplit(out.split()[-1]).fragment) == {"token": [token]}
 
 
 def test_page_gets_the_classes_that_the_server_gets(tmp_path: Path) -> None:
@@ -174,6 +163,6 @@ def test_page_gets_the_classes_that_the_server_gets(tmp_path: Path) -> None:
     assert words == ["--dialect", "udk", "--robots", str(file)]
     assert [each.name for each in options.config().robots] == ["Tall"]
     file.write_text("based_on: P3AT\nname: 7\n")
-    run = run_in_process("commander", *NOBODY, *words, "--web", "0")
+    run = radarsim("commander", *NOBODY, *words, "--web", "0")
     assert run.code == 1
     assert f"{file}:2" in run.err

@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from commands import run_in_process as radarsim
 
 from radarsim import errors
-
-from .conftest import RunCommand
 
 SCAN = ("scan", "empty_room", "--sensor", "laser", "--start", "RobotStart1")
 
@@ -38,7 +37,7 @@ def free_port() -> str:
     ],
 )
 def test_without_a_server_the_command_that_starts_one_is_told(
-    radarsim: RunCommand, tmp_path: Path, free_port: str, command: tuple[str, ...]
+    tmp_path: Path, free_port: str, command: tuple[str, ...]
 ) -> None:
     words = (each.format(tmp_path if "/" in each else free_port) for each in command)
     run = radarsim(*words)
@@ -56,7 +55,7 @@ def test_without_a_server_the_command_that_starts_one_is_told(
     ],
 )
 def test_similar_class_of_another_server_is_named_with_its_package(
-    radarsim: RunCommand, free_port: str, robot: str, code: int, told: str
+    free_port: str, robot: str, code: int, told: str
 ) -> None:
     run = radarsim(
         *("navigate", *BUG, "--connect", f"127.0.0.1:{free_port}"), *("--robot", robot)
@@ -66,9 +65,7 @@ def test_similar_class_of_another_server_is_named_with_its_package(
     assert ("did you mean 'P3AT_Radar360'" in run.err) == (code == 2)
 
 
-def test_map_that_cannot_be_made_leaves_no_folder(
-    radarsim: RunCommand, tmp_path: Path
-) -> None:
+def test_map_that_cannot_be_made_leaves_no_folder(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     for name in ("new", "there"):
         out = f"{tmp_path / name}/"
@@ -77,7 +74,7 @@ def test_map_that_cannot_be_made_leaves_no_folder(
     assert [each.name for each in tmp_path.iterdir()] == ["there"]
 
 
-def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) -> None:
+def test_a_server_elsewhere_cannot_be_started_from_here() -> None:
     run = radarsim(*("navigate", *BUG, "--connect", "nowhere.invalid:3000"))
     assert run.code == 1
     assert "no server at nowhere.invalid:3000: " in run.err
@@ -96,7 +93,7 @@ def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) ->
     ],
 )
 def test_port_in_use_is_told_with_its_cure_before_the_map_is_read(
-    radarsim: RunCommand, taken_port: str, command: str, option: str
+    taken_port: str, command: str, option: str
 ) -> None:
     run = radarsim(*command.split(), option, taken_port)
     assert (run.code, run.out) == (1, b"")
@@ -143,7 +140,7 @@ def plain_user() -> Iterator[None]:
 )
 @pytest.mark.usefixtures("empty_room")
 def test_missing_permission_has_one_wording(
-    radarsim: RunCommand, tmp_path: Path, command: tuple[str, ...]
+    tmp_path: Path, command: tuple[str, ...]
 ) -> None:
     folder = tmp_path / "closed"
     folder.mkdir()

@@ -1,19 +1,16 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from commands import run_in_process as radarsim
 from matplotlib.figure import Figure
 from PIL import Image
 
-Command = Callable[..., Any]
-
 
 def test_demo_needs_no_options_and_says_where_its_picture_is(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     run = radarsim("demo")
@@ -35,23 +32,21 @@ def test_pictures_need_no_backend(tmp_path: Path) -> None:
     assert (done.returncode, path.exists()) == (0, True)
 
 
-def test_demo_does_not_overwrite_files_of_others(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_demo_does_not_overwrite_files_of_others(tmp_path: Path) -> None:
     path = tmp_path / "photo.png"
     path.write_bytes(b"\x89PNG, a photo")
-    run = radarsim("demo", str(path))
+    run = radarsim("demo", path)
     assert run.code == 2
     assert "not by radarsim" in run.err
     assert path.read_bytes() == b"\x89PNG, a photo"
 
 
 def test_demo_draws_into_a_file_as_other_commands_and_may_replace_its_own(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("radarsim.plotting.scans.compare", lambda *_, **__: Figure())
     path = tmp_path / "demo.svg"
     for _ in range(2):
-        run = radarsim("demo", "-o", str(path))
+        run = radarsim("demo", "-o", path)
         assert (run.code, run.text) == (0, f"{path}\n")
         assert path.read_bytes().startswith(b"<?xml")

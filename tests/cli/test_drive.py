@@ -17,8 +17,6 @@ from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.server.server_thread import ServerThread
 
-Command = Callable[..., Any]
-
 needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="needs a pty")
 UP = b"\x1b[A"
 

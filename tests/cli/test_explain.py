@@ -1,12 +1,10 @@
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-Command = Callable[..., Any]
+from commands import run_in_process as radarsim
 
 MAP = """\
 version: 1
@@ -47,12 +45,12 @@ def room(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_crossings_have_the_power_before_and_after(
-    radarsim: Command, room: str
-) -> None:
-    run = radarsim("explain", room, *AHEAD, "--format", "json")
-    assert run.code == 0
-    told = json.loads(run.text)
+def explain(*words: object) -> Any:
+    return json.loads(radarsim("explain", *words, "--format", "json").text)
+
+
+def test_crossings_have_the_power_before_and_after(room: str) -> None:
+    told = explain(room, *AHEAD)
     mist, bush, paper = told["crossings"]
     assert (mist["object"], mist["material"]) == ("mist", "mist")
     assert mist["starts_inside"] is True
@@ -68,38 +66,30 @@ def test_crossings_have_the_power_before_and_after(
     assert told["power_left"] == pytest.approx(0.05)
 
 
-def test_spent_beam_has_the_object_and_distance(radarsim: Command, room: str) -> None:
-    weak = ("--set", "penetration_power=0.6")
-    told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
-    assert told["outcome"] == "spent"
-    assert told["object"] == "bush"
+def test_spent_beam_has_the_object_and_distance(room: str) -> None:
+    told = explain(room, *AHEAD, "--set", "penetration_power=0.6")
+    assert (told["outcome"], told["object"]) == ("spent", "bush")
     assert told["range"] == pytest.approx(3.5 + 0.4 / 0.5)
     assert told["crossings"][-1]["exit"] is None
 
 
-def test_sheet_that_absorbs_the_remaining_power_ends_the_beam(
-    radarsim: Command, room: str
-) -> None:
-    weak = ("--set", "penetration_power=0.9")
-    told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
+def test_sheet_that_absorbs_the_remaining_power_ends_the_beam(room: str) -> None:
+    told = explain(room, *AHEAD, "--set", "penetration_power=0.9")
     assert (told["outcome"], told["object"]) == ("spent", "paper")
     assert told["crossings"][-1]["power_before"] == pytest.approx(0.2)
     assert told["crossings"][-1]["power_after"] == 0
     assert told["range"] == pytest.approx(6)
 
 
-def test_spent_laser_beam_reads_zero(radarsim: Command, room: str) -> None:
-    run = radarsim(
-        *("explain", room, "--sensor", "hokuyo", "--pose", "-5,0,0", "--beam", "113"),
-        *("--set", "max_range=20", "--set", "penetration_power=0.003"),
-        *("--format", "json"),
-    )
-    told = json.loads(run.text)
+def test_spent_laser_beam_reads_zero(room: str) -> None:
+    weak = ("--set", "max_range=20", "--set", "penetration_power=0.003")
+    where = ("--sensor", "hokuyo", "--pose", "-5,0,0", "--beam", "113")
+    told = explain(room, *where, *weak)
     assert (told["outcome"], told["range"], told["ray"]) == ("spent", 0.0, None)
     assert told["distance"] > 3
 
 
-def test_text_has_a_line_for_each_crossing(radarsim: Command, room: str) -> None:
+def test_text_has_a_line_for_each_crossing(room: str) -> None:
     lines = radarsim("explain", room, *AHEAD).text.splitlines()
     assert lines == [
         "radar, beam 90 at 0.00 deg, centre ray",
@@ -112,7 +102,7 @@ def test_text_has_a_line_for_each_crossing(radarsim: Command, room: str) -> None
     ]
 
 
-def test_beam_without_hits_is_out_of_range(radarsim: Command, room: str) -> None:
+def test_beam_without_hits_is_out_of_range(room: str) -> None:
     run = radarsim(
         *("explain", room, "--sensor", "sick", "--pose", "8,0,0", "--beam", "90"),
         *("--set", "max_range=1"),
@@ -125,15 +115,11 @@ def test_beam_without_hits_is_out_of_range(radarsim: Command, room: str) -> None
 
 
 @pytest.mark.parametrize("beam", [60, 88, 116])
-def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(
-    radarsim: Command, beam: int
-) -> None:
+def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(beam: int) -> None:
     start = ("--start", "RobotStart1", "--seed", "4")
     place = ("foliage_room", "--sensor", "radar", *start)
     scan = json.loads(radarsim("scan", *place).text)
-    told = json.loads(
-        radarsim("explain", *place, "--beam", str(beam), "--format", "json").text
-    )
+    told = explain(*place, "--beam", beam)
     assert told["range"] == scan["ranges"][beam]
     assert told["ray"] == scan["rays"][beam]
     assert told["angle"] == pytest.approx(math.radians(beam - 90))
@@ -149,19 +135,17 @@ def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(
     ],
 )
 def test_range_depends_on_the_return_mode(
-    radarsim: Command, room: str, settings: list[str], wanted: float
+    room: str, settings: list[str], wanted: float
 ) -> None:
     changes = [part for text in settings for part in ("--set", text)]
     ahead = (*AHEAD[:-2], "--set", "side_offset_uu=0")
-    run = radarsim("explain", room, *ahead, *changes, "--format", "json")
-    told = json.loads(run.text)
+    told = explain(room, *ahead, *changes)
     assert told["range"] == pytest.approx(wanted)
     assert (told["outcome"], told["distance"]) == ("hit", pytest.approx(10))
 
 
-def test_centre_ray_of_a_laser_is_its_only_ray(radarsim: Command, room: str) -> None:
-    asked = ("--sensor", "laser", *AHEAD[2:])
-    told = json.loads(radarsim("explain", room, *asked, "--format", "json").text)
+def test_centre_ray_of_a_laser_is_its_only_ray(room: str) -> None:
+    told = explain(room, "--sensor", "laser", *AHEAD[2:])
     assert told["ray"] is None
     assert told["range"] == pytest.approx(3.5)
 
@@ -191,44 +175,44 @@ starts:
     ],
 )
 def test_absorbing_object_and_remaining_power_are_printed(
-    radarsim: Command, tmp_path: Path, yaw: int, said: str, power: float
+    tmp_path: Path, yaw: int, said: str, power: float
 ) -> None:
     (tmp_path / "black.yaml").write_text(BLACK)
     ahead = ("--sensor", "radar", "--pose", f"0,0,{yaw}", "--beam", "90")
     where = (str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
     assert said in radarsim("explain", *where).text
-    told = json.loads(radarsim("explain", *where, "--format", "json").text)
+    told = explain(*where)
     assert told["power_left"] == pytest.approx(power)
 
 
-def test_mirrored_echo_is_called_a_ghost(radarsim: Command, tmp_path: Path) -> None:
+def test_mirrored_echo_is_called_a_ghost(tmp_path: Path) -> None:
     (tmp_path / "black.yaml").write_text(BLACK.replace("absorption_db: all", ""))
     ahead = ("--sensor", "radar", "--pose", "0,0,179", "--beam", "90")
-    run = radarsim("explain", str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
+    run = radarsim("explain", tmp_path / "black.yaml", *ahead, "--ray", "centre")
     assert "4.5007 m: mirrored by glass (mirror) at (-4.50, 0.08, 0.35)" in run.text
     assert "reads 13.5021 m, a ghost: it was mirrored on its way" in run.text
 
 
-def test_attenuation_of_air_is_printed(radarsim: Command, tmp_path: Path) -> None:
+def test_attenuation_of_air_is_printed(tmp_path: Path) -> None:
     (tmp_path / "fog.yaml").write_text(BLACK.replace("starts:", "air: fog\nstarts:"))
     ahead = ("--sensor", "physical", "--pose", "0,0,0", "--beam", "90")
-    run = radarsim("explain", str(tmp_path / "fog.yaml"), *ahead)
+    run = radarsim("explain", tmp_path / "fog.yaml", *ahead)
     assert "everywhere: the air takes 0.055000 of it per metre" in run.text
     assert "reads 4.5000 m, its first echo" in run.text
 
 
-def test_answer_from_inside_smoke_names_it(radarsim: Command) -> None:
+def test_answer_from_inside_smoke_names_it() -> None:
     words = ("smoke_room", "--sensor", "physical", "--start", "RobotStart1")
     text = radarsim("explain", *words, "--beam", "90").text
     assert text.splitlines()[-1].endswith(" m, its first echo, from inside smoke")
 
 
-def test_targets_of_a_detector_are_told(radarsim: Command) -> None:
+def test_targets_of_a_detector_are_told() -> None:
     words = (
         *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
         *("--set", "detector=ca", "--beam", "3"),
     )
-    told = json.loads(radarsim("explain", *words, "--format", "json").text)
+    told = explain(*words)
     assert told["detector"] == "ca"
     strongest = max(told["targets"], key=lambda target: target["dbm"])
     assert told["range"] == strongest["range"]
@@ -239,14 +223,12 @@ def test_targets_of_a_detector_are_told(radarsim: Command) -> None:
     assert "its strongest target by its detector 'ca'" in text
 
 
-def test_ray_of_a_detectors_beam_loses_decibels_as_its_spectrum_does(
-    radarsim: Command,
-) -> None:
+def test_ray_of_a_detectors_beam_loses_decibels_as_its_spectrum_does() -> None:
     words = (
         *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
         *("--set", "detector=ca", "--beam", "200", "--seed", "2"),
     )
-    told = json.loads(radarsim("explain", *words, "--format", "json").text)
+    told = explain(*words)
     (bush,) = told["crossings"]
     # 3.31 dB/m of leaves at 77 GHz, over the way through the bush.
     loss = bush["power_before"] - bush["power_after"]

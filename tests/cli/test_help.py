@@ -9,7 +9,6 @@ from radarsim import plugins
 from radarsim.cli.app import EntryGroup
 from radarsim.cli.command import PlanCommand
 from radarsim.cli.entries import BEYOND_THE_CORE, GROUP, CommandEntry, load_entries
-from radarsim.errors import MissingPackage
 
 MOST_LINES = 48
 
@@ -54,9 +53,3 @@ def test_help_fits_on_a_screen_and_says_what_options_are(
 def test_parts_beyond_the_core_have_these_commands() -> None:
     for part, names in BEYOND_THE_CORE.items():
         assert [each.name for each in plugins.load(GROUP, part)] == [*names]
-
-
-def test_command_whose_folder_was_left_out_names_it() -> None:
-    entry = CommandEntry("fly", "radarsim.addons.plane.commands:fly", "Fly.")
-    with pytest.raises(MissingPackage, match=r"fly: radarsim\.addons\.plane is not"):
-        entry.load()

@@ -2,12 +2,15 @@ import json
 import re
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from subprocess import Popen
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import run_in_process as radarsim
 from PIL import Image
 from processes import start_radarsim
 
@@ -16,7 +19,6 @@ from radarsim.client import Client
 from radarsim.protocol.reports import RangeScan
 from radarsim.scene.map_file import shipped_maps
 
-Command = Callable[..., Any]
 FOLIAGE = ("foliage_room", "--time-limit", "3")
 SEEN = ("empty_room", "--strategy", "frontiers")  # seen from the start
 FILES = ["map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png"]
@@ -31,12 +33,10 @@ def server(usarsim_server: UsarsimServer) -> str:
 
 
 @pytest.fixture(scope="module")
-def foliage_run(
-    radarsim: Command, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Any, Path]:
+def foliage_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     """Map the foliage room once; return the output and the folder of the files."""
     folder = tmp_path_factory.mktemp("foliage")
-    return radarsim("map", "-o", str(folder), *FOLIAGE), folder
+    return radarsim("map", "-o", folder, *FOLIAGE), folder
 
 
 def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -> None:
@@ -66,24 +66,20 @@ def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -
 
 
 @pytest.mark.slow
-def test_waypoints_are_driven_to_and_unreachable_ones_listed(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_waypoints_are_driven_to_and_unreachable_ones_listed(tmp_path: Path) -> None:
     way = ("--way", "-7,1", "--way=-6,0", "--way", "0.5,0")
-    run = radarsim("map", "-o", str(tmp_path), "foliage_room", *way, "--json")
+    run = radarsim("map", "-o", tmp_path, "foliage_room", *way, "--json")
     told = json.loads(run.text)
     assert (told["outcome"], told["strategy"]) == ("explored", "way")
     assert told["left_out"] == [[0.5, 0.0]]  # in the middle of a bush
     assert told["judge"]["collisions"] == 0
     assert told["path_length"] > 5
-    run = radarsim("map", "-o", str(tmp_path), "foliage_room", "--way=9,9")
+    run = radarsim("map", "-o", tmp_path, "foliage_room", "--way=9,9")
     assert "left out 9 9: no way there" in run.text
 
 
-def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
-    run = radarsim(
-        "map", "-o", str(tmp_path / "room"), *FOLIAGE, "--json", "--seed", "3"
-    )
+def test_json_is_one_object(tmp_path: Path) -> None:
+    run = radarsim("map", "-o", tmp_path / "room", *FOLIAGE, "--json", "--seed", "3")
     told = json.loads(run.text)
     assert list(told) == [
         *("outcome", "doubts", "strategy", "seed_from", "time", "path_length"),
@@ -126,11 +122,9 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_same_seed_gives_the_same_map_and_another_seed_another(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_same_seed_gives_the_same_map_and_another_seed_another(tmp_path: Path) -> None:
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
-        radarsim("map", "-o", str(tmp_path / name), *SEEN, "--seed", seed)
+        radarsim("map", "-o", tmp_path / name, *SEEN, "--seed", seed)
     for ending in (".png", ".pgm", ".tum", "_view.png"):
         one, same, other = (
             (tmp_path / f"{name}{ending}").read_bytes() for name in "abc"
@@ -151,10 +145,8 @@ def test_pictures_have_the_colours_of_usarcommander_and_nav2(
 
 
 @pytest.mark.slow
-def test_map_of_probabilities_is_a_second_picture(
-    radarsim: Command, tmp_path: Path
-) -> None:
-    run = radarsim("map", "-o", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
+def test_map_of_probabilities_is_a_second_picture(tmp_path: Path) -> None:
+    run = radarsim("map", "-o", tmp_path / "a.png", *SEEN, "--mode", "scale")
     assert run.code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == [
         *("a.png", "a.tum", "a_scale.png", "a_scale.yaml", "a_view.png")
@@ -162,7 +154,7 @@ def test_map_of_probabilities_is_a_second_picture(
     assert 'image: "a_scale.png"' in (tmp_path / "a_scale.yaml").read_text()
 
 
-def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> None:
+def test_options_reach_robot_and_mapper(tmp_path: Path) -> None:
     run = radarsim(
         *("map", "-o", f"{tmp_path}/new/", "empty_room", "--json"),
         *("--strategy", "centre_out", "--radius", "2", "--speed", "0.6"),
@@ -182,28 +174,26 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
     assert lines[1].split()[1:3] == ["-7.000000", "1.000000"]
 
 
-def test_places_that_cannot_be_written_are_told_before_the_run(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_places_that_cannot_be_written_are_told_before_the_run(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     run = radarsim("map", "-o", f"{tmp_path}/file/", *SEEN)
     assert (run.code, run.out) == (2, b"")
     assert "cannot make" in run.err
     (tmp_path / "map.yaml").mkdir()
-    run = radarsim("map", "-o", str(tmp_path), *SEEN)
+    run = radarsim("map", "-o", tmp_path, *SEEN)
     assert (run.code, run.out) == (2, b"")
     assert "a folder of that name" in run.err
     (tmp_path / "x.gif").symlink_to("/dev/null")
     film = ("--film", str(tmp_path / "x.gif"))
-    run = radarsim("map", "-o", str(tmp_path / "m"), *SEEN, *film)
+    run = radarsim("map", "-o", tmp_path / "m", *SEEN, *film)
     assert (run.code, run.out) == (2, b"")
     assert "regular file" in run.err
 
 
 @pytest.mark.slow
-def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> None:
+def test_map_of_a_stuck_robot_is_written(tmp_path: Path) -> None:
     run = radarsim(
-        *("map", "-o", str(tmp_path), "foliage_room", "--no-echoes", "--json"),
+        *("map", "-o", tmp_path, "foliage_room", "--no-echoes", "--json"),
         *("--strategy", "contour", "--pose", "-2,3.9,0"),
     )
     told = json.loads(run.text)
@@ -215,23 +205,21 @@ def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> N
 
 
 def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
-    radarsim: Command, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
-    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT", "--json")
+    run = radarsim("map", "-o", tmp_path, *SEEN, "--robot", "P3AT", "--json")
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (1, "failed")
     assert "sees 180 degrees" in told["error"]
     assert told["cells"] is told["pose_errors"] is None
     assert told["files"] == []
-    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT")
+    run = radarsim("map", "-o", tmp_path, *SEEN, "--robot", "P3AT")
     assert (run.code, run.out) == (1, b"")
     assert not [*tmp_path.iterdir()]
 
 
 @fast_server
-def test_room_is_mapped_over_tcp(
-    radarsim: Command, server: str, tmp_path: Path
-) -> None:
+def test_room_is_mapped_over_tcp(server: str, tmp_path: Path) -> None:
     words = ("map", "-o", str(tmp_path), "--connect", server, "--json")
     run = radarsim(*words, "--time-limit", "6")
     told = json.loads(run.text)
@@ -253,7 +241,8 @@ def test_signal_ends_the_run_and_the_map_and_the_film_so_far_are_written(
     film = tmp_path / "run.gif"
     with start_radarsim(*words, "--film", str(film)) as process:
         deadline = time.monotonic() + 240
-        while not film_has_begun(tmp_path) and time.monotonic() < deadline:
+        while not any(part.stat().st_size for part in tmp_path.glob(".*.part")):
+            assert time.monotonic() < deadline, "no film has begun"
             time.sleep(0.01)
         process.send_signal(number)
         out, errors = process.communicate(timeout=240)
@@ -268,40 +257,24 @@ def test_signal_ends_the_run_and_the_map_and_the_film_so_far_are_written(
     assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, "run.gif"]
 
 
-def film_has_begun(folder: Path) -> bool:
-    """Return whether a part of a film is on the disk already."""
-    return any(part.stat().st_size for part in folder.glob(".*.part"))
-
-
 @pytest.mark.slow
-def test_files_of_other_programs_are_not_overwritten(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_files_of_other_programs_are_not_overwritten(tmp_path: Path) -> None:
     for ending in (".png", ".pgm", ".yaml", ".tum", "_view.png"):
         (tmp_path / f"map{ending}").write_text("mine\n")
-        run = radarsim("map", "-o", str(tmp_path), *FOLIAGE)
+        run = radarsim("map", "-o", tmp_path, *FOLIAGE)
         assert run.code == 2
         assert f"map{ending}, which is of another program" in run.err
         (tmp_path / f"map{ending}").unlink()
-    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0
-    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0  # its own may go
+    assert radarsim("map", "-o", tmp_path, *FOLIAGE).code == 0
+    assert radarsim("map", "-o", tmp_path, *FOLIAGE).code == 0  # its own may go
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
-def test_simulated_map_is_not_overwritten(radarsim: Command, tmp_path: Path) -> None:
-    text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
-    (tmp_path / "yard.yaml").write_text(text)
-    yard = str(tmp_path / "yard.yaml")
-    run = radarsim("map", "-o", str(tmp_path / "yard"), yard, "--time-limit", "1")
-    assert run.code == 2
-    assert (tmp_path / "yard.yaml").read_text() == text
-
-
-def test_map_of_the_users_own_is_not_overwritten_beside_itself(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_simulated_map_is_not_overwritten_beside_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = shipped_maps()["empty_room"].read_text()
+    text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
     Path("my_room.yaml").write_text(text)
     run = radarsim("map", "my_room.yaml", "--time-limit", "1")
     assert run.code == 2
@@ -311,20 +284,20 @@ def test_map_of_the_users_own_is_not_overwritten_beside_itself(
 
 
 def test_seed_of_turn_away_is_accepted_without_serve(
-    server: str, radarsim: Command, tmp_path: Path
+    server: str, tmp_path: Path
 ) -> None:
     words = ("--connect", server, "--strategy", "turn_away", "--seed", "3")
-    run = radarsim("map", "-o", str(tmp_path), *words, "--time-limit", "0.5")
+    run = radarsim("map", "-o", tmp_path, *words, "--time-limit", "0.5")
     assert (run.code, run.err.count("expected")) == (0, 0)
 
 
 def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
-    radarsim: Command, foliage_run: tuple[Any, Path], tmp_path: Path
+    foliage_run: tuple[Any, Path], tmp_path: Path
 ) -> None:
     old = (foliage_run[1] / "map.tum").read_bytes() + b"# more\n"
     (tmp_path / "map.tum").write_bytes(old)
     (tmp_path / "map.pgm").symlink_to("/dev/full")
-    run = radarsim("map", "-o", str(tmp_path), *FOLIAGE, "--json")
+    run = radarsim("map", "-o", tmp_path, *FOLIAGE, "--json")
     told = json.loads(run.text)
     assert run.code == 1
     why = "the disk is full"
@@ -336,17 +309,24 @@ def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
     assert (tmp_path / "map.tum").read_bytes() == old
 
 
+@contextmanager
+def watching(server: str, folder: Path, *words: str) -> Iterator[Popen[bytes]]:
+    """Start a program that waits for robot R1, to map what it reports."""
+    words = ("--watch", "R1", "--connect", server, *words)
+    with start_radarsim("map", "-o", str(folder), *words) as process:
+        assert process.stderr is not None
+        assert b"waiting" in process.stderr.readline()
+        yield process
+
+
 @pytest.mark.slow
 @fast_server
 def test_watched_robot_is_mapped_until_it_leaves(
     usarsim_server: UsarsimServer, server: str, tmp_path: Path
 ) -> None:
-    words = ("--watch", "r1", "--connect", server, "--json")
-    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
-        assert process.stderr is not None
-        assert b"waiting" in process.stderr.readline()
+    with watching(server, tmp_path, "--json") as process:
         with Client.connect(*usarsim_server.address) as client:
-            client.spawn("P3AT_Radar360", name="R1", start="RobotStart1")
+            client.spawn("P3AT_Radar360", name="r1", start="RobotStart1")
             client.drive(*client.robot_info().wheel_speeds(0.5, 0.0))
             deadline, began = time.monotonic() + 240, client.session.time
             while client.session.time < began + 4 and time.monotonic() < deadline:
@@ -366,10 +346,7 @@ def test_watched_robot_is_mapped_until_it_leaves(
 def test_watch_reports_which_motion_sources_a_robot_has(
     usarsim_server: UsarsimServer, server: str, tmp_path: Path
 ) -> None:
-    words = ("--watch", "R1", "--connect", server, "--motion-from", "odometry")
-    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
-        assert process.stderr is not None
-        assert b"waiting" in process.stderr.readline()
+    with watching(server, tmp_path, "--motion-from", "odometry") as process:
         with Client.connect(*usarsim_server.address) as client:
             client.spawn("P3AT_Radar360", name="R1", start="RobotStart1")
             began = client.wait_for(RangeScan).time
@@ -388,10 +365,7 @@ def test_watch_reports_which_motion_sources_a_robot_has(
 def test_no_map_is_written_of_a_robot_that_does_not_come(
     server: str, tmp_path: Path
 ) -> None:
-    words = ("--watch", "R1", "--connect", server)
-    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
-        assert process.stderr is not None
-        assert b"waiting" in process.stderr.readline()
+    with watching(server, tmp_path) as process:
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=240)
     assert process.returncode == 1
@@ -400,15 +374,12 @@ def test_no_map_is_written_of_a_robot_that_does_not_come(
 
 
 @pytest.mark.slow
-def test_film_shows_the_run_and_does_not_change_it(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_film_shows_the_run_and_does_not_change_it(tmp_path: Path) -> None:
     words = ("empty_room", "--way=-7,0", "--json")
-    plain = radarsim("map", "-o", str(tmp_path / "a"), *words)
+    plain = radarsim("map", "-o", tmp_path / "a", *words)
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
     runs = [
-        radarsim("map", "-o", str(tmp_path / "b"), *words, "--film", str(film))
-        for film in films
+        radarsim("map", "-o", tmp_path / "b", *words, "--film", film) for film in films
     ]
     told = [json.loads(run.text) for run in (plain, *runs)]
     for each in told:
@@ -429,14 +400,14 @@ def test_film_shows_the_run_and_does_not_change_it(
 
 @pytest.mark.slow
 def test_film_that_cannot_be_written_does_not_spoil_the_map(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("radarsim.plotting.film.open_encoder", fail)
     film = tmp_path / "x.gif"
-    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--film", str(film))
+    run = radarsim("map", "-o", tmp_path, *SEEN, "--film", film)
     assert run.code == 2
     assert f"cannot write {film}: the disk is full" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
@@ -444,12 +415,12 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
 
 
 def test_known_area_is_drawn_and_a_terminal_shows_a_status_line(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     plot, room = tmp_path / "area.svg", str(tmp_path / "room")
-    run = radarsim("map", "-o", room, *FOLIAGE, "--plot", str(plot))
+    run = radarsim("map", "-o", room, *FOLIAGE, "--plot", plot)
     assert "path   0.00 m  sensed" in run.err
     text = plot.read_text()
     assert text.startswith("<?xml")

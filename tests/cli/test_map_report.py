@@ -58,37 +58,23 @@ def test_map_without_scans_has_no_cells() -> None:
 def test_open_map_has_no_coverage(empty_room: Scene) -> None:
     run = MappingResult("auto", "ins", monitor=GroundTruthMonitor(Host(empty_room)))
     assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
-    run.score = MapScore(
-        right=3,
-        wrong=1,
-        unknown=None,
-        coverage=None,
-        near_coverage=None,
-        reachable_coverage=None,
-        hidden_coverage=None,
-        obstacles=0,
-        within_one_cell=None,
-        within_two_cells=None,
-        false_obstacles=0.0,
-        misplaced=None,
-        class_accuracy=None,
-    )
+    run.score = score_with(right=3, wrong=1)
     assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"
 
 
-def score_with(hidden: float | None) -> MapScore:
-    counts: dict[str, Any] = dict.fromkeys((each.name for each in fields(MapScore)), 0)
-    return MapScore(**counts | {"hidden_coverage": hidden, "coverage": 0.4})
+def score_with(**known: float) -> MapScore:
+    unknown: dict[str, Any] = dict.fromkeys(each.name for each in fields(MapScore))
+    return MapScore(**unknown | known)
 
 
 def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
     run = MappingResult("auto", "ins", robot_class="P3AT_Radar360", scene=empty_room)
-    run.outcome, run.score = "explored", score_with(0.973)
+    run.outcome, run.score = "explored", score_with(hidden_coverage=0.973)
     view = view_of(run, mapper)
     assert view.title == "The floor out of the robot's reach: 97 % mapped"
     assert view.subtitle.startswith("P3AT_Radar360 maps empty_room: ")
     assert [outline.kind for outline in view.outlines] == ["solid"]
-    run.outcome, run.score = "broken_off", score_with(None)
+    run.outcome, run.score = "broken_off", score_with(coverage=0.4)
     view = view_of(run, mapper)
     assert view.title == "40 % of the floor mapped"
     assert view.subtitle.endswith(": 0.0 m in 0 s until interrupted")

@@ -5,21 +5,17 @@ import json
 import math
 import re
 import signal
-import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import run_in_process as radarsim
 from PIL import Image
 from processes import start_radarsim
 
-from radarsim.addons.testing import UsarsimServer
 from radarsim.autonomy.cli.navigate_output import headline
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
@@ -27,102 +23,77 @@ from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
-from radarsim.scene.map_file import load_map
-from radarsim.server.host import Host
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Diagnostic, Host
+from radarsim.server.server_thread import ServerThread
 
-Command = Callable[..., Any]
 BUG2 = ("navigate", "--algorithm", "bug2")
 BOX = (*BUG2, "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
 FAR = (*BUG2, "--goal", "8,0")
-fast_server = pytest.mark.usarsim(map="empty_room", speed=6)
+BoxRun = tuple[dict[str, Any], Path, Path]
 
 
-class Relay:
-    """Forwards between a client and a server, records DRIVE commands, and can fail.
+class FaultyHost(Host):
+    """Records DRIVE commands, and can fail 3 s after the first one.
 
-    From ``after`` s after the first one on it forwards nothing (``stalls``) or no scans
-    (``mute``), or it closes the connection (``drops``).
+    Then it sends nothing (``stalls``) or no scans (``mute``), or it closes connections
+    (``drops``).
     """
 
-    def __init__(self, address: tuple[str, int], fault: str = "", after: float = 0.5):
+    def __init__(self, scene: Scene, fault: str) -> None:
+        super().__init__(scene)
         self.driven: list[tuple[float, Drive]] = []
-        self.fault = fault
-        self._after = after
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
-        self._server = socket.create_connection(address, 5)
-        self._client: socket.socket | None = None
-        self.threads = [
-            threading.Thread(target=target, daemon=True)
-            for target in (self._up, self._down)
-        ]
-        self._connected = threading.Event()
-        for thread in self.threads:
-            thread.start()
+        self._fault = fault
 
-    @property
-    def has_failed(self) -> bool:
-        if not self.fault or not self.driven:
-            return False
-        return time.monotonic() > self.driven[0][0] + self._after
+    def failure(self) -> str:
+        begins = self.driven[0][0] + 3.0 if self.driven else math.inf
+        return self._fault if self.simulation.time > begins else ""
 
-    @property
-    def stops(self) -> list[float]:
-        """Times at which the client stopped the robot, s after the fault began."""
-        began = self.driven[0][0] + self._after
-        return [at - began for at, drive in self.driven if drive.left == 0]
+    def receive(self, number: int, data: bytes) -> list[Diagnostic]:
+        for line in data.decode().splitlines():
+            command = parse_command(line, COMPAT).command
+            if isinstance(command, Drive):
+                self.driven.append((self.simulation.time, command))
+        return super().receive(number, data)
 
-    def _up(self) -> None:
-        with suppress(OSError):
-            self._client, _ = self._listener.accept()
-            self._connected.set()
-            with self._client.makefile("rb") as lines:
-                for line in lines:
-                    text = line.decode().strip()
-                    command = parse_command(text, COMPAT).command
-                    if isinstance(command, Drive):
-                        self.driven.append((time.monotonic(), command))
-                    self._server.sendall(line)
+    def take(self, number: int) -> bytes:
+        lines = super().take(number).splitlines(keepends=True)
+        left_out = {"stalls": b"", "mute": b"{Type RangeScanner}"}.get(self.failure())
+        return b"".join(s for s in lines if left_out is None or left_out not in s)
 
-    def _down(self) -> None:
-        self._connected.wait(60)
-        with suppress(OSError), self._server.makefile("rb") as lines:
-            if self._client is None:
-                return
-            for line in lines:
-                if self.has_failed and self.fault == "drops":
-                    self._client.shutdown(socket.SHUT_RDWR)
-                    return
-                mute = self.fault == "mute" and b"{Type RangeScanner}" in line
-                if not self.has_failed or not (mute or self.fault == "stalls"):
-                    self._client.sendall(line)
+    def close_reason(self, number: int) -> str:
+        failure = self.failure()
+        return failure if failure == "drops" else super().close_reason(number)
 
-    def close(self) -> None:
-        for end in (self._listener, self._server, self._client):
-            if end is not None:
-                with suppress(OSError):
-                    end.shutdown(socket.SHUT_RDWR)
-                end.close()
-        for thread in self.threads:
-            thread.join(240)
+    def wait_for_stop(self) -> float:
+        """Wait until the robot is stopped, and return when, s."""
+        deadline = time.monotonic() + 240
+        while self.driven[-1][1] != Drive(0.0, 0.0) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert self.driven[-1][1] == Drive(0.0, 0.0)
+        return self.driven[-1][0]
+
+
+Serve = Callable[..., tuple[FaultyHost, str]]
 
 
 @pytest.fixture
-def relay(usarsim_server: UsarsimServer) -> Iterator[Callable[..., Relay]]:
-    """Return a function that puts a relay before the server."""
-    relays: list[Relay] = []
+def serve(empty_room: Scene) -> Iterator[Serve]:
+    """Return a function that serves a room, and gives the host and its address."""
+    threads: list[ServerThread] = []
 
-    def make(*fault: Any) -> Relay:
-        relays.append(Relay(usarsim_server.address, *fault))
-        return relays[-1]
+    def begin(fault: str = "") -> tuple[FaultyHost, str]:
+        host = FaultyHost(empty_room, fault)
+        threads.append(ServerThread(host, speed=6.0))
+        return host, "{}:{}".format(*threads[-1].begin())
 
-    yield make
-    for each in relays:
-        each.close()
+    yield begin
+    for each in threads:
+        each.finish()
 
 
-def test_reached_goal_is_summarised_in_lines(radarsim: Command) -> None:
+def test_reached_goal_is_summarised_in_lines() -> None:
     run = radarsim(*BOX)
     assert run.code == 0
     assert re.fullmatch(
@@ -142,26 +113,18 @@ def test_reached_goal_is_summarised_in_lines(radarsim: Command) -> None:
     assert told[4:] == ["reached"]
 
 
-@dataclass(frozen=True)
-class BoxRun:
-    """A complete run through the box."""
-
-    summary: dict[str, Any]
-    trace: Path
-    plot: Path
-
-
 @pytest.fixture(scope="module")
-def box_run(radarsim: Command, tmp_path_factory: pytest.TempPathFactory) -> BoxRun:
+def box_run(tmp_path_factory: pytest.TempPathFactory) -> BoxRun:
+    """Run through the box; return the summary, the trace and the picture."""
     folder = tmp_path_factory.mktemp("box")
     trace, plot = folder / "run.csv", folder / "run.PNG"
-    run = radarsim(*BOX, "--json", "--trace", str(trace), "--plot", str(plot))
+    run = radarsim(*BOX, "--json", "--trace", trace, "--plot", plot)
     assert run.code == 0
-    return BoxRun(json.loads(run.text), trace, plot)
+    return json.loads(run.text), trace, plot
 
 
 def test_json_is_one_object_that_agrees_with_the_judge(box_run: BoxRun) -> None:
-    told = box_run.summary
+    told, *_ = box_run
     assert list(told) == [
         *("outcome", "algorithm", "goals", "goals_left", "path_length", "time"),
         *("hit_points", "leave_points", "circuits", "legs", "nearest_obstacle"),
@@ -179,7 +142,7 @@ def test_json_is_one_object_that_agrees_with_the_judge(box_run: BoxRun) -> None:
 
 @pytest.mark.parametrize("way", ["option", "trial"])
 def test_goal_outside_the_box_around_all_objects_is_driven_to(
-    radarsim: Command, tmp_path: Path, way: str
+    tmp_path: Path, way: str
 ) -> None:
     file, options = tmp_path / "pole.yaml", ["--goal=-1.5,2"]
     text = """
@@ -191,13 +154,11 @@ starts: [{name: RobotStart1, position: [-2.5, 2, 0]}]
         text += "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}"
         options = []
     file.write_text(text)
-    told = json.loads(radarsim(*BUG2, str(file), "--json", *options).text)
+    told = json.loads(radarsim(*BUG2, file, "--json", *options).text)
     assert (told["outcome"], told["goals"]) == ("reached", [[-1.5, 2.0]])
 
 
-def test_same_seed_gives_the_same_run_and_another_seed_another(
-    radarsim: Command,
-) -> None:
+def test_same_seed_gives_the_same_run_and_another_seed_another() -> None:
     first, again, other = (
         radarsim(*BOX, "--json", "--time-limit", "5", "--seed", seed).text
         for seed in "001"
@@ -205,16 +166,14 @@ def test_same_seed_gives_the_same_run_and_another_seed_another(
     assert first == again != other
 
 
-def test_each_goal_is_told_of_and_the_last_is_the_start(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_each_goal_is_told_of_and_the_last_is_the_start(tmp_path: Path) -> None:
     file = tmp_path / "post.yaml"
     file.write_text(
         "version: 1\nobjects: [{name: post, box: [0.4, 0.4, 1], material: metal}]\n"
         "starts: [{name: RobotStart1, position: [-2, -0.1, 0]}]\n"
     )
     way = ("--goal=-1.3,-0.1", "--goal=1.2,-0.1", "--return-to-start", "--speed", "0.6")
-    told = json.loads(radarsim(*BUG2, str(file), *way, "--json").text)
+    told = json.loads(radarsim(*BUG2, file, *way, "--json").text)
     assert told["goals"][:2] == [[-1.3, -0.1], [1.2, -0.1]]
     assert math.dist(told["goals"][2], (-2, -0.1)) < 0.1
     assert [leg["goal"] for leg in told["legs"]] == told["goals"]
@@ -228,9 +187,7 @@ def test_each_goal_is_told_of_and_the_last_is_the_start(
     assert told["judge"]["goal_distance"] < 0.3
 
 
-def test_goal_to_which_there_is_no_path_is_told_among_several(
-    radarsim: Command,
-) -> None:
+def test_goal_to_which_there_is_no_path_is_told_among_several() -> None:
     way = ("--goal", "-3.5,-0.5", "--goal", "-0.4,0.2", "--return-to-start")
     run = radarsim(*BUG2, "bug_closed_box", "--speed", "0.5", *way)
     assert run.code == 3
@@ -241,7 +198,7 @@ def test_goal_to_which_there_is_no_path_is_told_among_several(
     assert re.search(r"collisions: 0, \d\.\d\d m from its start\n$", run.text)
 
 
-def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
+def test_goal_not_reached_in_time_is_a_failure() -> None:
     run = radarsim(*BOX, "--time-limit", "2", "--json")
     told = json.loads(run.text)
     assert run.code == 1
@@ -254,7 +211,7 @@ def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
     assert "radarsim: goal 1 of 2 not reached within 2 s, 6." in run.err
 
 
-def test_impossible_mission_is_reported_in_json(radarsim: Command) -> None:
+def test_impossible_mission_is_reported_in_json() -> None:
     run = radarsim(*BOX, "--safety-distance", "0.2", "--json")
     told = json.loads(run.text)
     assert run.code == 1
@@ -264,7 +221,7 @@ def test_impossible_mission_is_reported_in_json(radarsim: Command) -> None:
     assert f"radarsim: {told['error']}\n" in run.err
 
 
-def test_options_reach_robot_and_bug(radarsim: Command) -> None:
+def test_options_reach_robot_and_bug() -> None:
     run = radarsim(
         *(*BUG2, "empty_room", "--pose", "-8,1,90", "--goal", "-8,2.5"),
         *("--bumpers", "4", "--share", "0.5", "--rule", "share", "--side", "right"),
@@ -272,6 +229,7 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
         *("--drive-unit", "rev_per_s", "--foliage-density", "5", "--scanner", "lms200"),
         *("--set", "lms200.sensor=laser", "--set", "lms200.fov_deg=359", "--json"),
         *("--set", "lms200.resolution_deg=1", "--goal", "-7,2.5", "--timeout", "0.8"),
+        *("--time-limit", "inf"),
     )
     told = json.loads(run.text)
     assert run.code == 0
@@ -281,7 +239,7 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
 
 
 def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
-    told, trace, plot = box_run.summary, box_run.trace, box_run.plot
+    told, trace, plot = box_run
     rows = list(csv.DictReader(trace.read_text().splitlines()))
     times = [float(row["time"]) for row in rows]
     assert np.diff(times) == pytest.approx(0.1)
@@ -301,9 +259,7 @@ def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
     assert {*trace.parent.iterdir()} == {trace, plot}
 
 
-def test_start_in_a_bush_is_an_error_that_names_it(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_start_in_a_bush_is_an_error_that_names_it(tmp_path: Path) -> None:
     path = tmp_path / "bush.yaml"
     path.write_text(
         "version: 1\nmaterials: {leaves: {density: 0.7}}\nobjects:\n"
@@ -311,12 +267,12 @@ def test_start_in_a_bush_is_an_error_that_names_it(
         "starts: [{name: RobotStart1, position: [-5, 0, 0]}]\n"
     )
     for command in ([*BUG2, "--goal=-6,1"], ["map", "-o", str(tmp_path / "o/")]):
-        run = radarsim(*command, str(path))
+        run = radarsim(*command, path)
         assert run.code == 1
         assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err
 
 
-def test_trace_overwrites_only_traces(radarsim: Command, tmp_path: Path) -> None:
+def test_trace_overwrites_only_traces(tmp_path: Path) -> None:
     trace = tmp_path / "run.csv"
     trace.write_text("my,own,table\n1,2,3\n")
     command = [*NEAR, "empty_room", "--trace", str(trace)]
@@ -331,11 +287,11 @@ def test_trace_overwrites_only_traces(radarsim: Command, tmp_path: Path) -> None
     assert trace.read_bytes() == first
 
 
-def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) -> None:
+def test_files_of_a_failed_run_are_written(tmp_path: Path) -> None:
     trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"
     run = radarsim(
         *(*BUG2, "foliage_room", "--start", "RobotStart1", "--goal", "8,0"),
-        *("--time-limit", "5", "--trace", str(trace), "--plot", str(plot)),
+        *("--time-limit", "5", "--trace", trace, "--plot", plot),
     )
     assert run.code == 1
     assert "goal not reached within 5 s" in run.err
@@ -344,9 +300,7 @@ def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) ->
     assert plot.read_text().startswith("<?xml")
 
 
-def test_terminal_shows_a_live_status_line(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_terminal_shows_a_live_status_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     run = radarsim(*BOX, "--time-limit", "2")
@@ -355,20 +309,16 @@ def test_terminal_shows_a_live_status_line(
     assert "going to" not in run.err
 
 
-@fast_server
-def test_goal_is_reached_over_tcp(
-    radarsim: Command, relay: Callable[..., Relay]
-) -> None:
-    middle = relay()
-    run = radarsim(*NEAR, "--connect", f"127.0.0.1:{middle.port}", "--json")
+def test_goal_is_reached_over_tcp(serve: Serve) -> None:
+    host, address = serve()
+    run = radarsim(*NEAR, "--connect", address, "--json")
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (0, "reached")
     assert told["path_length"] == pytest.approx(1.4, abs=0.2)
     assert "judge" not in told
-    assert middle.driven[-1][1] == Drive(0.0, 0.0)
+    host.wait_for_stop()
 
 
-@fast_server
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
@@ -378,43 +328,34 @@ def test_goal_is_reached_over_tcp(
     ],
 )
 def test_robot_is_stopped_when_the_server_fails(
-    radarsim: Command, relay: Callable[..., Relay], fault: str, text: str
+    serve: Serve, fault: str, text: str
 ) -> None:
-    middle = relay(fault)
-    run = radarsim(*FAR, "--connect", f"127.0.0.1:{middle.port}", "--timeout", "0.8")
+    host, address = serve(fault)
+    run = radarsim(*FAR, "--connect", address, "--timeout", "0.8")
     assert (run.code, run.out) == (1, b"")
     assert f"radarsim: {text}" in run.err
-    if fault == "drops":
-        return  # nobody hears it any more
-    deadline = time.monotonic() + 240
-    while middle.driven[-1][1] != Drive(0.0, 0.0) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert 0.3 < middle.stops[0] < 240.0
+    if fault != "drops":  # nobody hears it any more
+        assert host.wait_for_stop() > host.driven[0][0] + 3.0
 
 
 @pytest.mark.slow
-@fast_server
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
 )
 def test_signal_stops_the_robot_and_the_trace_is_written(
-    relay: Callable[..., Relay], tmp_path: Path, number: int, code: int
+    serve: Serve, tmp_path: Path, number: int, code: int
 ) -> None:
-    middle = relay()
-    trace = tmp_path / "run.csv"
-    server = f"127.0.0.1:{middle.port}"
+    (host, server), trace = serve(), tmp_path / "run.csv"
     with start_radarsim(*FAR, "--connect", server, "--trace", str(trace)) as process:
         deadline = time.monotonic() + 240
-        while len(middle.driven) < 10 and time.monotonic() < deadline:
+        while len(host.driven) < 11 and time.monotonic() < deadline:
             time.sleep(0.01)
         process.send_signal(number)
         out, errors = process.communicate(timeout=240)
     assert process.returncode == code
     assert out.startswith(b"interrupted by bug")
     assert b"Traceback" not in errors
-    for thread in middle.threads:
-        thread.join(240)
-    assert middle.driven[-1][1] == Drive(0.0, 0.0)
+    host.wait_for_stop()
     rows = list(csv.DictReader(trace.read_text().splitlines()))
     assert len(rows) >= 10
     assert all(None not in row.values() for row in rows)
@@ -422,12 +363,10 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
 
 
 @pytest.mark.slow
-def test_film_shows_the_run_and_does_not_change_it(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_film_shows_the_run_and_does_not_change_it(tmp_path: Path) -> None:
     words = (*BOX, "--time-limit", "2", "--json")
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
-    runs = [radarsim(*words), *(radarsim(*words, "--film", str(f)) for f in films)]
+    runs = [radarsim(*words), *(radarsim(*words, "--film", f) for f in films)]
     assert {run.text for run in runs} == {runs[0].text}
     assert {run.code for run in runs} == {1}
     assert films[0].read_bytes() == films[1].read_bytes()
@@ -448,17 +387,3 @@ def test_headline_says_how_a_run_ended() -> None:
         run.result = Result(outcome, 1.0, 1.0, (), (), 0, 1.0, 0, 0.5)
         run.error = ""
         assert text in headline(run)
-
-
-def test_interrupt_is_noted_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupt(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(
-        "radarsim.autonomy.evaluation.navigation_run.run_mission", interrupt
-    )
-    mission = Mission(algorithm=Algorithm.BUG1, goals=((1.0, 0.0),))
-    run = NavigationRun(mission, Host(load_map("empty_room")))
-    with pytest.raises(KeyboardInterrupt):
-        run.execute(("", 0))
-    assert headline(run) == "Bug1 in empty_room, interrupted"

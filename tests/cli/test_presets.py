@@ -7,12 +7,11 @@ import sys
 from collections.abc import Sequence
 
 import pytest
+from commands import run_in_process as radarsim
 
 from radarsim.presets.robots import robot_names
 from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.scene.material import library_names
-
-from .conftest import RunCommand
 
 HUMMER = ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV")
 
@@ -37,10 +36,7 @@ HUMMER = ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV")
     ],
 )
 def test_overview_of_all_comes_before_the_details_of_each(
-    radarsim: RunCommand,
-    command: str,
-    names: Sequence[str],
-    rows: dict[str, Sequence[str]],
+    command: str, names: Sequence[str], rows: dict[str, Sequence[str]]
 ) -> None:
     lines = radarsim(command).text.splitlines()
     overview = [line.split() for line in lines[: lines.index("")] if line[0] != " "]
@@ -67,7 +63,7 @@ def test_overview_of_all_comes_before_the_details_of_each(
     ],
 )
 def test_named_ones_are_listed_alone_with_their_sources(
-    radarsim: RunCommand, command: str, names: tuple[str, ...], texts: list[str]
+    command: str, names: tuple[str, ...], texts: list[str]
 ) -> None:
     text = radarsim(command, *names).text
     assert text.startswith(f"{names[0]}: ")
@@ -87,11 +83,7 @@ def test_named_ones_are_listed_alone_with_their_sources(
     ],
 )
 def test_json_has_all_or_those_that_are_named(
-    radarsim: RunCommand,
-    command: str,
-    names: tuple[str, ...],
-    place: str,
-    value: object,
+    command: str, names: tuple[str, ...], place: str, value: object
 ) -> None:
     every = json.loads(radarsim(command, "--json").text)
     found = json.loads(radarsim(command, *names, "--json").text)

@@ -1,11 +1,11 @@
 import json
 import logging
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import run_in_process as radarsim
 from processes import start_radarsim
 
 from radarsim.cli.fields import read_item_setting
@@ -13,8 +13,6 @@ from radarsim.cli.serve import DEFAULT_MAX_CLIENTS, LogOptions
 from radarsim.cli.server_options import ServerOptions, announce
 from radarsim.client import Client
 from radarsim.server.tcp_server import MAX_CLIENTS
-
-Command = Callable[..., Any]
 
 
 def test_server_takes_its_options_from_a_file(tmp_path: Path) -> None:
@@ -54,7 +52,7 @@ def test_page_reads_the_settings_that_the_server_has(text: str) -> None:
     assert read_item_setting(options.words()[3]) == options.settings[0]
 
 
-def test_foreign_address_is_an_error_in_one_line(radarsim: Command) -> None:
+def test_foreign_address_is_an_error_in_one_line() -> None:
     run = radarsim("serve", "empty_room", "--host", "192.0.2.1", "--port", "0")
     assert run.code == 1
     assert run.err.startswith("radarsim: cannot listen on 192.0.2.1:0: ")
@@ -88,7 +86,7 @@ def test_programs_get_the_address_alone(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_each_port_is_announced_at_each_address(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def announce_alone(*arguments: Any) -> int:
         announce_all = arguments[-2]
@@ -113,7 +111,7 @@ def test_command_and_server_take_as_many_clients_by_default() -> None:
 
 
 def test_fewer_clients_are_taken_where_the_system_permits_fewer_files(
-    radarsim: Command, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("radarsim.listening.raise_file_limit", lambda _: 200)
     options = ["--host", "192.0.2.1", "--port", "0", "--max-clients", "100"]

@@ -4,15 +4,14 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from commands import Run
+from commands import run_in_process as radarsim
 from PIL import Image
 
-Command = Callable[..., Any]
 START = ("--start", "RobotStart1")
 # A radar small enough for quick tests.
 SMALL = (
@@ -21,10 +20,8 @@ SMALL = (
 )
 
 
-def record(radarsim: Command, path: Path, *options: str) -> Any:
-    return radarsim(
-        "spectrum", "foliage_room", *SMALL, *START, "-o", str(path), *options
-    )
+def record(path: Path, *options: object) -> Run:
+    return radarsim("spectrum", "foliage_room", *SMALL, *START, "-o", path, *options)
 
 
 def size_of(path: Path) -> tuple[int, int]:
@@ -32,11 +29,9 @@ def size_of(path: Path) -> tuple[int, int]:
         return image.size
 
 
-def test_archive_holds_all_numbers_of_each_turn(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_archive_holds_all_numbers_of_each_turn(tmp_path: Path) -> None:
     path = tmp_path / "turns.npz"
-    assert record(radarsim, path, "--count", "2").code == 0
+    assert record(path, "--count", "2").code == 0
     with np.load(path) as turns:
         assert turns["power"].shape == turns["counts"].shape == (2, 100, 500)
         assert turns["counts"].dtype == np.uint8
@@ -48,20 +43,18 @@ def test_archive_holds_all_numbers_of_each_turn(
         assert (turns["power"][0] != turns["power"][1]).any()
 
 
-def test_same_seed_gives_the_same_turn(radarsim: Command, tmp_path: Path) -> None:
+def test_same_seed_gives_the_same_turn(tmp_path: Path) -> None:
     paths = [tmp_path / f"{name}.csv" for name in "abc"]
     for path, seed in zip(paths, ("1", "1", "2"), strict=True):
-        assert record(radarsim, path, "--seed", seed).code == 0
+        assert record(path, "--seed", seed).code == 0
     first, second, third = (path.read_bytes() for path in paths)
     assert first == second != third
 
 
 @pytest.mark.parametrize("detector", ["ca", "os", "k"])
-def test_detections_are_a_row_each(
-    radarsim: Command, tmp_path: Path, detector: str
-) -> None:
+def test_detections_are_a_row_each(tmp_path: Path, detector: str) -> None:
     path = tmp_path / "targets.csv"
-    assert record(radarsim, path, "--detector", detector).code == 0
+    assert record(path, "--detector", detector).code == 0
     rows = list(csv.DictReader(io.StringIO(path.read_text())))
     assert rows
     near = [row for row in rows if row["azimuth"] == "25"]  # the south wall, at 6.4 m
@@ -77,22 +70,20 @@ def test_detections_are_a_row_each(
         ("--view", "ascope", "--azimuth", "3", "--detector", "k"),
     ],
 )
-def test_pictures_are_drawn(
-    radarsim: Command, tmp_path: Path, options: tuple[str, ...]
-) -> None:
+def test_pictures_are_drawn(tmp_path: Path, options: tuple[str, ...]) -> None:
     path = tmp_path / "turn.png"
-    assert record(radarsim, path, *options).code == 0
+    assert record(path, *options).code == 0
     assert size_of(path)[0] > 500
 
 
-def test_image_of_a_data_set_has_its_size(radarsim: Command, tmp_path: Path) -> None:
+def test_image_of_a_data_set_has_its_size(tmp_path: Path) -> None:
     path = tmp_path / "turn.png"
     for layout, size in (("oxford", (511, 100)), ("radiate", (100, 500))):
-        assert record(radarsim, path, "--layout", layout).code == 0
+        assert record(path, "--layout", layout).code == 0
         assert size_of(path) == size
 
 
-def test_budget_adds_up(radarsim: Command) -> None:
+def test_budget_adds_up() -> None:
     run = radarsim(
         *("explain", "foliage_room", "--sensor", "navtech_cts350x", *START),
         *("--beam", "200", "--budget", "--format", "json"),
@@ -105,7 +96,7 @@ def test_budget_adds_up(radarsim: Command) -> None:
     assert total == pytest.approx(wall["received"])
 
 
-def test_budget_names_what_each_material_takes(radarsim: Command) -> None:
+def test_budget_names_what_each_material_takes() -> None:
     run = radarsim(
         *("explain", "foliage_room", "--sensor", "navtech_cts350x", *START),
         *("--beam", "3", "--budget"),
@@ -114,9 +105,7 @@ def test_budget_names_what_each_material_takes(radarsim: Command) -> None:
     assert run.text.count("signal to noise") >= 2
 
 
-def test_turns_along_a_path_are_written_as_in_a_data_set(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_turns_along_a_path_are_written_as_in_a_data_set(tmp_path: Path) -> None:
     """One metre in four turns of 0.25 s, 6.4 m from the south wall."""
     path, folder = tmp_path / "way.tum", tmp_path / "sequence"
     path.write_text("# a path\n5 -8 0 0 0 0 0 1\n6 -7 0 0 0 0 0 1\n")
@@ -145,9 +134,7 @@ def test_turns_along_a_path_are_written_as_in_a_data_set(
     assert 0.0438 * counts[60:].argmax() + 2.6 == pytest.approx(6.4, abs=0.3)
 
 
-def test_kit_of_radiate_finds_images_from_above(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_kit_of_radiate_finds_images_from_above(tmp_path: Path) -> None:
     """Its kit reads the times and images of Navtech_Cartesian, as words and numbers."""
     path, folder = tmp_path / "way.tum", tmp_path / "sequence"
     path.write_text("0 -8 0 0 0 0 0 1\n0.5 -8 0 0 0 0 0 1\n")
@@ -177,7 +164,7 @@ def test_kit_of_radiate_finds_images_from_above(
     ],
 )
 def test_what_is_wrong_with_a_path_is_told(
-    radarsim: Command, tmp_path: Path, lines: str, problem: str
+    tmp_path: Path, lines: str, problem: str
 ) -> None:
     path = tmp_path / "way.tum"
     path.write_text(lines)

@@ -25,38 +25,32 @@ def sim(empty_room: Scene) -> Sim:
     return radarsim.simulate(empty_room)
 
 
+R: Any = radarsim  # whose arguments have any types
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
-        (lambda: radarsim.simulate(3), "map 3, expected the name of a map"),  # type: ignore[arg-type]
-        (lambda: radarsim.simulate("empty_room", seed="1"), "seed '1', expected a wh"),  # type: ignore[arg-type]
-        (lambda: radarsim.simulate("empty_room", seed=None), "seed None, expected"),  # type: ignore[arg-type]
-        (lambda: radarsim.simulate("empty_room", seed=-1), "seed -1, .* at least 0"),
+        (lambda: R.simulate(3), "map 3, expected the name of a map"),
+        (lambda: R.simulate("foliage_rom"), "did you mean 'foliage_room'"),
+        (lambda: R.simulate("empty_room", seed="1"), "seed '1', expected a wh"),
+        (lambda: R.simulate("empty_room", seed=-1), "seed -1, .* at least 0"),
+        (lambda: R.simulate("empty_room", config={"a": {}}), "config {'a': {}}, exp"),
         (
-            lambda: radarsim.simulate("empty_room", config={"lms200": {}}),  # type: ignore[arg-type]
-            "config {'lms200': {}}, expected a SimulationConfig",
-        ),
-        (
-            lambda: radarsim.simulate(
-                "empty_room",
-                config=radarsim.SimulationConfig("udk"),  # type: ignore[arg-type]
-            ),
+            lambda: R.simulate("empty_room", config=R.SimulationConfig("udk")),
             "dialect 'udk', expected a Dialect",
         ),
         (
-            lambda: radarsim.LocalSimulation("empty_room"),  # type: ignore[arg-type]
+            lambda: R.LocalSimulation("empty_room"),
             r"scene 'empty_room', .* radarsim.load_map\('empty_room'\)",
         ),
-        (lambda: radarsim.load_sensor(None), "sensor 'None', expected one of"),  # type: ignore[arg-type]
+        (lambda: R.load_sensor(None), "sensor 'None', expected one of"),
         (
-            lambda: radarsim.compare("empty_room", "laser", start="RobotStat1"),
+            lambda: R.compare("empty_room", "laser", start="RobotStat1"),
             "start 'RobotStat1' .did you mean 'RobotStart1'",
         ),
-        (
-            lambda: radarsim.load_map("empty_room").without(3),  # type: ignore[arg-type]
-            "object '3', expected one of",
-        ),
-        (lambda: radarsim.generator_for("a"), "seed 'a', expected a whole number"),  # type: ignore[arg-type]
+        (lambda: R.load_map("empty_room").without(3), "object '3', expected one of"),
+        (lambda: R.plot_scene("empty_room"), r"radarsim.load_map\('empty_room'\)"),
     ],
 )
 def test_what_is_no_map_or_seed_is_told(call: Callable[[], object], told: str) -> None:
@@ -66,12 +60,12 @@ def test_what_is_no_map_or_seed_is_told(call: Callable[[], object], told: str) -
 
 SPAWN: list[tuple[dict[str, Any], str]] = [
     ({"class_name": 3}, "text 3, expected printable ASCII"),
-    ({"name": 3}, "text 3, expected printable ASCII"),
     ({"name": "a}b"}, "text 'a}b', expected printable ASCII without braces"),
-    ({"start": 1}, "text 1, expected"),
+    ({"class_name": "P3TA"}, "did you mean 'P3AT'"),
+    ({"start": "RobotStrat1"}, "did you mean 'RobotStart1'"),
+    ({"start": "RobotStart1", "pose": (0, 0, 0)}, "one of"),
     ({"start": (0, 0, 0)}, r"text \(0, 0, 0\), expected"),
     ({"pose": (1,)}, r"pose \(1,\), expected a Pose2, a Pose3, x, y or"),
-    ({"pose": (1, 2, 3, 4)}, r"pose \(1, 2, 3, 4\), expected a Pose2"),
     ({"pose": "1,2"}, "pose '1,2', expected a Pose2"),
     ({"pose": (1, math.nan, 0)}, r"pose \(1, nan, 0\), expected a Pose2"),
 ]
@@ -81,7 +75,7 @@ SPAWN: list[tuple[dict[str, Any], str]] = [
 def test_what_no_robot_can_be_spawned_by_is_told(
     sim: Sim, arguments: dict[str, Any], told: str
 ) -> None:
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises((radarsim.RadarsimError, ValueError), match=told):
         sim.spawn(**arguments)
     assert not sim.robots
 
@@ -103,6 +97,7 @@ def test_time_that_cannot_pass_is_told(sim: Sim, duration: Any) -> None:
 
 CALLS: list[tuple[Call, str]] = [
     (lambda r: r.drive(math.nan), "speed in m/s nan, expected a finite number"),
+    (lambda r: r.send(b"DRIVE {Left 1}\r\n"), "DRIVE without Right"),
     (lambda r: r.drive(0.1, math.inf), "turn in rad/s inf, expected a finite number"),
     (lambda r: r.drive("0.4"), "speed in m/s '0.4', expected a finite number"),
     (lambda r: r.drive(np.ones(2)), "speed in m/s array.*, expected a finite number"),
@@ -110,7 +105,6 @@ CALLS: list[tuple[Call, str]] = [
     (lambda r: r.scan(), "no RangeScan of 'lms200' yet, .*expected a call of step"),
     (lambda r: r.truth, "no GroundTruth yet, until 0.00 s, expected a call of step"),
     (lambda r: r.scan("lms20"), "has .'lms200'., expected .* mean 'lms200'"),
-    (lambda r: r.scan(0), "has .'lms200'., expected the scanner '0'"),
     (lambda r: r.newest("GroundTruth"), "kind 'GroundTruth', expected a class"),
     (lambda r: r.spectrum(), "no turn of a radar yet, expected request_spectra"),
     (lambda r: r.request_targets(), "scanner 'lms200' has no detector, expected"),
@@ -123,7 +117,6 @@ CALLS: list[tuple[Call, str]] = [
     (lambda r: r.simulation.render("run.gif", speed=0), "speed 0, expected more than"),
     (lambda r: r.simulation.remove("R1"), "robot 'R1', expected one of .'P3AT'."),
     (lambda r: r.simulation.serve(port=99999), "port 99999, expected a whole number"),
-    (lambda r: r.simulation.serve(port="0"), "port '0', expected a whole number"),
     (lambda r: r.simulation.serve(port=0, speed=0), "speed 0, expected more than 0"),
 ]
 
@@ -150,11 +143,9 @@ EVALUATIONS: list[tuple[dict[str, Any], str]] = [
     ({"controller": "bug2"}, "controller 'bug2', expected a function"),
     ({"maps": "bug_box"}, "maps 'bug_box', expected a list of names or paths"),
     ({"seeds": 1.5}, "seeds 1.5, expected their number, or a list of them"),
-    ({"seeds": [-1]}, "seed -1, expected a whole number of at least 0"),
     ({"seeds": 0}, "expected at least one map and one seed"),
     ({"workers": 0}, "workers 0, expected at least 1"),
     ({"time_limit": 0}, "time_limit in s 0, expected more than 0"),
-    ({"maps": [3]}, "map 3, expected the name of a map"),
 ]
 
 
@@ -174,9 +165,7 @@ def test_what_cannot_be_evaluated_is_told_before_any_run(
         (((0, 0, 0), "empty_room", 1), r"scene \(0, 0, 0\), expected a Scene"),
         ((None, (0, 0), 1), r"pose \[0.0, 0.0\], expected three or six"),
         ((None, "RobotStart1", 1), "pose 'RobotStart1', expected a Pose2, a Pose3"),
-        ((None, 3, 1), "pose 3, expected a Pose2, a Pose3, or three or six"),
         ((None, (0, 0, 0), "a"), "rng 'a', expected a seed or a numpy Generator"),
-        ((None, (0, 0, 0), 1.5), "rng 1.5, expected a seed or a numpy Generator"),
         ((None, (0, 0, 0), np.random), "rng <module 'numpy.random'.*expected a seed"),
         ((None, (0, 0, 0), -1), "seed -1, expected a whole number of at least 0"),
         ((None, (0, 0, 0), None), "no rng, expected a Generator for sensor 'radar'"),
@@ -196,12 +185,6 @@ def test_pose_on_the_floor_is_one_of_a_scan(empty_room: Scene) -> None:
     by_pose = laser.scan(empty_room, radarsim.Pose2(1.0, 2.0, 0.5))
     by_numbers = laser.scan(empty_room, (1.0, 2.0, 0.5))
     assert by_pose.ranges.tolist() == by_numbers.ranges.tolist()
-
-
-def test_name_of_a_map_has_no_plan(empty_room: Scene) -> None:
-    with pytest.raises(TypeError, match=r"radarsim.load_map\('empty_room'\)"):
-        radarsim.plot_scene("empty_room")  # type: ignore[arg-type]
-    assert radarsim.plot_scene(empty_room).figure is not None
 
 
 @pytest.mark.parametrize("act", [copy.copy, copy.deepcopy, pickle.dumps])
@@ -271,9 +254,7 @@ def test_help_says_what_one_needs_to_start() -> None:
     text = radarsim.simulate.__doc__ or ""
     for needed in ("sim.spawn(", "robot.drive(", "sim.step(", "robot.scan("):
         assert needed in text
-    lines = re.findall(r"^        (\S.*)$", text.partition("::\n")[2], re.MULTILINE)
     (indented,) = re.findall(r"::\n\n(.*?)\n\n    \S", text, re.DOTALL)
-    assert lines
     names: dict[str, object] = {"radarsim": radarsim}
     exec("\n".join(line[8:] for line in indented.splitlines()), names)
     assert names["scan"] is not None

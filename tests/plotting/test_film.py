@@ -1,15 +1,14 @@
 """Films: frames by simulated time, complete files or none, little memory."""
 
-import resource
-import signal
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
+from processes import largest_file
 
 from radarsim.plotting.film import FRAME_RATE, HOLD, Film, Pixels, film_format
 
@@ -111,20 +110,9 @@ def test_interrupt_while_the_film_is_completed_leaves_no_file(tmp_path: Path) ->
     assert not [*tmp_path.iterdir()]
 
 
-@pytest.fixture
-def full_disk() -> Iterator[None]:
-    """Let files grow to a few kilobytes only."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    signal.signal(signal.SIGXFSZ, ignored)
-
-
-@pytest.mark.usefixtures("full_disk")
 def test_full_disk_ends_the_film_and_not_the_run(tmp_path: Path) -> None:
-    film = film_run(tmp_path / "run.gif", 60.0)
+    with largest_file(3000):
+        film = film_run(tmp_path / "run.gif", 60.0)
     assert film.error is not None
     assert film.error.strerror == "File too large"
     assert not [*tmp_path.iterdir()]

@@ -36,7 +36,7 @@ def written(axes: Axes) -> list[Annotation]:
 
 def assert_apart(axes: Axes) -> None:
     """Check that labels are within the frame, and overlap in no pixel."""
-    axes.get_figure(root=True).draw_without_rendering()  # type: ignore[union-attr]
+    figure_of(axes).draw_without_rendering()
     frame = axes.get_window_extent()
     boxes = {text.get_text(): text.get_window_extent() for text in written(axes)}
     for name, each in boxes.items():
@@ -46,6 +46,12 @@ def assert_apart(axes: Axes) -> None:
         a, b = boxes[one], boxes[other]
         apart = a.x1 <= b.x0 or b.x1 <= a.x0 or a.y1 <= b.y0 or b.y1 <= a.y0
         assert apart, (one, other)
+
+
+def figure_of(axes: Axes) -> Figure:
+    figure = axes.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
 
 
 def rows(figure: Figure) -> Sequence[str]:
@@ -75,14 +81,11 @@ def test_long_names_are_numbers_with_their_texts_in_the_legend() -> None:
     scene = Scene("one", "One", (Part(long, Material("wood"), vertices, faces),))
     axes = scene.plot()
     assert [text.get_text() for text in written(axes)] == ["1"]
-    figure = axes.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    assert long.replace("_", " ") in " ".join(rows(figure)).replace("\n", " ")
+    assert long.replace("_", " ") in " ".join(rows(figure_of(axes))).replace("\n", " ")
 
 
 def test_a_legend_does_not_list_names_without_end() -> None:
-    figure = crowded(0, 150, 40).plot().get_figure(root=True)
-    assert isinstance(figure, Figure)
+    figure = figure_of(crowded(0, 150, 40).plot())
     assert rows(figure)[-1].startswith("and ")
     figure.draw_without_rendering()
     legend = figure.legends[0].get_window_extent()
@@ -114,7 +117,7 @@ def test_plan_has_coordinates_in_metres(foliage_room: Scene) -> None:
     axes = foliage_room.plot()
     assert axes.get_xlabel().startswith("x, m")
     assert axes.get_ylabel() == "y, m"
-    axes.get_figure(root=True).draw_without_rendering()  # type: ignore[union-attr]
+    figure_of(axes).draw_without_rendering()
     ticks = {text.get_text() for text in axes.get_xticklabels()}
     assert "5" in ticks
     assert len([line for line in axes.get_xgridlines() if line.get_visible()]) > 2

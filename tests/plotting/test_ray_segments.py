@@ -76,15 +76,12 @@ def test_power_falls_from_the_origin_inside_a_volume() -> None:
 LEAVES = Material("leaves", density=0.0, laser_density=0.0, sheet_loss=0.15)
 
 
-def test_each_sheet_reduces_the_power() -> None:
-    segments = split_rays(Tracer([slab(LEAVES, 2, 3), slab(WALL, 8, 9)]), ray())
+def test_each_sheet_reduces_the_power_of_a_radar_alone() -> None:
+    tracer = Tracer([slab(LEAVES, 2, 3), slab(WALL, 8, 9)])
+    segments = split_rays(tracer, ray())
     assert_they_lie_end_to_end(segments, 8)
     assert segments.ends == pytest.approx([2, 3, 8])
     assert segments.shares == pytest.approx([1, 0.85, 0.7])
-
-
-def test_sheets_do_not_reduce_a_laser() -> None:
-    tracer = Tracer([slab(LEAVES, 2, 3), slab(WALL, 8, 9)])
     assert split_rays(tracer, ray(medium=LASER)).shares == pytest.approx([1, 1, 1])
 
 

@@ -14,12 +14,9 @@ from matplotlib.figure import Figure
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
-from radarsim.plotting.ray_segments import (
-    FULL_OPACITY,
-    NO_RETURN_OPACITY,
-)
+from radarsim.plotting.ray_segments import FULL_OPACITY, NO_RETURN_OPACITY
 from radarsim.plotting.scans import draw_scans, plot_scans
-from radarsim.plotting.sight import BeamEnd, find_sight
+from radarsim.plotting.sight import BeamEnd, find_sight, name_materials
 from radarsim.plotting.style import FORMS, scan_points
 from radarsim.raycast.attenuation import EventKind
 from radarsim.rng import generator_for
@@ -41,19 +38,13 @@ def strokes(figure: Figure, label: str = "rays") -> LineCollection:
     return rays
 
 
-def colours_of(artist: LineCollection | PathCollection) -> Floats:
-    """Give the colours of lines or outlines, (P, 4)."""
-    return np.asarray(artist.get_edgecolor(), np.float64)
+def opacities(lines: LineCollection) -> Floats:
+    return np.asarray(lines.get_edgecolor(), np.float64)[:, 3]
 
 
 def hit_points(lines: LineCollection) -> Floats:
     """Give both ends of each line, (P, 2, 2) m."""
     return np.array(lines.get_segments())
-
-
-def markers(figure: Figure) -> dict[str, PathCollection]:
-    found = figure.axes[0].findobj(PathCollection)
-    return {str(marks.get_label()): marks for marks in found}
 
 
 def ends_of(figure: Figure) -> dict[str, Floats]:
@@ -67,10 +58,6 @@ def title(figure: Figure) -> str:
     return figure.axes[0].get_title(loc="left").replace("\n", " ")
 
 
-def small_print(figure: Figure) -> str:
-    return figure.axes[0].get_xlabel()
-
-
 def labels(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
@@ -82,7 +69,7 @@ def test_rays_that_see_through_are_boldest_and_their_hits_the_largest(
     figure = plot_scans(foliage_room, [scan])
     bold, others = strokes(figure, THROUGH), strokes(figure)
     assert np.min(bold.get_linewidth()) >= 2 * np.max(others.get_linewidth())
-    assert np.min(colours_of(bold)[:, 3]) > 2 * np.max(colours_of(others)[:, 3])
+    assert np.min(opacities(bold)) > 2 * np.max(opacities(others))
     behind = int((scan.ranges * np.cos(scan.angles) + START[0] > 1.8).sum())
     assert len(ends_of(figure)["through"]) == behind > 5
     sizes = {line.get_label(): line.get_markersize() for line in figure.axes[0].lines}
@@ -103,7 +90,7 @@ def test_rays_end_at_their_readings_and_not_behind_the_dust() -> None:
     starts, farthest = np.moveaxis(hit_points(strokes(figure)), 1, 0)
     cloud = next(p for p in dusty.parts if p.material.name == "dust_cloud")
     far = cloud.vertices[:, 0].max()
-    shown = colours_of(strokes(figure))[:, 3]
+    shown = opacities(strokes(figure))
     strong = shown > FULL_OPACITY * NO_RETURN_OPACITY * 1.01
     from_sensor = np.isclose(starts, (-15.8, 0)).all(axis=1)
     assert (strong & from_sensor).sum() == read.sum()
@@ -272,7 +259,7 @@ def test_material_names_are_literal_and_limited_in_number() -> None:
 def test_scan_without_any_return_is_drawn() -> None:
     scene = Scene("void", "Void")
     figure = plot_scans(scene, [scan_of(scene)])
-    assert markers(figure) == {}
+    assert figure.axes[0].findobj(PathCollection) == []
     assert math.isfinite(figure.axes[0].get_xlim()[0])
 
 
@@ -288,7 +275,7 @@ def test_beams_of_a_detector_see_through_what_their_spectrum_does(
     assert behind.sum() > 10
     assert len(ends_of(figure)["through"]) >= behind.sum()
     assert "stopped by foliage" in labels(figure)
-    words = small_print(figure).replace("\n", " ")
+    words = figure.axes[0].get_xlabel().replace("\n", " ")
     assert "farthest target of the detector 'ca'" in words
 
 
@@ -307,3 +294,15 @@ def test_pictures_of_all_sensors_have_the_same_frame(foliage_room: Scene) -> Non
         for figure in figures
     }
     assert len(frames) == 1
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.5])
+def test_beams_that_answer_in_smoke_are_stopped_by_it(quantum: float) -> None:
+    """The wall or the end of its power can be nearer to an answer than the edge."""
+    scene = radarsim.load_map("smoke_room")
+    laser = radarsim.load_sensor("physical", range_quantum=quantum)
+    scan = laser.scan(scene, (-9.8, 0, 0), 1)  # where the wall is in the smoke, too
+    sight = find_sight(scene, scan)
+    answered = scan.ranges > 0
+    assert np.unique(sight.ends[answered]).tolist() == [BeamEnd.STOPPED]
+    assert name_materials(sight.materials[BeamEnd.STOPPED]) == "smoke"

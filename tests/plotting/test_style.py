@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -14,11 +13,7 @@ from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Pose2, Pose3
 from radarsim.plotting.palette import colour_of
 from radarsim.plotting.plan import draw_robot
-from radarsim.plotting.style import (
-    draw_scale_bar,
-    echo_points,
-    scan_points,
-)
+from radarsim.plotting.style import draw_scale_bar, echo_points, scan_points
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
@@ -46,59 +41,36 @@ def scan_of(preset: str = "radar", **settings: Any) -> Scan:
     return scanner.scan(YARD, SENSOR, generator_for(3, "places"))
 
 
-@pytest.mark.parametrize("side_mode", ["perpendicular", "lateral", "divergent"])
-@pytest.mark.parametrize("ray_choice", ["drawn", "together"])
-@pytest.mark.parametrize("return_mode", ["last", "all"])
-def test_echoes_of_three_rays_are_on_surfaces(
-    side_mode: str, ray_choice: str, return_mode: str
+CONE: dict[str, Any] = {"side_mode": "cone", "cone_rays": 5, "beamwidth_az_deg": 3}
+
+
+@pytest.mark.parametrize(
+    ("preset", "settings"),
+    [
+        ("laser", {}),
+        ("radar", {**CONE, "ray_choice": "drawn", "return_mode": "all"}),
+        *(
+            ("radar", {"side_mode": mode, "ray_choice": choice, "return_mode": returns})
+            for mode in ("perpendicular", "lateral", "divergent")
+            for choice in ("drawn", "together")
+            for returns in ("last", "all")
+        ),
+    ],
+    ids=str,
+)
+def test_echoes_of_single_rays_are_on_surfaces(
+    preset: str, settings: dict[str, Any]
 ) -> None:
-    scan = scan_of(
-        side_mode=side_mode,
-        ray_choice=ray_choice,
-        return_mode=return_mode,
-        side_offset_uu=100,
-    )
+    scan = scan_of(preset, side_offset_uu=100, **settings)
     x = echo_points(scan, scan.echoes)[:, 0]
     assert len(x) >= 9
     gap = np.abs(x[:, None] - np.array([4.0, 4.1, 6.0]))
     assert np.max(gap.min(axis=1)) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("preset", "settings"),
-    [
-        pytest.param("laser", {}, id="laser"),
-        pytest.param(
-            "radar",
-            {
-                "side_mode": "cone",
-                "cone_rays": 5,
-                "beamwidth_az_deg": 3,
-                "ray_choice": "drawn",
-                "return_mode": "all",
-            },
-            id="drawn from a cone",
-        ),
-    ],
-)
-def test_echoes_of_one_ray_are_on_surfaces(
-    preset: str, settings: dict[str, Any]
-) -> None:
-    scan = scan_of(preset, **settings)
-    x = echo_points(scan, scan.echoes)[:, 0]
-    gap = np.abs(x[:, None] - np.array([4.0, 4.1, 6.0]))
-    assert np.max(gap.min(axis=1)) < 1e-9
-
-
 def test_echoes_of_a_whole_cone_are_along_its_axis() -> None:
-    scan = scan_of(
-        side_mode="cone",
-        cone_rays=9,
-        beamwidth_az_deg=3,
-        beamwidth_el_deg=3,
-        ray_choice="together",
-        return_mode="all",
-    )
+    cone = {**CONE, "cone_rays": 9, "beamwidth_el_deg": 3}
+    scan = scan_of(**cone, ray_choice="together", return_mode="all")
     echoes = scan.echoes
     assert len(echoes) > 9 * 9
     way = echo_points(scan, echoes) - SENSOR.position()[:2]
@@ -145,13 +117,10 @@ def test_scale_bar_has_a_round_length_and_says_it(width: float, length: float) -
 def test_robot_is_drawn_in_its_true_size_where_it_stands() -> None:
     axes = Figure().add_subplot()
     draw_robot(axes, "P3AT", Pose2(2.0, 1.0, math.pi / 2))
-    corners = np.concatenate([np.asarray(p.get_xy())[:, :2] for p in polygons(axes)])
+    polygons = [patch for patch in axes.patches if isinstance(patch, Polygon)]
+    corners = np.concatenate([np.asarray(p.get_xy())[:, :2] for p in polygons])
     low, high = corners.min(axis=0), corners.max(axis=0)
     assert (low + high) / 2 == pytest.approx((2.0, 1.0))
     model = load_robot("P3AT")
     assert high[1] - low[1] == pytest.approx(model.length, abs=0.1)
     assert high[0] - low[0] == pytest.approx(model.width, abs=0.1)
-
-
-def polygons(axes: Axes) -> list[Polygon]:
-    return [patch for patch in axes.patches if isinstance(patch, Polygon)]

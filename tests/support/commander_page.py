@@ -1,7 +1,7 @@
 """The commander's page in a browser, as a user has it before him."""
 
 import json
-import math
+import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -49,17 +49,10 @@ class CommanderPage:
         """Return the text of an element by its id."""
         return self.page.locator(f"#{name}").text_content() or ""
 
-    def robot(self, name: str) -> dict[str, Any] | None:
-        """Return what the newest frame tells of a robot."""
+    def robot(self, name: str) -> dict[str, Any]:
+        """Return what the newest frame tells of a robot, nothing if it is not there."""
         robots = self.frames[-1]["robots"] if self.frames else []
-        return next((robot for robot in robots if robot["name"] == name), None)
-
-    def ranges(self, name: str, scanner: str) -> tuple[float, ...]:
-        """Return the ranges of the newest scan of a robot, m; inf without return."""
-        robot = self.robot(name)
-        assert robot is not None
-        scan = next(each for each in robot["scans"] if each["scanner"] == scanner)
-        return tuple(scan["ranges"])
+        return next((robot for robot in robots if robot["name"] == name), {})
 
     def add_robot(
         self,
@@ -94,7 +87,7 @@ class CommanderPage:
             row.click()
             self.page.locator("#remove").click()
             gone = mine[0]
-            self.until(lambda gone=gone: self.robot(gone) is None, "for its end")  # type: ignore[misc]
+            self.until(lambda gone=gone: not self.robot(gone), "for its end")  # type: ignore[misc]
 
     def point(self, x: float, y: float) -> tuple[float, float]:
         """Return where a point of the map is in the plan, px from its corner.
@@ -119,8 +112,7 @@ class CommanderPage:
     def _is_shown(self, name: str, echoes: bool) -> bool:
         robot = self.robot(name)
         return (
-            robot is not None
-            and bool(robot["scans"])
+            bool(robot.get("scans"))
             and (bool(robot["echoes"]) or not echoes)
             and self.text("driven") == name
         )
@@ -152,9 +144,6 @@ class CommanderPage:
             elif message["op"] == "path":
                 self.paths[message["robot"]] = message
             return
-        frame = read_frame(payload)
-        for robot in frame.header["robots"]:
-            for scan in robot["scans"]:
-                own = frame.scan(robot["name"], scan["scanner"]).tolist()
-                scan["ranges"] = [math.inf if cm == 65535 else cm / 100 for cm in own]
-        self.frames = [*self.frames[-20:], frame.header]
+        (length,) = struct.unpack_from("<I", payload)
+        frame = json.loads(payload[4 : 4 + length])
+        self.frames = [*self.frames[-20:], frame]

@@ -23,7 +23,7 @@ class Run:
         return self.out.decode()
 
 
-def run_in_process(*arguments: str) -> Run:
+def run_in_process(*arguments: object) -> Run:
     """Run the program's main function in this process.
 
     Messages are not wrapped, however long the paths in them are.
@@ -34,7 +34,7 @@ def run_in_process(*arguments: str) -> Run:
     before = {number: signal.getsignal(number) for number in numbers}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", "2000")
-        patch.setattr(sys, "argv", ["radarsim", *arguments])
+        patch.setattr(sys, "argv", ["radarsim", *map(str, arguments)])
         patch.setattr(sys, "stdout", out)
         patch.setattr(sys, "stderr", err)
         try:

@@ -2,10 +2,14 @@
 
 import os
 import pty
+import resource
 import select
+import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -21,6 +25,19 @@ def start_radarsim(
     env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
     command = (sys.executable, "-m", "radarsim", *words)
     return subprocess.Popen(command, stdout=stdout, stderr=subprocess.PIPE, env=env)
+
+
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """Let files grow to a size alone, bytes, as if the disk were full then."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, ignored)
 
 
 def on_terminal(*words: str, **variables: str) -> str:

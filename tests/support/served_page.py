@@ -1,39 +1,48 @@
-"""A server with its page, in a process of its own."""
+"""A server with its page in a process of its own, and a commander in a thread."""
 
+import asyncio
 import re
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from queue import Queue
 from threading import Thread
+from typing import Any
 
 from processes import start_radarsim
 
+from radarsim.addons.web.program import CommanderSettings, serve_page
+from radarsim.addons.web.time_control import TimeControl
+from radarsim.simulation.config import SimulationConfig
+
 # Tests may run as root, where there is no sandbox; 3D is drawn without a graphics card.
 CHROMIUM_OPTIONS = ("--no-sandbox", "--enable-unsafe-swiftshader")
+TOKEN = "a-token-of-tests-0123456789"
 
 
 @dataclass(frozen=True)
 class Served:
-    """A running server with its page."""
+    """A commander that runs.
 
-    process: subprocess.Popen[bytes]
-    address: tuple[str, int]
-    url: str
+    Attributes:
+        web: Host and port of the page.
+        token: The token of the page.
+        server: Host and port of the USARSim server.
+    """
+
+    web: str
+    token: str
+    server: tuple[str, int]
+
+    @property
+    def url(self) -> str:
+        return f"http://{self.web}/#token={self.token}"
 
 
 @contextmanager
 def serve(*words: str) -> Iterator[Served]:
     """Serve a map and its page on free ports, and end both afterwards."""
-    words = ("serve", *words, "--port", "0", "--web", "0")
-    with _run("commander on", *words) as (process, told):
-        yield Served(process, _read_address(told), _read_url(told))
-
-
-@contextmanager
-def _run(last: str, *words: str) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """Run the program, and return what it told until ``last``."""
-    process = start_radarsim(*words)
+    process = start_radarsim("serve", *words, "--port", "0", "--web", "0")
     stdout, stderr = process.stdout, process.stderr
     assert stdout is not None
     assert stderr is not None
@@ -42,13 +51,16 @@ def _run(last: str, *words: str) -> Iterator[tuple[subprocess.Popen[bytes], str]
     try:
         readers[0].start()
         told = ""
-        while last not in told:
+        while "commander on" not in told:
             line = stdout.readline().decode()
             assert line, f"it ended after {told!r} with {b''.join(complaints)!r}"
             told += line
         readers.append(Thread(target=stdout.read))
         readers[1].start()
-        yield process, told
+        where = r"listening on ([\d.]+):(\d+).*commander on http://(.*)/#token=(\S+)"
+        found = re.search(where, told, re.DOTALL)
+        assert found
+        yield Served(found[3], found[4], (found[1], int(found[2])))
     finally:
         process.terminate()
         process.wait(240)
@@ -58,13 +70,27 @@ def _run(last: str, *words: str) -> Iterator[tuple[subprocess.Popen[bytes], str]
         stderr.close()
 
 
-def _read_address(told: str) -> tuple[str, int]:
-    address = re.search(r"listening on ([\d.]+):(\d+)", told)
-    assert address
-    return address[1], int(address[2])
+@contextmanager
+def run_commander(server: tuple[str, int] | None, **settings: Any) -> Iterator[Served]:
+    """Run a commander.
 
+    Args:
+        server: Host and port of the server; None of a recording.
+        settings: Of ``CommanderSettings``.
+    """
+    usual: dict[str, Any] = {"web_host": "127.0.0.1", "web_port": 0, "token": TOKEN}
+    usual |= {"config": SimulationConfig()}
+    wanted = CommanderSettings(server=server, **usual | settings)
+    begun: Queue[Any] = Queue()
 
-def _read_url(told: str) -> str:
-    url = re.search(r"commander on (\S+)", told)
-    assert url
-    return url[1]
+    async def run() -> None:
+        end = asyncio.get_running_loop().create_future()
+        await serve_page(wanted, lambda at: begun.put((at, end)), end, TimeControl())
+
+    thread = Thread(target=asyncio.run, args=[run()], daemon=True)
+    thread.start()
+    (host, port), end = begun.get(timeout=240)
+    yield Served(f"{host}:{port}", TOKEN, server or ("", 0))
+    end.get_loop().call_soon_threadsafe(end.set_result, None)
+    thread.join(240)
+    assert not thread.is_alive()

@@ -33,12 +33,10 @@ class Truth:
 
     Attributes:
         places: Places by robot, the newest last.
-        names: Robots that are there, as the server names them.
     """
 
     def __init__(self, address: tuple[str, int]) -> None:
         self.places: dict[str, list[Place]] = {}
-        self.names: set[str] = set()
         self._socket = socket.create_connection(address)
         self._socket.sendall(b"WATCH {Robots All}\r\n")
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -75,10 +73,7 @@ class Truth:
                 self._take(line)
 
     def _take(self, line: str) -> None:
-        if found := re.match(r"NFO \{(Joined|Left) ([^}]+)\}", line):
-            change = self.names.add if found[1] == "Joined" else self.names.discard
-            change(found[2])
-        elif found := LINE.match(line):
+        if found := LINE.match(line):
             x, y = float(found["x"]), -float(found["y"])  # on the wire, y is right
             place = Place(float(found["time"]), x, y)
             self.places.setdefault(found["robot"], []).append(place)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import websockets
+from served_page import Served
 from websockets.asyncio.client import ClientConnection
 from websockets.typing import Origin
 
@@ -85,15 +86,14 @@ class Page:
 
 
 @asynccontextmanager
-async def open_page(
-    address: str, token: str, *, waits: bool = True
-) -> AsyncIterator[Page]:
+async def open_page(served: Served, *, waits: bool = True) -> AsyncIterator[Page]:
     """Open a page, and say hello."""
+    origin = Origin(f"http://{served.web}")
     async with websockets.connect(
-        f"ws://{address}/ws", origin=Origin(f"http://{address}"), max_size=None
+        f"ws://{served.web}/ws", origin=origin, max_size=None
     ) as socket:
         page = Page(socket)
-        await page.send("hello", token=token)
+        await page.send("hello", token=served.token)
         page.hello = await page.hear("hello")
         while waits and not page.hello["level"]:  # the commander is not connected yet
             page.hello = await page.hear("hello")

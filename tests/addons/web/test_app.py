@@ -6,7 +6,8 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from web_pages import open_page
+from served_page import run_commander
+from web_pages import Page
 from websockets.typing import Origin
 
 from radarsim.addons.web.program import PAGE
@@ -17,10 +18,10 @@ from radarsim.server.server_thread import ServerThread
 
 
 @pytest.fixture(scope="module")
-def commander(foliage_room: Scene, start_commander: Any) -> Iterator[Any]:
+def commander(foliage_room: Scene) -> Iterator[Any]:
     """Run a commander for all of these tests."""
     thread = ServerThread(Host(foliage_room), speed=1.0)
-    with start_commander(thread.begin(), map="foliage_room") as running:
+    with run_commander(thread.begin(), map="foliage_room") as running:
         yield running
     thread.finish()
 
@@ -131,18 +132,17 @@ async def test_who_sends_too_much_is_closed(commander: Any) -> None:
     assert await close_code(commander.web, hello, *stops) == 4429
 
 
-async def test_hello_tells_what_there_is_and_the_map_follows(commander: Any) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        hello = page.hello
-        assert hello["level"] == "DM-FoliageRoom"
-        assert next(start["name"] for start in hello["starts"]) == "RobotStart1"
-        assert "P3AT" in [each["name"] for each in hello["classes"]]
-        assert (await page.hear("scene"))["level"] == "DM-FoliageRoom"
-        await page.send("triangles")
-        assert (await page.hear("triangles"))["parts"]
+async def test_hello_tells_what_there_is_and_the_map_follows(page: Page) -> None:
+    hello = page.hello
+    assert hello["level"] == "DM-FoliageRoom"
+    assert next(start["name"] for start in hello["starts"]) == "RobotStart1"
+    assert "P3AT" in [each["name"] for each in hello["classes"]]
+    assert (await page.hear("scene"))["level"] == "DM-FoliageRoom"
+    await page.send("triangles")
+    assert (await page.hear("triangles"))["parts"]
 
 
-async def test_what_is_not_possible_is_told(commander: Any) -> None:
+async def test_what_is_not_possible_is_told(page: Page) -> None:
     cases: list[tuple[dict[str, Any], str]] = [
         ({"op": "drive", "robot": "x", "v": 1, "w": 0}, "no robot 'x'"),
         ({"op": "nonsense"}, "nonsense"),
@@ -150,7 +150,6 @@ async def test_what_is_not_possible_is_told(commander: Any) -> None:
         ({"op": "spawn", "class": "P3AT", "start": "a", "pose": [0, 0, 0]}, "only one"),
         ({"op": "hello", "token": "again"}, "not possible here"),
     ]
-    async with open_page(commander.web, commander.token) as page:
-        for message, text in cases:
-            await page.send(**message)
-            assert text in (await page.hear("error"))["text"]
+    for message, text in cases:
+        await page.send(**message)
+        assert text in (await page.hear("error"))["text"]

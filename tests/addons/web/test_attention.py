@@ -6,13 +6,10 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
+from served_page import run_commander
 from web_pages import Page, open_page
 
-from radarsim.addons.recording.host_recorder import (
-    EventType,
-    HostRecorder,
-    RunEvent,
-)
+from radarsim.addons.recording.host_recorder import EventType, HostRecorder, RunEvent
 from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
 from radarsim.scene.scene import Scene
@@ -72,25 +69,25 @@ async def wire(
 @asynccontextmanager
 async def looking(commander: Any) -> AsyncIterator[Page]:
     """Open a page that sees the robot of the other client."""
-    async with open_page(commander.web, commander.token) as page:
+    async with open_page(commander) as page:
         await page.see(lambda frame: frame.robot("Other").get("scans"))
         yield page
 
 
 async def test_a_commander_that_nobody_looks_at_is_told_nothing(
-    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+    wire: tuple[Wire, tuple[str, int]],
 ) -> None:
     seen, address = wire
-    with start_commander(address):
+    with run_commander(address):
         await seen.until_quiet()
         assert seen.copies() == []
 
 
 async def test_it_is_told_nothing_any_more_when_the_last_page_is_hidden_or_gone(
-    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+    wire: tuple[Wire, tuple[str, int]],
 ) -> None:
     seen, address = wire
-    with start_commander(address) as commander:
+    with run_commander(address) as commander:
         async with looking(commander) as page:
             async with looking(commander):
                 await page.send("look", on=False)
@@ -106,10 +103,10 @@ async def test_it_is_told_nothing_any_more_when_the_last_page_is_hidden_or_gone(
 
 
 async def test_robots_and_settings_are_known_again_when_somebody_looks(
-    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+    wire: tuple[Wire, tuple[str, int]],
 ) -> None:
     seen, address = wire
-    with start_commander(address) as commander:
+    with run_commander(address) as commander:
         async with looking(commander) as page:
             await page.spawn(name="Own")
             setting = {"scanner": "lms200", "key": "max_range", "value": 7}
@@ -126,10 +123,10 @@ async def test_robots_and_settings_are_known_again_when_somebody_looks(
 
 
 async def test_a_map_grows_on_while_nobody_looks(
-    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+    wire: tuple[Wire, tuple[str, int]],
 ) -> None:
     seen, address = wire
-    with start_commander(address) as commander:
+    with run_commander(address) as commander:
         async with looking(commander) as page:
             await page.send("map", robot="Other", on=True)
             await page.hear("map")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from served_page import run_commander
 from web_pages import open_page
 
 from radarsim.client import AsyncClient
@@ -40,18 +41,18 @@ def seconds(message: Any) -> float:
 
 
 async def test_all_robots_are_recorded_until_anybody_ends_it(
-    server: tuple[str, int], start_commander: Any, tmp_path: Path
+    server: tuple[str, int], tmp_path: Path
 ) -> None:
-    with start_commander(server, record_to=tmp_path) as commander:
+    with run_commander(server, record_to=tmp_path) as commander:
         async with (
-            open_page(commander.web, commander.token) as page,
-            open_page(commander.web, commander.token) as other,
+            open_page(commander) as page,
+            open_page(commander) as other,
             await AsyncClient.connect(*server) as client,
         ):
             await client.spawn("P3AT_Compare", name="R 1", pose=Pose2(-8.0, 0.0))
             await page.send("record", on=True)
             await other.hear("recording", on=True)
-            async with open_page(commander.web, commander.token) as third:
+            async with open_page(commander) as third:
                 await third.hear("recording", on=True)
             shown = await page.see(lambda frame: frame.robot("R 1").get("scans"))
             start = shown.header["t"]
@@ -82,10 +83,10 @@ async def test_all_robots_are_recorded_until_anybody_ends_it(
 
 @pytest.mark.slow
 async def test_a_recording_is_complete_when_the_commander_ends(
-    server: tuple[str, int], start_commander: Any, tmp_path: Path
+    server: tuple[str, int], tmp_path: Path
 ) -> None:
-    with start_commander(server, record_to=tmp_path) as commander:
-        async with open_page(commander.web, commander.token) as page:
+    with run_commander(server, record_to=tmp_path) as commander:
+        async with open_page(commander) as page:
             await page.send("spawn", **{"class": "P3AT", "name": "R1"})
             await page.send("record", on=True)
             await page.hear("recording", on=True)
@@ -97,13 +98,13 @@ async def test_a_recording_is_complete_when_the_commander_ends(
 
 
 async def test_what_cannot_be_recorded_is_told_and_a_lost_server_ends_a_recording(
-    foliage_room: Scene, start_commander: Any, tmp_path: Path
+    foliage_room: Scene, tmp_path: Path
 ) -> None:
     target = tmp_path / "target"
     target.write_text("a file, where a folder should be")
     server = ServerThread(Host(foliage_room), speed=1.0)
-    with start_commander(server.begin(), record_to=target) as commander:
-        async with open_page(commander.web, commander.token) as page:
+    with run_commander(server.begin(), record_to=target) as commander:
+        async with open_page(commander) as page:
             await page.send("record", on=True)
             assert str(target) in (await page.hear("error"))["text"]
             target.unlink()
@@ -118,10 +119,7 @@ async def test_what_cannot_be_recorded_is_told_and_a_lost_server_ends_a_recordin
 
 
 async def test_a_full_disk_is_told_and_ends_the_recording(
-    server: tuple[str, int],
-    start_commander: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    server: tuple[str, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         "radarsim.addons.recording.recording_process.PROGRAM",
@@ -131,8 +129,8 @@ async def test_a_full_disk_is_told_and_ends_the_recording(
         "from radarsim.addons.recording.recording_process import write_run;"
         "write_run()",
     )
-    with start_commander(server, record_to=tmp_path) as commander:
-        async with open_page(commander.web, commander.token) as page:
+    with run_commander(server, record_to=tmp_path) as commander:
+        async with open_page(commander) as page:
             await page.send("spawn", **{"class": "P3AT_Compare", "name": "R1"})
             await page.send("record", on=True)
             await page.hear("recording", on=True)
@@ -142,21 +140,18 @@ async def test_a_full_disk_is_told_and_ends_the_recording(
 
 
 async def test_a_recording_that_fails_at_its_end_is_told_as_not_complete(
-    server: tuple[str, int],
-    start_commander: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    server: tuple[str, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         "radarsim.addons.recording.recording_process.PROGRAM",
         "import sys; sys.stdin.buffer.read(); sys.exit(1)",
     )
-    with start_commander(server, record_to=tmp_path) as commander:
-        async with open_page(commander.web, commander.token) as page:
+    with run_commander(server, record_to=tmp_path) as commander:
+        async with open_page(commander) as page:
             await page.send("record", on=True)
             await page.hear("recording", on=True)
             await page.send("record", on=False)
             assert "not complete" in (await page.hear("error"))["text"]
-            async with open_page(commander.web, commander.token) as other:
+            async with open_page(commander) as other:
                 text = (await other.hear("recording"))["text"]
     assert text == f"{only_folder(tmp_path)} is not complete"

@@ -3,7 +3,8 @@
 from typing import Any
 
 import pytest
-from web_pages import Frame, open_page
+from served_page import run_commander
+from web_pages import Frame, Page, open_page
 
 from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
@@ -19,7 +20,7 @@ NAME = "<img src=x onerror=alert(1)>"
 
 async def test_robots_of_other_clients_are_seen_but_not_driven(commander: Any) -> None:
     async with (
-        open_page(commander.web, commander.token) as page,
+        open_page(commander) as page,
         await AsyncClient.connect(*commander.server) as other,
     ):
         await other.spawn("P3AT_Compare", name=NAME, pose=Pose2(-8.0, 0.0, 0.0))
@@ -39,13 +40,11 @@ async def test_robots_of_other_clients_are_seen_but_not_driven(commander: Any) -
         await page.see(lambda frame: not frame.robot(NAME))
 
 
-async def test_lost_server_is_told_and_found_again(
-    empty_room: Scene, start_commander: Any
-) -> None:
+async def test_lost_server_is_told_and_found_again(empty_room: Scene) -> None:
     first = Server(Host(empty_room))
     await first.start(port=0)
-    with start_commander(first.address) as commander:
-        async with open_page(commander.web, commander.token) as page:
+    with run_commander(first.address) as commander:
+        async with open_page(commander) as page:
             name = await page.spawn(pose=[0.0, 0.0, 0.0])
             await page.send("drive", robot=name, v=0.2, w=0)
             await page.hear("viewer", driver=page.hello["viewer"])
@@ -62,9 +61,9 @@ async def test_lost_server_is_told_and_found_again(
                 await second.stop()
 
 
-async def test_commander_waits_for_its_server(start_commander: Any) -> None:
-    with start_commander(("127.0.0.1", 1)) as commander:
-        async with open_page(commander.web, commander.token, waits=False) as page:
+async def test_commander_waits_for_its_server() -> None:
+    with run_commander(("127.0.0.1", 1)) as commander:
+        async with open_page(commander, waits=False) as page:
             assert "no server" in (await page.hear("lost"))["text"]
             await page.send("spawn", **{"class": "P3AT"})
             assert "no server" in (await page.hear("error"))["text"]
@@ -73,7 +72,7 @@ async def test_commander_waits_for_its_server(start_commander: Any) -> None:
 
 
 async def test_commander_asks_again_when_there_were_too_many_watchers(
-    empty_room: Scene, start_commander: Any, monkeypatch: pytest.MonkeyPatch
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("radarsim.server.host.watchers.MAX_WATCHERS", 1)
     monkeypatch.setattr("radarsim.addons.web.server_link.ASK_AGAIN", 0.1)
@@ -83,8 +82,8 @@ async def test_commander_asks_again_when_there_were_too_many_watchers(
         other = await AsyncClient.connect(*server.address)
         await other.watch()
         await other.wait_for(Watching)
-        with start_commander(server.address) as commander:
-            async with open_page(commander.web, commander.token) as page:
+        with run_commander(server.address) as commander:
+            async with open_page(commander) as page:
                 assert "watcher" in (await page.hear("notice"))["text"]
                 name = await page.spawn(pose=[0.0, 0.0, 0.0])
                 # Frames have the settings of the robot that is selected alone.
@@ -98,29 +97,24 @@ async def test_commander_asks_again_when_there_were_too_many_watchers(
         await server.stop()
 
 
-async def test_robot_that_is_called_all_or_none_is_a_robot_like_any(
-    commander: Any,
-) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        for name in ("All", "None", "true"):
-            await page.spawn(name=name)
-            await page.send("select", robot=name)
-            await page.see(
-                lambda frame, name=name: any(
-                    scan["objects"] for scan in frame.robot(name).get("echoes", [])
-                )
+async def test_robot_that_is_called_all_or_none_is_a_robot_like_any(page: Page) -> None:
+    for name in ("All", "None", "true"):
+        await page.spawn(name=name)
+        await page.send("select", robot=name)
+        await page.see(
+            lambda frame, name=name: any(
+                scan["objects"] for scan in frame.robot(name).get("echoes", [])
             )
+        )
 
 
-async def test_original_dialect_is_understood(
-    empty_room: Scene, start_commander: Any
-) -> None:
+async def test_original_dialect_is_understood(empty_room: Scene) -> None:
     config = SimulationConfig(UDK)
     server = Server(Host(empty_room, config=config))
     await server.start(port=0)
     try:
-        with start_commander(server.address, config=config) as commander:
-            async with open_page(commander.web, commander.token) as page:
+        with run_commander(server.address, config=config) as commander:
+            async with open_page(commander) as page:
                 assert page.hello["dialect"] == "udk"
                 name = await page.spawn(pose=[0.0, 0.0, 0.0])
                 await page.send("drive", robot=name, v=0.2, w=0)

@@ -2,13 +2,13 @@
 
 import asyncio
 import math
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import recorded_runs
-from served_page import Served, serve
+from served_page import Served, run_commander, serve
 from web_pages import Page, open_page
 
 from radarsim.addons.web.requests import Pace
@@ -32,10 +32,12 @@ def recording(foliage_room: Scene, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder
 
 
-def at(served: Served) -> tuple[str, str]:
-    """Return address and token of a page."""
-    address, _, token = served.url.removeprefix("http://").partition("/#token=")
-    return address, token
+@pytest.fixture
+async def player(recording: Path) -> AsyncIterator[Page]:
+    """Open the page of a commander that plays the recording."""
+    with run_commander(None, recording=recording, map="foliage_room") as commander:
+        async with open_page(commander) as page:
+            yield page
 
 
 async def newest_time(page: Page) -> float:
@@ -53,9 +55,9 @@ async def test_time_is_paused_stepped_and_resumed_for_all_browsers(
     served: Served,
 ) -> None:
     async with (
-        open_page(*at(served)) as page,
-        open_page(*at(served)) as other,
-        await AsyncClient.connect(*served.address) as client,
+        open_page(served) as page,
+        open_page(served) as other,
+        await AsyncClient.connect(*served.server) as client,
     ):
         assert (await page.hear("time"))["refusal"] == ""
         await client.spawn("P3AT", name="T1")
@@ -79,21 +81,20 @@ async def test_time_is_paused_stepped_and_resumed_for_all_browsers(
 async def test_what_makes_no_sense_is_refused(
     served: Served, keys: dict[str, Any]
 ) -> None:
-    async with open_page(*at(served)) as page:
+    async with open_page(served) as page:
         await page.send("pace", **keys)
         (key,) = keys
         assert key in (await page.hear("error"))["text"]
 
 
 async def test_a_foreign_server_cannot_be_paused_and_the_page_says_why(
-    commander: Any,
+    page: Page,
 ) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        assert "has not started the server" in (await page.hear("time"))["refusal"]
-        await page.send("pace", paused=True)
-        assert "cannot be changed" in (await page.hear("error"))["text"]
-        await page.send("seek", t=1)
-        assert "only a recording" in (await page.hear("error"))["text"]
+    assert "has not started the server" in (await page.hear("time"))["refusal"]
+    await page.send("pace", paused=True)
+    assert "cannot be changed" in (await page.hear("error"))["text"]
+    await page.send("seek", t=1)
+    assert "only a recording" in (await page.hear("error"))["text"]
 
 
 def test_tasks_wait_by_simulated_time() -> None:
@@ -112,71 +113,52 @@ def test_time_of_other_servers_passes_by_itself() -> None:
         TimeControl().change(Pace(paused=True))
 
 
-async def test_a_recording_is_played_paused_stepped_and_sought(
-    recording: Path, start_commander: Any
-) -> None:
-    with start_commander(None, recording=recording, map="foliage_room") as commander:
-        async with open_page(commander.web, commander.token) as page:
-            assert page.hello["played"]
-            time = await page.hear("time")
-            assert time["paused"]
-            assert (time["start"], time["end"]) == (0, 3.01)
-            shown = await page.see(lambda frame: frame.robot("R 1").get("scans"))
-            assert shown.header["t"] == pytest.approx(0.2)
-            assert {s["kind"] for s in shown.robot("R 1")["scans"]} == {
-                "radar",
-                "laser",
-            }
-            start = shown.robot("R 1")["x"]
-            await page.send("pace", step=0.5)
-            shown = await page.see(lambda frame: frame.header["t"] > 0.6)
-            assert shown.header["t"] == pytest.approx(0.7)
-            assert shown.robot("R 1")["x"] > start
-            await page.send("pace", paused=False, speed=2)
-            await page.see(lambda frame: frame.header["t"] == 3.01)
-            end = await page.hear("time", paused=True, speed=2, t=3.01)
-            assert end["t"] == end["end"]
-            await page.send("seek", t=0.2)
-            shown = await page.see(lambda frame: frame.header["t"] == 0.2)
-            assert shown.robot("R 1")["x"] == start
-            assert not shown.robot("R_1")  # it joined later
+async def test_a_recording_is_played_paused_stepped_and_sought(player: Page) -> None:
+    assert player.hello["played"]
+    time = await player.hear("time")
+    assert time["paused"]
+    assert (time["start"], time["end"]) == (0, 3.01)
+    shown = await player.see(lambda frame: frame.robot("R 1").get("scans"))
+    assert shown.header["t"] == pytest.approx(0.2)
+    assert {s["kind"] for s in shown.robot("R 1")["scans"]} == {"radar", "laser"}
+    start = shown.robot("R 1")["x"]
+    await player.send("pace", step=0.5)
+    shown = await player.see(lambda frame: frame.header["t"] > 0.6)
+    assert shown.header["t"] == pytest.approx(0.7)
+    assert shown.robot("R 1")["x"] > start
+    await player.send("pace", paused=False, speed=2)
+    await player.see(lambda frame: frame.header["t"] == 3.01)
+    end = await player.hear("time", paused=True, speed=2, t=3.01)
+    assert end["t"] == end["end"]
+    await player.send("seek", t=0.2)
+    shown = await player.see(lambda frame: frame.header["t"] == 0.2)
+    assert shown.robot("R 1")["x"] == start
+    assert not shown.robot("R_1")  # it joined later
 
 
-async def test_the_echoes_of_a_recording_are_shown(
-    recording: Path, start_commander: Any
-) -> None:
-    with start_commander(None, recording=recording) as commander:
-        async with open_page(commander.web, commander.token) as page:
-            await page.send("select", robot="R 1")
-            await page.send("seek", t=1.5)
-            shown = await page.see(lambda frame: frame.header["t"] == 1.5)
-            echoes = {e["scanner"]: e["objects"] for e in shown.robot("R 1")["echoes"]}
-            assert echoes["lms200"]
+async def test_the_echoes_of_a_recording_are_shown(player: Page) -> None:
+    await player.send("select", robot="R 1")
+    await player.send("seek", t=1.5)
+    shown = await player.see(lambda frame: frame.header["t"] == 1.5)
+    echoes = {e["scanner"]: e["objects"] for e in shown.robot("R 1")["echoes"]}
+    assert echoes["lms200"]
 
 
-async def test_in_a_recording_nothing_is_driven_added_or_recorded(
-    recording: Path, start_commander: Any
-) -> None:
-    with start_commander(None, recording=recording) as commander:
-        async with open_page(commander.web, commander.token) as page:
-            await page.see(lambda frame: frame.robot("R 1"))
-            for op, keys in (
-                ("spawn", {"class": "P3AT"}),
-                ("drive", {"robot": "R 1", "v": 1, "w": 0}),
-                ("record", {"on": True}),
-                ("seek", {"t": 1e6}),
-                ("seek", {"t": None}),
-            ):
-                await page.send(op, **keys)
-                assert (await page.hear("error"))["text"]
+async def test_in_a_recording_nothing_is_driven_added_or_recorded(player: Page) -> None:
+    await player.see(lambda frame: frame.robot("R 1"))
+    for op, keys in (
+        ("spawn", {"class": "P3AT"}),
+        ("drive", {"robot": "R 1", "v": 1, "w": 0}),
+        ("record", {"on": True}),
+        ("seek", {"t": 1e6}),
+        ("seek", {"t": None}),
+    ):
+        await player.send(op, **keys)
+        assert (await player.hear("error"))["text"]
 
 
-async def test_many_seeks_show_the_last_one(
-    recording: Path, start_commander: Any
-) -> None:
-    with start_commander(None, recording=recording) as commander:
-        async with open_page(commander.web, commander.token) as page:
-            for step in range(15):
-                await page.send("seek", t=0.05 * step + 0.5)
-            shown = await page.see(lambda frame: frame.header["t"] == 0.05 * 14 + 0.5)
-            assert math.isfinite(shown.robot("R 1")["x"])
+async def test_many_seeks_show_the_last_one(player: Page) -> None:
+    for step in range(15):
+        await player.send("seek", t=0.05 * step + 0.5)
+    shown = await player.see(lambda frame: frame.header["t"] == 0.05 * 14 + 0.5)
+    assert math.isfinite(shown.robot("R 1")["x"])

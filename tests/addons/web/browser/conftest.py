@@ -86,6 +86,6 @@ def commander(
 
 @pytest.fixture
 def truth(served: Served) -> Iterator[Truth]:
-    watch = Truth(served.address)
+    watch = Truth(served.server)
     yield watch
     watch.close()

@@ -67,10 +67,9 @@ def test_a_robot_is_added_driven_and_removed_by_keys_alone(
     page.keyboard.press("Escape")
     go_to("#plan")
     before = commander.robot("Keys")
-    assert before is not None
     page.keyboard.down("d")
     commander.until(
-        lambda: commander.robot("Keys")["yaw"] < before["yaw"] - 0.1,  # type: ignore[index]
+        lambda: commander.robot("Keys")["yaw"] < before["yaw"] - 0.1,
         "for a turn",
     )
     page.keyboard.up("d")
@@ -78,4 +77,4 @@ def test_a_robot_is_added_driven_and_removed_by_keys_alone(
     commander.until(lambda: "Beam" in commander.text("reading"), "for a beam")
     go_to("#remove")
     page.keyboard.press("Enter")
-    commander.until(lambda: commander.robot("Keys") is None, "for its end")
+    commander.until(lambda: not commander.robot("Keys"), "for its end")

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from commander_page import CommanderPage
 from playwright.sync_api import Browser
-from served_page import Served
+from served_page import Served, run_commander
 
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
@@ -92,12 +91,12 @@ def test_addresses_with_a_wrong_token_and_without_one_say_so(
 
 
 def test_names_of_robots_and_maps_are_text(
-    start_commander: Any, open_page: Callable[..., CommanderPage], tmp_path: Path
+    open_page: Callable[..., CommanderPage], tmp_path: Path
 ) -> None:
     map_file = tmp_path / "nasty.yaml"
     map_file.write_text(NASTY_MAP.format(name=NASTY))
     server = ServerThread(Host(load_map(map_file)), speed=1.0)
-    with start_commander(server.begin(), map=str(map_file)) as running:
+    with run_commander(server.begin(), map=str(map_file)) as running:
         commander = open_page(running)
         commander.add_robot(NASTY)
         assert NASTY in commander.text("level")

@@ -4,11 +4,10 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from commander_page import CommanderPage
-from served_page import serve
+from served_page import run_commander, serve
 
 
 def time_of(page: CommanderPage) -> float:
@@ -62,10 +61,10 @@ def record_a_drive(page: CommanderPage) -> Path:
     # The robot stands at first, so that who plays the recording sees it at its start.
     begun = time_of(page)
     page.until(lambda: time_of(page) > begun + 1.0, "for a second of it")
-    start = page.robot("R1")["x"]  # type: ignore[index]
+    start = page.robot("R1")["x"]
     page.page.focus("#plan")
     page.page.keyboard.down("w")
-    page.until(lambda: page.robot("R1")["x"] > start + 1.0, "for a drive")  # type: ignore[index]
+    page.until(lambda: page.robot("R1")["x"] > start + 1.0, "for a drive")
     page.page.keyboard.up("w")
     page.page.click("#record")
     page.until(lambda: "Recorded in" in page.text("notice"), "for its end")
@@ -74,13 +73,11 @@ def record_a_drive(page: CommanderPage) -> Path:
 
 def x_of(page: CommanderPage) -> float:
     """Return where the robot is, m; NaN while it is not there."""
-    robot = page.robot("R1")
-    return math.nan if robot is None else float(robot["x"])
+    return float(page.robot("R1").get("x", math.nan))
 
 
 @pytest.mark.slow
 def test_a_run_is_recorded_played_paused_stepped_and_sought(
-    start_commander: Any,
     open_page: Callable[..., CommanderPage],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -90,9 +87,9 @@ def test_a_run_is_recorded_played_paused_stepped_and_sought(
         live = open_page(served)
         folder = record_a_drive(live)
         live.page.context.close()
-    with start_commander(None, recording=folder) as played:
+    with run_commander(None, recording=folder) as played:
         page = open_page(played)
-        page.until(lambda: page.robot("R1") is not None, "for the robot")
+        page.until(lambda: bool(page.robot("R1")), "for the robot")
         assert page.text("level") == "DM-FoliageRoom"
         first = x_of(page)
         began = time_of(page)

@@ -25,12 +25,11 @@ def click(page: CommanderPage, x: float, y: float) -> None:
 def test_a_click_on_a_free_start_adds_a_robot_there(commander: CommanderPage) -> None:
     # Another one stands in the middle, so that the first free start is not meant.
     click(commander, -8, -3.5)
-    commander.until(lambda: commander.robot("R1") is not None, "for the robot")
+    commander.until(lambda: bool(commander.robot("R1")), "for the robot")
     robot = commander.robot("R1")
-    assert robot is not None
     assert (robot["x"], robot["y"]) == pytest.approx((-8, -3.5), abs=0.05)
     # The start is taken: a click there explains a beam, and adds nothing.
-    commander.until(lambda: bool(commander.robot("R1")["scans"]), "for a scan")  # type: ignore[index]
+    commander.until(lambda: bool(commander.robot("R1")["scans"]), "for a scan")
     click(commander, -8, -3.5)
     commander.until(lambda: "Beam " in commander.text("reading"), "for the beam")
     assert len(commander.frames[-1]["robots"]) == 1
@@ -94,8 +93,8 @@ def test_the_view_is_saved_as_a_picture(
 def test_ten_robots_have_colours_of_their_own(commander: CommanderPage) -> None:
     commander.add_robot("C1", place=(-8, 0, 0))
     commander.add_robot("C2", place=(-8, 3.5, 0))
-    commander.until(lambda: bool(commander.robot("C1")["colour"]), "for colours")  # type: ignore[index]
-    colours = [commander.robot(name)["colour"] for name in ("C1", "C2")]  # type: ignore[index]
+    commander.until(lambda: bool(commander.robot("C1")["colour"]), "for colours")
+    colours = [commander.robot(name)["colour"] for name in ("C1", "C2")]
     assert len(set(colours)) == 2
     # What the robot that is not selected reads has its colour.
     picture = commander.page.locator("#plan").screenshot()

@@ -1,19 +1,24 @@
-"""How signals end a process: at once, or by an exception."""
+"""How signals end a process, worker processes, and a thread in the background."""
 
+import os
 import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
+from multiprocessing import active_children
 
 import pytest
-from commands import run_in_process
+from processes import has_ended
 
 from radarsim.processes import (
+    BackgroundThread,
     exit_immediately_on_signals,
     ignore_signals,
     raise_on_signals,
     signal_handlers,
+    worker_process,
 )
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -48,13 +53,6 @@ with raise_on_signals(), exit_immediately_on_signals():
     ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.{name}))()
     print("goes on")
 """
-
-
-@pytest.mark.parametrize(("name", "setting", "code"), CODES)
-def test_signal_ends_the_process_at_once(name: str, setting: str, code: int) -> None:
-    assert run(IMMEDIATE.format(name=name, setting=setting)) == (code, b"", b"")
-
-
 RAISING = """
 {setting}
 with exit_immediately_on_signals(), raise_on_signals():
@@ -66,9 +64,12 @@ with exit_immediately_on_signals(), raise_on_signals():
 
 
 @pytest.mark.parametrize(("name", "setting", "code"), CODES)
-def test_signal_lets_work_be_saved(name: str, setting: str, code: int) -> None:
-    ended = run(RAISING.format(name=name, setting=setting))
-    assert ended == (code, b"saved\n", b"")
+def test_signal_ends_the_process_at_once_or_lets_work_be_saved(
+    name: str, setting: str, code: int
+) -> None:
+    for script, printed in ((IMMEDIATE, b""), (RAISING, b"saved\n")):
+        ended = run(script.format(name=name, setting=setting))
+        assert ended == (code, printed, b"")
 
 
 ENDING = """
@@ -110,12 +111,6 @@ def test_signals_that_are_ignored_stay_ignored() -> None:
         assert signal.getsignal(signal.SIGTERM) is not handle
 
 
-def test_commands_that_tests_run_in_this_process_leave_signals_alone() -> None:
-    before = [signal.getsignal(number) for number in NUMBERS]
-    assert run_in_process("--version").code == 0
-    assert [signal.getsignal(number) for number in NUMBERS] == before
-
-
 def test_other_threads_leave_signals_alone() -> None:
     failures: list[BaseException] = []
 
@@ -136,3 +131,58 @@ def test_immediate_exit_writes_all_output_and_waits_for_no_thread() -> None:
     script = "import threading, time\nthreading.Thread(target=time.sleep, args=(600,))"
     script += ".start()\nprint('last words', end='')\nexit_immediately(130)"
     assert run(script) == (130, b"last words", b"")
+
+
+def test_functions_run_in_one_other_thread() -> None:
+    background = BackgroundThread()
+    found = {background.submit(threading.get_ident).result() for _ in range(3)}
+    assert len(found) == 1
+    assert threading.get_ident() not in found
+
+
+def test_a_fork_has_a_thread_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the new process nothing runs that was given to the thread of the old one."""
+    background, never = BackgroundThread(), threading.Event()
+    background.submit(never.wait)
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    assert background.submit(int, "7").result(timeout=60) == 7
+    never.set()
+
+
+@pytest.mark.slow
+def test_leaving_early_terminates_the_process() -> None:
+    before, begun = {*active_children()}, time.perf_counter()
+    with pytest.raises(KeyboardInterrupt):
+        _give_up()
+    assert time.perf_counter() - begun < 25
+    assert {*active_children()} <= before
+
+
+def _give_up() -> None:
+    with worker_process(int) as process:
+        assert process.submit(abs, -1).result() == 1
+        process.submit(time.sleep, 30)
+        time.sleep(0.2)
+        raise KeyboardInterrupt
+
+
+PARENT = """
+import os, time
+from radarsim.processes import worker_process
+
+if __name__ == "__main__":
+    with worker_process(int) as process:
+        print(process.submit(os.getpid).result(), flush=True)
+        process.submit(time.sleep, 300).result()
+"""
+
+
+@pytest.mark.slow
+def test_worker_ends_when_the_main_process_is_killed() -> None:
+    command = (sys.executable, "-c", PARENT)
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        os.kill(worker, 0)
+        parent.kill()
+    assert has_ended(worker)
