@@ -13,6 +13,7 @@ from radarsim.protocol.message import (
     Message,
     decode_message,
     flip_axes,
+    parse_list,
     parse_segments,
     pose_from_wire,
 )
@@ -132,8 +133,14 @@ def test_pose_round_trips_over_the_wire(numbers: tuple[float, ...]) -> None:
     assert (*flip_axes((x, y, z)), *flip_axes((roll, pitch, yaw))) == numbers
 
 
+@pytest.mark.parametrize("text", ["-0,1.5", "1.5,-0"])
+def test_zero_in_a_list_keeps_its_sign(text: str) -> None:
+    wanted = [float(word) for word in text.split(",")]
+    assert [str(number) for number in parse_list(text)] == [str(n) for n in wanted]
+
+
 def test_zero_has_no_sign_on_the_wire() -> None:
-    for number in flip_axes((0.0, 0.0, 0.0)):
+    for number in pose_from_wire((0.0,) * 6).numbers():
         assert math.copysign(1, number) == 1
 
 

@@ -505,6 +505,7 @@ MALFORMED = {
         f"{SCAN} {{FOV 1}} {{Range 1,nan}}",
         "SEN Range: '1,nan', expected numbers",
     ),
+    "two points": (f"{SCAN} {{FOV 1}} {{Range 1.2.3}}", "expected numbers"),
     "too far": (f"{SCAN} {{FOV 1}} {{Range 1,1e10}}", "expected at most .* each"),
     "half a start pose": (
         "NFO {StartPoses 1} {A 1,2,3}",
