@@ -62,15 +62,6 @@ def test_materials_are_limited() -> None:
     assert found == [f"m.yaml:3:3: materials: {count} in all"]
 
 
-def test_starts_are_limited() -> None:
-    lines = "".join(
-        f"  - {{name: RobotStart{i}, position: [0, 0, 0]}}\n"
-        for i in range(MAX_STARTS + 1)
-    )
-    (found,) = problems("version: 1\nstarts:\n" + lines)
-    assert f"{MAX_STARTS + 1} starts, expected at most {MAX_STARTS}" in found
-
-
 def test_what_is_too_much_is_told_before_anything_is_built(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

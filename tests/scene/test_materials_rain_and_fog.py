@@ -13,11 +13,7 @@ from oracles.hydrometeors import (
 )
 from oracles.particles import extinction_in_db, grain_extinction
 
-from radarsim.scene.material import (
-    library_entry,
-    library_material,
-    rain_attenuation,
-)
+from radarsim.scene.material import library_entry, library_material, rain_attenuation
 
 BANDS = (24, 77, 94)
 RATES = (1, 5, 12.5, 25, 50, 100)  # mm/h

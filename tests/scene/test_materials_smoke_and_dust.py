@@ -5,11 +5,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from oracles.particles import (
-    extinction_in_db,
-    grain_absorption,
-    grain_extinction,
-)
+from oracles.particles import extinction_in_db, grain_absorption, grain_extinction
 
 from radarsim.scene.material import library_material
 

@@ -89,11 +89,6 @@ INSTANCES = MAX_NODES - 1
             id="a view larger than its buffer",
         ),
         pytest.param(
-            {"accessors": accessor(componentType=5130)},
-            "accessor 0 is VEC3 of 5130",
-            id="an unknown type",
-        ),
-        pytest.param(
             {"accessors": accessor(count=0)},
             "accessor 0 is empty",
             id="no values",

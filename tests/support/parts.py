@@ -1,15 +1,16 @@
-"""Parts of scenes: boxes of a material."""
+"""Parts of scenes: boxes of a material; volumes of meshes."""
 
 import math
 
 import numpy as np
 
-from radarsim.geometry import rotation_matrix
+from radarsim.geometry import Floats, rotation_matrix
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import box
+from radarsim.scene.shapes import Faces, box
 
 Triple = tuple[float, float, float]
+STONE = Material("stone")
 
 
 def block(
@@ -31,3 +32,21 @@ def brick(
 def layer(name: str, material: Material, near: float, far: float) -> Part:
     """Return what a ray along x crosses between two distances."""
     return block(name, material, (far - near, 4, 4), ((near + far) / 2, 0, 0))
+
+
+def slab(
+    x: float,
+    y: float,
+    size: tuple[float, float],
+    *,
+    z: float | None = None,
+    high: float = 1.0,
+) -> Part:
+    """Return a box of stone that stands on the floor, or is around a height."""
+    return brick(STONE, (*size, high), (x, y, high / 2 if z is None else z))
+
+
+def volume(vertices: Floats, faces: Faces) -> float:
+    """Return the volume of a closed mesh, positive if it is wound outward."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
