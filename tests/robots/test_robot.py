@@ -52,14 +52,6 @@ def test_full_speed_is_that_of_the_real_p3at() -> None:
     assert driven.pose.y == pytest.approx(0)
 
 
-def test_faster_right_wheels_turn_the_robot_left() -> None:
-    driven = robot()
-    driven.drive(-1, 1)
-    run(driven, 1)
-    assert driven.pose.yaw == pytest.approx(2 * 0.098 / 0.36)
-    assert math.hypot(driven.pose.x, driven.pose.y) < 1e-9
-
-
 @pytest.mark.parametrize(
     ("left", "right"),
     [

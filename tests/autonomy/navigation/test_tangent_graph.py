@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from flatland import World
+from flatland import flatland
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,7 +46,7 @@ def _is_clear(line: shapely.LineString, other: shapely.LineString) -> bool:
     return all(float(distance) > 1e-6 for distance in distances)
 
 
-def test_way_leads_around_a_wall_that_is_seen(flatland: World) -> None:
+def test_way_leads_around_a_wall_that_is_seen() -> None:
     wall = shapely.box(3, -4, 3.2, 2)
     directions = OpenDirections(flatland(wall, at=Pose2(0.0, 0.0)).scan(), R)
     edges = directions.edges()
@@ -60,7 +60,7 @@ def test_way_leads_around_a_wall_that_is_seen(flatland: World) -> None:
     assert across[0] == pytest.approx(min(to), abs=0.05)
 
 
-def test_no_way_leads_out_of_a_closed_room(flatland: World) -> None:
+def test_no_way_leads_out_of_a_closed_room() -> None:
     room = shapely.box(-3, -3, 3, 3).difference(shapely.box(-2.9, -2.9, 2.9, 2.9))
     directions = OpenDirections(flatland(room, at=Pose2(0.3, 0.2)).scan(), R)
     ways = ways_to_goal(np.array([[0.0, 1.0], [1.0, 0.0]]), (6.0, 0.0), directions)
