@@ -22,28 +22,29 @@ TRAP = shapely.box(-1.5, -2, 1, 2).difference(shapely.box(-4, -1.9, 0.9, 1.9))
 
 
 @pytest.mark.parametrize(
-    ("shape", "way"),
+    ("algorithm", "shape", "longest"),
     [
-        # around a box: two straight lines and an arc, touching the box grown by S
-        pytest.param(
-            BOX, shapely.box(-1.5, -2, 1.5, 2.5), id="box", marks=pytest.mark.slow
-        ),
-        pytest.param(TRAP, shapely.box(-1.5, -2, 1, 2), id="trap"),
+        (Algorithm.TANGENT_BUG, BOX, 1.05),
+        pytest.param(Algorithm.PLANNED, BOX, 1.15, marks=pytest.mark.slow),
+        pytest.param(Algorithm.PLANNED, TRAP, 1.15, id="trap"),
     ],
 )
 def test_path_is_little_longer_than_the_shortest(
-    shape: shapely.Polygon, way: shapely.Polygon
+    algorithm: Algorithm, shape: shapely.Polygon, longest: float
 ) -> None:
+    """A string around a convex shape, kept at the safety distance."""
     world = flatland(shape, at=Pose2(-6.0, 0.0))
-    planned = navigator(Algorithm.PLANNED, (6.0, 0.2))
-    world.run(planned)
-    assert planned.activity is Activity.REACHED
-    assert world.nearest > 0.4
+    driven = navigator(algorithm, (6.0, 0.2))
+    world.run(driven)
+    assert driven.activity is Activity.REACHED
+    assert driven.hit_points == []
+    assert world.nearest > S - (0.05 if algorithm is Algorithm.TANGENT_BUG else 0.1)
     ends = shapely.LineString([(-6, 0), (6, 0.2)])
-    hull = shapely.union(way.buffer(S), ends).convex_hull.exterior
+    grown = shape.convex_hull.buffer(S)
+    hull = shapely.union(grown, ends).convex_hull.exterior
     around = [hull.project(shapely.Point(*end)) for end in ends.coords]
     half = abs(around[1] - around[0])
-    assert world.length <= 1.15 * min(half, hull.length - half)
+    assert world.length <= longest * min(half, hull.length - half)
 
 
 def test_what_is_only_seen_from_afar_closes_no_way() -> None:

@@ -9,29 +9,8 @@ from radarsim.autonomy.navigation.controller import Activity
 from radarsim.geometry import Pose2
 
 S = 0.5
-BOX = shapely.box(-1.5, -2, 1.5, 2.5)
 TRAP = shapely.box(-3, -2.5, 2, 2.5).difference(shapely.box(-4, -2.4, 1.9, 2.4))
 CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
-
-
-def shortest(shape: shapely.Polygon, *ends: tuple[float, float]) -> float:
-    """The length of a string around a convex shape, kept at the safety distance."""
-    grown = shape.buffer(S)
-    hull = shapely.convex_hull(shapely.union(grown, shapely.MultiPoint(ends)))
-    ring = hull.exterior
-    one, other = (ring.project(shapely.Point(end)) for end in ends)
-    way = abs(one - other)
-    return float(min(way, ring.length - way))
-
-
-def test_path_around_a_box_is_nearly_the_shortest() -> None:
-    world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    robot = navigator(Algorithm.TANGENT_BUG, (6.0, 0.2))
-    world.run(robot)
-    assert robot.activity is Activity.REACHED
-    assert world.length <= 1.05 * shortest(BOX, (-6.0, 0.0), (6.0, 0.2))
-    assert world.nearest > S - 0.05
-    assert robot.hit_points == []
 
 
 def test_goal_in_something_round_has_no_path() -> None:
