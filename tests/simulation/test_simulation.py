@@ -40,10 +40,8 @@ def run(simulation: Simulation, ticks: int) -> dict[int, list[tuple[int, TickOut
     return outputs
 
 
-def scan_after(
-    simulation: Simulation, vehicle: Vehicle, ticks: int = 10
-) -> reports.RangeScan:
-    last = run(simulation, ticks)[vehicle.number][-1][1]
+def scan_after(simulation: Simulation, vehicle: Vehicle) -> reports.RangeScan:
+    last = run(simulation, 10)[vehicle.number][-1][1]
     (scan,) = last.scans
     return scan
 

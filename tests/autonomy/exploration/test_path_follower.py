@@ -275,14 +275,14 @@ def test_auto_stops_the_spiral_at_walls() -> None:
     assert max(pose.x for pose in here.track) < 9.0
 
 
-def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
+def sensed_with(near: dict[float, float]) -> Observation:
     """Return an observation with obstacles at some bearings, deg, and distances, m."""
     bearings = np.radians(np.arange(360.0) - 180)
     ranges = np.full(360, math.inf)
     for bearing, distance in near.items():
         apart = np.abs(np.degrees(bearings) - bearing)
         ranges[apart <= 20] = distance
-    return Observation(time, Pose2(0, 0), bearings, ranges)
+    return Observation(0.0, Pose2(0, 0), bearings, ranges)
 
 
 @pytest.mark.parametrize(

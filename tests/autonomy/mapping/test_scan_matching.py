@@ -18,11 +18,9 @@ offsets = st.floats(-0.1, 0.1)
 turns = st.floats(-0.08, 0.08)
 
 
-def points_of(
-    scan: PlanarScan, *, spread: float = 0.0, spots: bool = True
-) -> ScanPoints:
+def points_of(scan: PlanarScan, *, spread: float = 0.0) -> ScanPoints:
     places, along = scan.points()
-    return ScanPoints(places, along, inward_normals(places, along), spread, spots)
+    return ScanPoints(places, along, inward_normals(places, along), spread, True)
 
 
 def on_the_map(places: Floats, pose: Pose2) -> Floats:
