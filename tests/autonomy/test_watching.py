@@ -118,22 +118,22 @@ async def test_robot_is_mapped_until_it_leaves(
     assert f"{{Location {truth.pose.x:.4f}".encode() in data
 
 
-async def test_server_that_knows_no_watchers_is_told() -> None:
+@pytest.mark.parametrize(
+    ("answer", "patience", "text"),
+    [
+        pytest.param(b"", 0.3, "WATCH", id="server that knows no watchers"),
+        (b"NFO {Error there are 32 watchers}\r\n", DEADLINE, "there are 32 watchers"),
+    ],
+)
+async def test_server_that_lets_nobody_watch_is_told(
+    answer: bytes, patience: float, text: str
+) -> None:
     async def talk(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.write(GREETING)
+        writer.write(GREETING + answer)
 
     async with scripted(talk) as address:
-        with pytest.raises(ClientError, match="WATCH"):
-            await watch(address)
-
-
-async def test_server_that_refuses_is_quoted() -> None:
-    async def talk(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.write(GREETING + b"NFO {Error there are 32 watchers}\r\n")
-
-    async with scripted(talk) as address:
-        with pytest.raises(ClientError, match="there are 32 watchers"):
-            await watch(address, DEADLINE)
+        with pytest.raises(ClientError, match=text):
+            await watch(address, patience)
 
 
 async def test_server_that_closes_is_told() -> None:

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
-from flat_world import ROOM, look_around
+from flat_world import ROOM, look
 from host_client import HostClient
 from parts import brick
 
@@ -162,7 +162,7 @@ def drive() -> None:
 def match() -> None:
     known, grid = PointMap(), OccupancyGrid()
     for pose in (Pose2(0.0, 0.0), Pose2(0.3, 0.1, 0.2)):
-        seen = look_around(ROOM, pose)
+        seen = look(ROOM, pose)
         grid.add(pose, seen)
         places, along = seen.points()
         known.add(places, along)

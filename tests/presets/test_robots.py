@@ -1,6 +1,5 @@
 import math
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -247,13 +246,6 @@ def test_invalid_items_are_rejected(tmp_path: Path, items: str) -> None:
 def test_file_that_is_not_a_mapping_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(PresetError, match=r"Toy\.yaml:1:1: "):
         read_robot(write(tmp_path, "[1, 2]\n"))
-
-
-def test_model_dump_holds_only_keys_of_the_file(tmp_path: Path) -> None:
-    data: dict[str, Any] = read_robot(write(tmp_path, BODY)).model_dump(
-        exclude_unset=True
-    )
-    assert set(data) == {line.split(":")[0] for line in BODY.splitlines()}
 
 
 @pytest.mark.parametrize(

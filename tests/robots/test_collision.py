@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+from flat_world import rectangle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.motion import CONTACT_GAP
@@ -20,12 +21,6 @@ FULL = 8.17
 speeds = st.floats(-9, 9).map(lambda number: round(number, 1))
 Command = tuple[float, float, int]
 commands = st.lists(st.tuples(speeds, speeds, st.integers(1, 60)), max_size=8)
-
-
-def ring(x0: float, y0: float, x1: float, y1: float) -> Floats:
-    """Return the four sides of a rectangle."""
-    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
 def wall(*ends: tuple[float, float]) -> Floats:
@@ -59,11 +54,11 @@ def clutter(draw: st.DrawFn) -> Obstacles:
     """Return a closed room of 6 by 6 m with boxes, posts and thin walls in it."""
     place = st.floats(-3, 3).map(lambda number: round(number, 2))
     size = st.floats(0.01, 1).map(lambda number: round(number, 2))
-    found = [ring(-3, -3, 3, 3)]
+    found = [rectangle(-3, -3, 3, 3)]
     for _ in range(draw(st.integers(0, 8))):
         x, y, a, b = draw(place), draw(place), draw(size), draw(size)
         found.append(
-            ring(x, y, x + a, y + b)
+            rectangle(x, y, x + a, y + b)
             if draw(st.booleans())
             else wall((x, y), (x + a, y - b))
         )
@@ -89,7 +84,7 @@ def test_no_drive_ends_inside_an_obstacle(
 @settings(deadline=None, max_examples=25)
 @given(orders=st.lists(st.lists(st.tuples(speeds, speeds), min_size=4, max_size=4)))
 def test_robots_never_overlap(orders: list[list[tuple[float, float]]]) -> None:
-    obstacles, fleet = Obstacles(ring(-1.5, -1.5, 1.5, 1.5)), Fleet()
+    obstacles, fleet = Obstacles(rectangle(-1.5, -1.5, 1.5, 1.5)), Fleet()
     places = [(-0.7, -0.7), (0.7, -0.7), (-0.7, 0.7), (0.7, 0.7)]
     robots = [robot(obstacles, Pose2(x, y, x * y), fleet) for x, y in places]
     for order in orders:
@@ -177,13 +172,6 @@ def test_thin_wall_is_not_passed_through(thickness: float, speed: float) -> None
     driven = robot(Obstacles(post), Pose2(0, 0))
     drive(driven, speed, speed, round(2000 / speed))
     assert driven.pose.x < 1 - P3AT.length / 2
-
-
-def test_wheels_keep_turning_while_a_wall_blocks_the_robot() -> None:
-    driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
-    drive(driven, 5, 5, 200)
-    assert driven.pose.x < 0.3
-    assert driven.side_angles == pytest.approx((10, 10))
 
 
 def test_touch_lasts_until_the_robot_backs_off() -> None:

@@ -3,8 +3,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from flat_world import rectangle
 
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Pose2
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.scene.material import Material
@@ -18,12 +19,6 @@ SMALL = Footprint(0.1, 0.1)
 class StandingBody:
     pose: Pose2
     footprint: Footprint = ROBOT
-
-
-def ring(x0: float, y0: float, x1: float, y1: float) -> Floats:
-    """Return the four sides of a rectangle."""
-    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
 def sheet(low: float, high: float, *, x: float = 1.0, solid: bool = True) -> Part:
@@ -65,9 +60,9 @@ def test_floor_without_solid_parts_is_clear() -> None:
 
 
 def test_obstacles_are_surfaces_and_bodies_are_filled() -> None:
-    room = Obstacles(ring(-1, -1, 1, 1))
+    room = Obstacles(rectangle(-1, -1, 1, 1))
     assert room.clear(ROBOT, Pose2(0, 0))
-    post = Obstacles(ring(-0.01, -0.01, 0.01, 0.01))
+    post = Obstacles(rectangle(-0.01, -0.01, 0.01, 0.01))
     assert not post.clear(ROBOT, Pose2(0, 0))
 
 
@@ -108,8 +103,10 @@ def test_nearest_free_pose_avoids_other_bodies() -> None:
 
 
 def test_no_free_pose_within_the_radius_is_none() -> None:
-    grid = [ring(x, y, x + 0.3, y + 0.3) for x in range(-3, 3) for y in range(-3, 3)]
-    shifted = [rectangle + 0.5 for rectangle in grid]
+    grid = [
+        rectangle(x, y, x + 0.3, y + 0.3) for x in range(-3, 3) for y in range(-3, 3)
+    ]
+    shifted = [sides + 0.5 for sides in grid]
     obstacles = Obstacles(np.concatenate(grid + shifted))
     assert obstacles.nearest_free_pose(Footprint(1, 1), Pose2(0, 0)) is None
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import shapely
+from flat_world import rectangle
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -81,17 +82,8 @@ def test_slices_of_parts_are_joined_in_order() -> None:
     assert slice_parts([], 0.5).shape == (0, 2, 2)
 
 
-def ring(*corners: tuple[float, float]) -> Floats:
-    points = np.array(corners, float)
-    return np.stack([points, np.roll(points, -1, axis=0)], axis=1)
-
-
-def square(x: float, side: float) -> Floats:
-    return ring((x, x), (x + side, x), (x + side, x + side), (x, x + side))
-
-
 def test_ring_inside_another_is_a_hole() -> None:
-    area = enclosed_area(np.concatenate([square(0, 3), square(1, 1)]))
+    area = enclosed_area(np.concatenate([rectangle(0, 0, 3, 3), rectangle(1, 1, 2, 2)]))
     assert shapely.area(area) == pytest.approx(8)
 
 

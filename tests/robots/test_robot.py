@@ -2,31 +2,22 @@ import math
 
 import pytest
 
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.presets.robots import load_robot
-from radarsim.protocol.dialect import WheelDrive
+from radarsim.protocol.dialect import DriveUnit, WheelDrive
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Battery, Robot
 
 TICK = 0.01
+ORIGIN = Pose2(0, 0)
+P3AT = load_robot("P3AT")
 
 
-def robot(
-    pose: Pose2 | None = None,
-    *,
-    class_name: str = "P3AT",
-    wheel_drive: WheelDrive | None = None,
-    floor: float = 0.0,
-) -> Robot:
+def robot(pose: Pose2 = ORIGIN, *, floor: float = 0.0) -> Robot:
     """Create a robot on an open floor."""
-    return Fleet().add(
-        "R1",
-        load_robot(class_name),
-        pose or Pose2(0, 0),
-        obstacles=Obstacles(floor=floor),
-        wheel_drive=wheel_drive or WheelDrive(8.17),
-    )
+    drive, around = WheelDrive(8.17), Obstacles(floor=floor)
+    return Fleet().add("R1", P3AT, pose, obstacles=around, wheel_drive=drive)
 
 
 def run(driven: Robot, seconds: float) -> None:
@@ -50,14 +41,6 @@ def test_full_speed_is_that_of_the_real_p3at() -> None:
     assert driven.pose.x == pytest.approx(8.17 * 0.098 * 10)
     assert driven.pose.x == pytest.approx(8.0, abs=0.01)
     assert driven.pose.y == pytest.approx(0)
-
-
-def test_faster_right_wheels_turn_the_robot_left() -> None:
-    driven = robot()
-    driven.drive(-1, 1)
-    run(driven, 1)
-    assert driven.pose.yaw == pytest.approx(2 * 0.098 / 0.36)
-    assert math.hypot(driven.pose.x, driven.pose.y) < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -160,3 +143,53 @@ def test_top_speed_is_never_exceeded() -> None:
 def test_battery_seconds_left(elapsed: float, endless: int, mortal: int) -> None:
     assert Battery(1200.0).seconds_left(elapsed) == endless
     assert Battery(1200.0, runs_out=True).seconds_left(elapsed) == mortal
+
+
+def advance(
+    pose: Pose2, left: float, right: float, *, track: float, dt: float
+) -> Pose2:
+    model = P3AT.model_copy(update={"track": track, "wheel_radius": 1.0})
+    drive, nothing = WheelDrive(1.0), Obstacles()
+    robot = Fleet().add("R", model, pose, obstacles=nothing, wheel_drive=drive)
+    robot.drive(left, right)
+    robot.fleet.step(dt)
+    return robot.pose
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "end"),
+    [
+        pytest.param(0.5, 0.5, Pose2(1, 0, 0), id="straight ahead"),
+        pytest.param(-0.5, -0.5, Pose2(-1, 0, 0), id="straight back"),
+        pytest.param(0, 0.36 * math.pi / 4, Pose2(0.18, 0.18, math.pi / 2), id="left"),
+        pytest.param(
+            0.36 * math.pi / 4, 0, Pose2(0.18, -0.18, -math.pi / 2), id="right"
+        ),
+        pytest.param(
+            -0.18 * math.pi / 2, 0.18 * math.pi / 2, Pose2(0, 0, math.pi), id="spin"
+        ),
+    ],
+)
+def test_known_arcs(left: float, right: float, end: Pose2) -> None:
+    found = advance(Pose2(0, 0), left, right, track=0.36, dt=2)
+    assert math.hypot(found.x - end.x, found.y - end.y) < 1e-9
+    assert abs(wrap_angle(found.yaw - end.yaw)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("unit", "limit", "value", "normalized", "spin"),
+    [
+        ("rad_per_s", 8.17, 2.5, False, 2.5),
+        ("rad_per_s", 8.17, -9, False, -8.17),
+        ("rad_per_s", 8.17, 50, True, 4.085),
+        ("rad_per_s", 8.17, -250, True, -8.17),
+        ("rev_per_s", 1.3, 1, False, 2 * math.pi),
+        ("rev_per_s", 1.3, 5, False, 2.6 * math.pi),
+        ("rev_per_s", 1.3, 100, True, 2.6 * math.pi),
+    ],
+)
+def test_conversion_of_commanded_speeds(
+    unit: DriveUnit, limit: float, value: float, normalized: bool, spin: float
+) -> None:
+    drive = WheelDrive(limit, unit)
+    assert drive.spin(value, normalized=normalized) == pytest.approx(spin)

@@ -1,3 +1,4 @@
+import time
 from pathlib import Path
 from typing import Any
 
@@ -6,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.scene.build import BuildError, copy_names, place_copies
+from radarsim.rng import generator_for
+from radarsim.scene.build import MAX_ATTEMPTS, BuildError, copy_names, place_copies
 from radarsim.scene.map_schema import ObjectEntry
 
 
@@ -48,3 +50,51 @@ def test_larger_count_does_not_move_the_first_copies() -> None:
 def test_full_area_is_an_error() -> None:
     with pytest.raises(BuildError, match=r"after \d copies, expected 20"):
         place_copies(scatter(min_distance=3))
+
+
+def crowd(count: int, min_distance: float, half: float) -> ObjectEntry:
+    """Return objects in a square, of all sizes."""
+    area = [[-half, -half], [half, half]]
+    more = {"scale": [0.5, 2], "min_distance": min_distance}
+    return scatter(count=count, area=area, seed=5, **more)
+
+
+@pytest.mark.parametrize(
+    ("count", "min_distance", "half"),
+    [
+        pytest.param(200, 0.0, 5.0, id="anywhere"),
+        pytest.param(200, 1.0, 10.0, id="apart"),
+        pytest.param(60, 3.0, 14.0, id="dense"),
+        pytest.param(50, 1e-9, 5.0, id="hardly apart"),
+        pytest.param(60, 3e-6, 1.4e-5, id="dense, in a tiny area"),
+        pytest.param(50, 1e-300, 1e-9, id="hardly apart, in a tiny area"),
+    ],
+)
+def test_places_are_those_of_comparing_all_pairs(
+    count: int, min_distance: float, half: float
+) -> None:
+    rng = generator_for(5, "scatter", "bush")
+    expected = np.full((count, 2), np.inf)
+    scales = []
+    for number in range(count):
+        for _ in range(MAX_ATTEMPTS):
+            position = rng.uniform(np.full(2, -half), np.full(2, half))
+            distances = np.linalg.norm(expected[:number] - position, axis=1)
+            if distances.min(initial=np.inf) >= min_distance:
+                break
+        expected[number] = position
+        scales.append(rng.uniform(0.5, 2))
+    copies = place_copies(crowd(count, min_distance, half))
+    assert [place[:2].tolist() for _, place, _ in copies] == expected.tolist()
+    assert [scale for *_, scale in copies] == scales
+
+
+def test_tiny_area_takes_as_long_as_a_large_one() -> None:
+    def duration(scale: float) -> float:
+        copies = crowd(3000, 1e-3 * scale, scale)
+        start = time.process_time()
+        place_copies(copies)
+        return time.process_time() - start
+
+    large = min(duration(100.0) for _ in range(3))
+    assert min(duration(1e-4) for _ in range(3)) < 10 * large  # 1000 times if it fails

@@ -84,9 +84,7 @@ def seen_behind(scan: Scan) -> int:
     return int(np.count_nonzero(crosses & (x > BEHIND)))
 
 
-def test_radar_sees_things_behind_the_hedge_but_a_laser_does_not(
-    forest: Scene,
-) -> None:
+def test_radar_sees_things_behind_the_hedge_but_a_laser_does_not(forest: Scene) -> None:
     radar = [seen_behind(scan) for scan in scans_of(forest, "radar")]
     laser = [seen_behind(scan) for scan in scans_of(forest, "laser")]
     assert min(radar) >= 8

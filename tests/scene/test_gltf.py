@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from parts import volume
 
-from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import MeshError
 from radarsim.scene.meshes import join_volume, read_surfaces
 from radarsim.scene.shapes import Surface, box
@@ -62,11 +62,6 @@ def read(
     }
     (folder / "a.gltf").write_text(json.dumps(tree))
     return read_surfaces(folder / "a.gltf", folder)
-
-
-def volume(vertices: Floats, faces: Any) -> float:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 @pytest.mark.parametrize("kind", MOST)
@@ -129,12 +124,8 @@ def test_fans_of_a_pyramid_enclose_it(tmp_path: Path) -> None:
     ("name", "is_read"),
     [
         ("KHR_mesh_quantization", True),
-        ("KHR_materials_unlit", True),
         ("KHR_texture_transform", True),
-        ("KHR_draco_mesh_compression", False),
         ("EXT_meshopt_compression", False),
-        ("EXT_mesh_gpu_instancing", False),
-        ("VENDOR_anything", False),
     ],
 )
 def test_required_extension_is_known_or_named(

@@ -28,6 +28,10 @@ START = "expected Robot, Player, ComSt or Point, then letters, then digits"
             "m.yaml:2:8: level: 'a b', expected ASCII without blanks and braces",
         ),
         (
+            "version: 1\nmaterials: {m: {}}",
+            "m.yaml:2:16: materials.m.density: missing, expected 'opaque' or a number",
+        ),
+        (
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
             " expected one of ['air', 'crates', 'gps_origin_deg', 'level', 'materials',"
@@ -35,39 +39,10 @@ START = "expected Robot, Player, ComSt or Point, then letters, then digits"
         ),
     ],
 )
-def test_problem_of_the_top_level_has_place_and_expectation(
+def test_problem_of_the_top_level_or_a_material_has_place_and_expectation(
     text: str, expected: str
 ) -> None:
     assert problems(text) == [expected]
-
-
-@pytest.mark.parametrize(
-    ("entry", "expected"),
-    [
-        pytest.param("{}", "4: m.density: missing, expected 'opaque' or a number"),
-        pytest.param(
-            "{density: opaque, sheet_loss: 1}",
-            "34: m.sheet_loss: 1 with 'opaque',"
-            " expected a density that is a number, or none",
-        ),
-        pytest.param(
-            "{density: 1, colour: red}",
-            "17: m.colour: unknown key, expected one of ['absorption_db', 'albedo',"
-            " 'attenuation_db', 'backscatter_db', 'based_on', 'constant_gamma',"
-            " 'db_per_m', 'density', 'g_per_m3', 'laser_absorption_db',"
-            " 'laser_db_per_m', 'laser_density', 'mirror', 'mm_per_h',"
-            " 'scatters_light', 'sheet_attenuation_db', 'sheet_loss', 'slope_deg',"
-            " 'solid', 'specular_db', 'sway_m_per_s', 'transmission_db']",
-        ),
-    ],
-)
-def test_problem_of_a_material_has_place_and_expectation(
-    entry: str, expected: str
-) -> None:
-    column, rest = expected.split(":", 1)
-    text = f"version: 1\nmaterials:\n  m: {entry}\n"
-    place = f"m.yaml:3:{int(column) + 2 if column != '4' else 6}"
-    assert problems(text) == [f"{place}: materials.{rest.strip()}"]
 
 
 @pytest.mark.parametrize(

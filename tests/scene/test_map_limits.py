@@ -1,16 +1,13 @@
 """Maps of more than a scene may have: an error says how much came, and what may."""
 
-import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from map_texts import HEAD, objects, problems
 
 from radarsim.errors import MapError
-from radarsim.rng import generator_for
-from radarsim.scene.build import LIMITS, MAX_ATTEMPTS, place_copies
+from radarsim.scene.build import LIMITS
 from radarsim.scene.map_checks import MAX_TOLD
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.map_schema import (
@@ -60,15 +57,6 @@ def test_materials_are_limited() -> None:
     found = problems("version: 1\nmaterials:\n" + lines)
     count = f"{MAX_MATERIALS + 1} materials, expected at most {MAX_MATERIALS}"
     assert found == [f"m.yaml:3:3: materials: {count} in all"]
-
-
-def test_starts_are_limited() -> None:
-    lines = "".join(
-        f"  - {{name: RobotStart{i}, position: [0, 0, 0]}}\n"
-        for i in range(MAX_STARTS + 1)
-    )
-    (found,) = problems("version: 1\nstarts:\n" + lines)
-    assert f"{MAX_STARTS + 1} starts, expected at most {MAX_STARTS}" in found
 
 
 def test_what_is_too_much_is_told_before_anything_is_built(
@@ -176,57 +164,6 @@ def test_each_mesh_file_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     base, variant = load_variants("m.yaml")
     assert read == ["cube.obj"]
     assert base.parts[3] is variant.parts[3]
-
-
-def entry(count: int, min_distance: float, half: float) -> ObjectEntry:
-    area = [[-half, -half], [half, half]]
-    scatter = {"count": count, "area": area, "seed": 5, "scale": [0.5, 2]}
-    given = {"name": "bush", "sphere": 1.0, "material": "leaf"}
-    return ObjectEntry.model_validate(
-        given | {"scatter": scatter | {"min_distance": min_distance}},
-        context={"materials": ["leaf"], "folder": Path()},
-    )
-
-
-@pytest.mark.parametrize(
-    ("count", "min_distance", "half"),
-    [
-        pytest.param(200, 0.0, 5.0, id="anywhere"),
-        pytest.param(200, 1.0, 10.0, id="apart"),
-        pytest.param(60, 3.0, 14.0, id="dense"),
-        pytest.param(50, 1e-9, 5.0, id="hardly apart"),
-        pytest.param(60, 3e-6, 1.4e-5, id="dense, in a tiny area"),
-        pytest.param(50, 1e-300, 1e-9, id="hardly apart, in a tiny area"),
-    ],
-)
-def test_places_are_those_of_comparing_all_pairs(
-    count: int, min_distance: float, half: float
-) -> None:
-    rng = generator_for(5, "scatter", "bush")
-    expected = np.full((count, 2), np.inf)
-    scales = []
-    for number in range(count):
-        for _ in range(MAX_ATTEMPTS):
-            position = rng.uniform(np.full(2, -half), np.full(2, half))
-            distances = np.linalg.norm(expected[:number] - position, axis=1)
-            if distances.min(initial=np.inf) >= min_distance:
-                break
-        expected[number] = position
-        scales.append(rng.uniform(0.5, 2))
-    copies = place_copies(entry(count, min_distance, half))
-    assert [place[:2].tolist() for _, place, _ in copies] == expected.tolist()
-    assert [scale for *_, scale in copies] == scales
-
-
-def test_tiny_area_takes_as_long_as_a_large_one() -> None:
-    def duration(scale: float) -> float:
-        copies = entry(3000, 1e-3 * scale, scale)
-        start = time.process_time()
-        place_copies(copies)
-        return time.process_time() - start
-
-    large = min(duration(100.0) for _ in range(3))
-    assert min(duration(1e-4) for _ in range(3)) < 10 * large  # 1000 times if it fails
 
 
 def test_copies_of_all_variants_are_limited(

@@ -155,68 +155,53 @@ def test_amounts_are_those_of_the_entry() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "key", "message"),
+    ("entry", "message"),
     [
-        ("{db_per_m: -1}", "db_per_m", f"-1, {NUMBER}"),
+        ("{db_per_m: ^-1}", f"-1, {NUMBER}"),
         (
-            "{db_per_m: {24: 1, 77: 2, 94: 3, 60: 4}}",
-            "db_per_m",
+            "{db_per_m: ^{24: 1, 77: 2, 94: 3, 60: 4}}",
             f"{{'24': 1, '77': 2, '94': 3, '60': 4}}, {NUMBER}",
         ),
         (
-            "{density: opaque, db_per_m: 1}",
-            "db_per_m",
+            "{density: opaque, db_per_m: ^1}",
             "1 with 'opaque', expected a density that is a number, or none",
         ),
+        ("{sheet_loss: 1, db_per_m: ^1}", "expected either 'sheet_loss' or 'db_per_m'"),
         (
-            "{sheet_loss: 1, db_per_m: 1}",
-            "db_per_m",
-            "expected either 'sheet_loss' or 'db_per_m'",
-        ),
-        (
-            "{density: opaque, absorption_db: some}",
-            "absorption_db",
+            "{density: opaque, absorption_db: ^some}",
             "'some', expected 'all' or a number from 0 to 1e+06",
         ),
         (
-            "{density: 1, absorption_db: 3}",
-            "absorption_db",
+            "{density: 1, absorption_db: ^3}",
             "3, expected only of what is opaque to a radar",
         ),
         (
-            "{density: 1, mirror: radar}",
-            "mirror",
+            "{density: 1, mirror: ^radar}",
             "'radar', expected only of what is opaque to a radar",
         ),
         (
-            "{based_on: concrete, attenuation_db: 3}",
-            "attenuation_db",
+            "{based_on: concrete, attenuation_db: ^3}",
             "expected only of what a radar enters and has an inside",
         ),
         (
-            "{density: 1, sheet_attenuation_db: 3}",
-            "sheet_attenuation_db",
+            "{density: 1, sheet_attenuation_db: ^3}",
             "expected only of what a radar enters and has a 'sheet_loss'",
         ),
-        ("{density: 1, albedo: 1.5}", "albedo", "1.5, expected at most 1"),
+        ("{density: 1, albedo: ^1.5}", "1.5, expected at most 1"),
+        ("{based_on: ^leaf}", f"'leaf', expected one of {list(library_names())}"),
         (
-            "{based_on: leaf}",
-            "based_on",
-            f"'leaf', expected one of {list(library_names())}",
-        ),
-        (
-            "{based_on: rain, g_per_m3: 3}",
-            "g_per_m3",
+            "{based_on: rain, g_per_m3: ^3}",
             "expected only with 'based_on' one of ['dust', 'fog', 'smoke']",
         ),
     ],
 )
 def test_problem_of_a_material_has_place_and_expectation(
-    entry: str, key: str, message: str
+    entry: str, message: str
 ) -> None:
-    column = 6 + entry.rindex(f"{key}: ") + len(f"{key}: ")
-    place = f"m.yaml:3:{column}: materials.m.{key}"
-    assert problems(f"materials:\n  m: {entry}") == [f"{place}: {message}"]
+    """The place is that of the mark, behind the key."""
+    before, _, after = entry.partition("^")
+    place = f"m.yaml:3:{6 + len(before)}: materials.m.{before.split()[-1].lstrip('{')}"
+    assert problems(f"materials:\n  m: {before}{after}") == [f"{place} {message}"]
 
 
 def test_object_may_have_a_library_material_without_an_entry() -> None:

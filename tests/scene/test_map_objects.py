@@ -22,146 +22,111 @@ CLOSED = (
 
 
 @pytest.mark.parametrize(
-    ("line", "column", "expected"),
+    ("line", "expected"),
     [
         (
-            "name: 'a{', sphere: 1, material: stone",
-            12,
+            "name: ^'a{', sphere: 1, material: stone",
             ".name: 'a{', expected printable text without braces",
         ),
-        ("name: a, material: stone", 5, f": no shape, {SHAPES}"),
-        ("name: a, sphere: 0, material: stone", 23, ".sphere: 0, expected more than 0"),
-        (
-            "name: a, sphere: 1, position: [0, 2000, 0], material: stone",
-            40,
-            ".position.1: 2000, expected at most 1000",
-        ),
+        ("name: a, material: stone", f": no shape, {SHAPES}"),
         (
             "name: a, sphere: 200, position: [0, -900, 0], material: stone",
-            5,
             ": 1100.0 m from the map's origin, expected at most 1000",
         ),
         (
             "name: a, sphere: 1",
-            5,
             ": no material, expected 'material' or, for a mesh, 'materials'",
         ),
         (
-            "name: a, sphere: 1, material: ston",
-            36,
+            "name: a, sphere: 1, material: ^ston",
             ".material: 'ston' (did you mean 'stone'?),"
             f" expected one of ['leaf', 'sheet', 'stone']{LIBRARY}",
         ),
         (
-            "name: a, sphere: 1, material: stone, up_axis: y",
-            52,
+            "name: a, sphere: 1, material: stone, up_axis: ^y",
             ".up_axis: expected only for a mesh",
         ),
         (
-            "name: a, sphere: 1, material: stone, yaw_deg: 3, rotation_deg: [1, 2, 3]",
-            69,
+            "name: a, sphere: 1, material: stone, yaw_deg: 3, rotation_deg: ^[1, 2, 3]",
             ".rotation_deg: expected either 'yaw_deg' or 'rotation_deg'",
         ),
         (
-            "name: a, sphere: 1, material: stone, colour: red",
-            43,
+            "name: a, sphere: 1, material: stone, ^colour: red",
             f".colour: unknown key, expected one of {KEYS}",
         ),
         (
-            "name: a, sphere: 1, material: stone, repeat: {count: 1000000000,"
+            "name: a, sphere: 1, material: stone, repeat: {count: ^1000000000,"
             " step: [0, 0, 1]}",
-            59,
             ".repeat.count: 1000000000, expected at most 10000",
         ),
         (
-            "name: a, sphere: 1, position: [1, 0, 0], material: stone,"
+            "name: a, sphere: 1, position: ^[1, 0, 0], material: stone,"
             " scatter: {count: 1, area: [[0, 0], [1, 1]], seed: 1}",
-            36,
             ".position: [1, 0, 0], expected 0 for x and y, since 'scatter' has an area",
         ),
         (
             "name: a, sphere: 1, material: stone,"
-            " scatter: {count: 1, area: [[0, 0], [-1, 1]], seed: 1}",
-            69,
+            " scatter: {count: 1, area: ^[[0, 0], [-1, 1]], seed: 1}",
             ".scatter.area: [[0.0, 0.0], [-1.0, 1.0]], expected the lower corner first",
         ),
         (
             "name: a, sphere: 1, material: stone,"
-            " scatter: {count: 1, area: [[0, 0], [1, 1]], seed: 1, scale: [2, 1]}",
-            103,
+            " scatter: {count: 1, area: [[0, 0], [1, 1]], seed: 1, scale: ^[2, 1]}",
             ".scatter.scale: [2.0, 1.0], expected the smaller one first",
         ),
         (
             "name: a, sphere: 1, material: stone,"
-            " scatter: {count: 9, area: [[0, 0], [1, 1]], seed: 1, min_distance: 9}",
-            52,
+            " scatter: ^{count: 9, area: [[0, 0], [1, 1]], seed: 1, min_distance: 9}",
             ".scatter: the area is full after 1 copies, expected 9",
         ),
         (
-            "name: a, mesh: meshes/oak.glb, material: stone",
-            21,
+            "name: a, mesh: ^meshes/oak.glb, material: stone",
             ".mesh: 'meshes/oak.glb', expected an existing file",
         ),
         (
-            "name: a, mesh: ../oak.glb, material: stone",
-            21,
+            "name: a, mesh: ^../oak.glb, material: stone",
             ".mesh: '../oak.glb', expected a file in the map's own folder",
         ),
         (
-            "name: a, mesh: m.yaml, material: stone",
-            21,
+            "name: a, mesh: ^m.yaml, material: stone",
             ".mesh: 'm.yaml', expected one of"
             " ['.glb', '.gltf', '.obj', '.ply', '.stl']",
         ),
         (
-            "name: a, mesh: meshes/broken.ply, material: stone",
-            21,
-            ".mesh: 'broken.ply': no end of the header, expected one within 16384"
-            " bytes",
-        ),
-        (
-            "name: a, mesh: meshes/line.obj, material: leaf",
-            21,
+            "name: a, mesh: ^meshes/line.obj, material: leaf",
             ".mesh: 'meshes/line.obj': no triangle of 'leaf' has an area",
         ),
         (
-            "name: a, mesh: meshes/lid.obj, material: leaf",
-            21,
+            "name: a, mesh: ^meshes/lid.obj, material: leaf",
             f".mesh: 'meshes/lid.obj': not closed: 4 edges have no partner, {CLOSED}",
         ),
         (
-            "name: a, mesh: meshes/double.obj, material: leaf",
-            21,
+            "name: a, mesh: ^meshes/double.obj, material: leaf",
             ".mesh: 'meshes/double.obj':"
             " 12 faces are present in both orientations, with nothing inside,"
             f" {CLOSED}",
         ),
         (
-            f"name: {'a' * 201}, sphere: 1, material: stone",
-            12,
-            f".name: '{'a' * 79}, expected at most 200 characters",
-        ),
-        (
-            "name: a, mesh: meshes/tree.obj, materials: {Leaves: leaf}",
-            49,
+            "name: a, mesh: meshes/tree.obj, materials: ^{Leaves: leaf}",
             ".materials: missing 'Bark' of the file",
         ),
         (
-            "name: a, mesh: meshes/cube.obj, materials: {Leaves: leaf, Twig: leaf}",
-            70,
+            "name: a, mesh: meshes/cube.obj, materials: {Leaves: leaf, Twig: ^leaf}",
             ".materials.Twig: 'Twig', expected one of ['Leaves']",
         ),
         (
-            "name: a, mesh: meshes/plain.obj, materials: {}",
-            50,
+            "name: a, mesh: meshes/plain.obj, materials: ^{}",
             ".materials: no names in parts of the file, expected 'material'",
         ),
     ],
 )
 def test_problem_of_an_object_has_place_and_expectation(
-    line: str, column: int, expected: str
+    line: str, expected: str
 ) -> None:
-    assert problems(objects(line)) == [f"m.yaml:7:{column}: objects.0{expected}"]
+    """The place is that of the mark, or that of the object."""
+    place = f"m.yaml:7:{6 + line.find('^')}"
+    found = problems(objects(line.replace("^", "")))
+    assert found == [f"{place}: objects.0{expected}"]
 
 
 def test_names_including_those_of_copies_are_unique() -> None:

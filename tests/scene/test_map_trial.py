@@ -48,13 +48,6 @@ def test_trial_is_optional(line: str) -> None:
         ("start: RobotStart1, ", "", 8, ".start: missing"),
         ("[7, -2.5]", "[7, 1001]", 39, ".goal.1: 1001, expected at most 1000"),
         pytest.param(
-            "0.5",
-            "0",
-            63,
-            ".safety_distance: 0, expected more than 0",
-            id="no distance",
-        ),
-        pytest.param(
             "goal:", "aim: 1, goal:", 29, f".aim: unknown key, {KEYS}", id="unknown key"
         ),
     ],

@@ -98,11 +98,6 @@ def test_meshes_of_a_variant_are_relative_to_the_map() -> None:
             id="no variants",
         ),
         (
-            "variants: {dust: {}}",
-            "m.yaml@",
-            "m.yaml:2:11: variants: '', expected one of ['dust']",
-        ),
-        (
             "variants: {a@b: {}}",
             "m.yaml",
             "m.yaml:2:17: variants.a@b: 'a@b', expected letters, digits, '_' and '-'",
@@ -123,12 +118,6 @@ def test_meshes_of_a_variant_are_relative_to_the_map() -> None:
             "m.yaml@a",
             "m.yaml:2:21: variants.a.air: 'metal' is opaque to a radar and opaque to a"
             " laser and solid, expected a material that beams and robots can enter",
-        ),
-        (
-            "variants: {a: {materials: {m: {density: -1}}}}",
-            "m.yaml@a",
-            "m.yaml:2:41: variants.a.materials.m.density: -1,"
-            " expected 'opaque' or a number, at least 0",
         ),
         (
             "objects: [{name: b, sphere: 1, material: fog}]\n"

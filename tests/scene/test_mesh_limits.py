@@ -89,11 +89,6 @@ INSTANCES = MAX_NODES - 1
             id="a view larger than its buffer",
         ),
         pytest.param(
-            {"accessors": accessor(componentType=5130)},
-            "accessor 0 is VEC3 of 5130",
-            id="an unknown type",
-        ),
-        pytest.param(
             {"accessors": accessor(count=0)},
             "accessor 0 is empty",
             id="no values",
@@ -201,7 +196,7 @@ def test_large_file_is_refused_unread(tmp_path: Path) -> None:
         pytest.param(
             "a.stl",
             bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(50),
-            "4294967295 triangles in the header",
+            "4294967295 triangles in the header, expected a file of 214748364834 bytes",
             id="STL",
         ),
         pytest.param(

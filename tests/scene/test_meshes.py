@@ -1,4 +1,3 @@
-import base64
 import json
 import struct
 from pathlib import Path
@@ -6,14 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from parts import volume
 
-from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import MeshError, find_inside
-from radarsim.scene.meshes import (
-    join_surfaces,
-    join_volume,
-    read_surfaces,
-)
+from radarsim.scene.meshes import join_surfaces, join_volume, read_surfaces
 from radarsim.scene.shapes import Surface, box
 from radarsim.scene.topology import connect_faces, is_closed, weld_vertices
 
@@ -115,11 +110,6 @@ def read(path: Path) -> dict[str | None, Surface]:
     return found
 
 
-def volume(vertices: Floats, faces: Any) -> float:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
-
-
 @pytest.mark.parametrize(
     ("name", "content"),
     [
@@ -152,17 +142,6 @@ def test_text_may_have_names_in_any_encoding(tmp_path: Path) -> None:
             "t.gltf",
             json.dumps(gltf_box("my%20box.bin", NODES)),
             id="glTF with a buffer beside it",
-        ),
-        pytest.param(
-            "t.gltf",
-            json.dumps(
-                gltf_box(
-                    "data:application/octet-stream;base64,"
-                    + base64.b64encode(box_buffer()).decode(),
-                    NODES,
-                )
-            ),
-            id="glTF with a buffer inside",
         ),
     ],
 )
@@ -255,13 +234,6 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
             ply_box().replace("3 0 2 3", "3 0 2 9"),
             "'a.ply': cannot be read as PLY: a face names a vertex that is not there",
             id="index out of range",
-        ),
-        pytest.param(
-            "a.stl",
-            bytes(80) + struct.pack("<I", 12) + b"\x80" * 300,
-            "'a.stl': 12 triangles in the header,"
-            " expected a file of 684 bytes, not of 384",
-            id="cut binary STL",
         ),
         pytest.param(
             "a.gltf",

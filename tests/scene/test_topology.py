@@ -5,17 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from parts import volume
 
-from radarsim.geometry import Floats
-from radarsim.scene.shapes import Faces, Mesh, box, concatenate, cylinder, sphere
-from radarsim.scene.topology import (
-    Labels,
-    connect_faces,
-    count_degenerate,
-    is_closed,
-    orient_outward,
-    weld_vertices,
-)
+from radarsim.scene import topology
+from radarsim.scene.shapes import Mesh, box, concatenate, cylinder, sphere
 
 NUMBERS = st.sampled_from([-1.0, -0.0, 0.0, 1.0, 1e-300, 0.1])
 POINTS = st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=12)
@@ -25,14 +18,6 @@ QUAD = (
     np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
 )
 CUBE = box(1, 1, 1)
-
-
-def count_open_edges(faces: Faces) -> int:
-    return connect_faces(faces).open_edges
-
-
-def label_components(faces: Faces) -> Labels:
-    return connect_faces(faces).labels
 
 
 def stack(*meshes: Mesh) -> Mesh:
@@ -48,44 +33,22 @@ def inside_out(mesh: Mesh) -> Mesh:
     return mesh[0], np.ascontiguousarray(mesh[1][:, ::-1])
 
 
-def volume(vertices: Floats, faces: Faces) -> float:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
-
-
 def oriented_volume(mesh: Mesh) -> float:
-    oriented = orient_outward(*mesh)
+    oriented = topology.orient_outward(*mesh)
     assert oriented is not None
-    assert is_closed(oriented[0])
+    assert topology.is_closed(oriented[0])
     return volume(mesh[0], oriented[0])
-
-
-def test_welding_closes_a_soup_of_triangles() -> None:
-    vertices, faces = cube()
-    soup = vertices[faces].reshape(-1, 3)
-    loose = np.arange(36, dtype=np.int32).reshape(-1, 3)
-    assert count_open_edges(loose) == 36
-    merged, joined = weld_vertices(soup, loose)
-    assert (len(merged), len(joined)) == (8, 12)
-    assert is_closed(joined)
 
 
 def test_mesh_without_faces_is_closed_and_has_no_components() -> None:
     nothing = np.zeros((0, 3), dtype=np.int32)
-    assert is_closed(nothing)
-    assert label_components(nothing).shape == (0,)
-
-
-@given(st.lists(st.booleans(), min_size=12, max_size=12))
-def test_any_orientation_of_a_closed_surface_is_repaired(flips: list[bool]) -> None:
-    vertices, faces = cube()
-    mixed = np.where(np.array(flips)[:, None], faces[:, ::-1], faces)
-    assert oriented_volume((vertices, mixed)) == pytest.approx(1)
+    assert topology.is_closed(nothing)
+    assert topology.connect_faces(nothing).labels.shape == (0,)
 
 
 def test_consistent_surface_is_not_changed() -> None:
     mesh = stack(cube(), cube(at=(3, 0, 0)))
-    oriented = orient_outward(*mesh)
+    oriented = topology.orient_outward(*mesh)
     assert oriented is not None
     assert oriented[0].tolist() == mesh[1].tolist()
 
@@ -124,7 +87,7 @@ def test_surface_with_one_side_cannot_be_oriented() -> None:
     ]
     angles = np.arange(6.0)
     vertices = np.column_stack([np.cos(angles), np.sin(angles), angles**2])
-    assert orient_outward(vertices, np.array(faces, dtype=np.int32)) is None
+    assert topology.orient_outward(vertices, np.array(faces, dtype=np.int32)) is None
 
 
 def moved(mesh: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
@@ -162,7 +125,7 @@ def mirrored(mesh: Mesh) -> Mesh:
     ],
 )
 def test_mesh_that_encloses_a_volume_has_no_degenerate_faces(mesh: Mesh) -> None:
-    assert count_degenerate(*weld_vertices(*mesh)) == (0, 0)
+    assert topology.count_degenerate(*topology.weld_vertices(*mesh)) == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -197,20 +160,20 @@ def test_mesh_that_encloses_a_volume_has_no_degenerate_faces(mesh: Mesh) -> None
     ],
 )
 def test_sheets_are_degenerate(mesh: Mesh, twice: int, flat: int) -> None:
-    vertices, faces = weld_vertices(*mesh)
-    assert is_closed(faces)
-    assert count_degenerate(vertices, faces) == (twice, flat)
+    vertices, faces = topology.weld_vertices(*mesh)
+    assert topology.is_closed(faces)
+    assert topology.count_degenerate(vertices, faces) == (twice, flat)
 
 
 @given(st.permutations(range(20)), st.integers(0, 2))
 def test_order_of_faces_and_corners_does_not_matter(
     order: list[int], shift: int
 ) -> None:
-    vertices, faces = weld_vertices(
+    vertices, faces = topology.weld_vertices(
         *stack(two_sided(QUAD), two_sided(moved(QUAD, 9)), CUBE)
     )
     shuffled = np.ascontiguousarray(np.roll(faces[order], shift, axis=1))
-    assert count_degenerate(vertices, shuffled) == (4, 0)
+    assert topology.count_degenerate(vertices, shuffled) == (4, 0)
 
 
 @st.composite
@@ -240,7 +203,7 @@ def triangles(mesh: Mesh) -> Any:
 def test_welding_keeps_the_same_triangles(mesh: Mesh) -> None:
     whole = [[tuple(corner) for corner in each] for each in triangles(mesh)]
     expected = [[[x + 0.0 for x in c] for c in e] for e in whole if len(set(e)) == 3]
-    found = weld_vertices(*mesh)
+    found = topology.weld_vertices(*mesh)
     assert str(triangles(found)) == str(expected)  # also signs of zeros
     corners = {tuple(corner) for each in whole for corner in each}
     assert sorted(map(tuple, found[0].tolist())) == sorted(corners)
@@ -249,7 +212,7 @@ def test_welding_keeps_the_same_triangles(mesh: Mesh) -> None:
 @settings(max_examples=40)
 @given(soups() | piles())
 def test_faces_are_connected_by_their_edges(mesh: Mesh) -> None:
-    _, welded = weld_vertices(*mesh)
+    _, welded = topology.weld_vertices(*mesh)
     faces = welded.tolist()
     directions = Counter((f[i], f[i - 1]) for f in faces for i in range(3))
     edges = {frozenset(edge) for edge in directions}
@@ -258,7 +221,7 @@ def test_faces_are_connected_by_their_edges(mesh: Mesh) -> None:
     for edge in edges:
         joined = {labels[i] for i, face in enumerate(faces) if edge <= {*face}}
         labels = [min(joined) if label in joined else label for label in labels]
-    found = connect_faces(welded)
+    found = topology.connect_faces(welded)
     assert found.open_edges == sum(is_open)
     first_uses = list(dict.fromkeys(labels))
     assert found.labels.tolist() == [first_uses.index(label) for label in labels]
@@ -274,12 +237,9 @@ def test_boxes_apart_are_turned_outward_whatever_is_flipped(
     vertices, faces = concatenate(cubes)
     flipped = data.draw(st.lists(st.booleans(), min_size=len(faces)))[: len(faces)]
     faces[flipped] = faces[flipped][:, ::-1]
-    found = orient_outward(*weld_vertices(vertices, faces))
-    assert found is not None
-    assert is_closed(found[0])
-    a, b, c = np.moveaxis(weld_vertices(vertices, faces)[0][found[0]], 1, 0)
-    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-    assert volume == pytest.approx(len(places))
+    assert oriented_volume(topology.weld_vertices(vertices, faces)) == pytest.approx(
+        len(places)
+    )
 
 
 def fan(count: int) -> Mesh:
@@ -298,16 +258,16 @@ def test_loose_triangles_of_a_closed_surface_are_welded(mesh: Mesh) -> None:
     vertices, faces = mesh
     soup = vertices[faces].reshape(-1, 3)
     loose = np.arange(len(soup), dtype=np.int32).reshape(-1, 3)
-    welded, joined = weld_vertices(soup, loose)
+    welded, joined = topology.weld_vertices(soup, loose)
     assert len(welded) == len(vertices)
     assert (welded[joined] == vertices[faces]).all()
-    assert connect_faces(joined).open_edges == 0
-    assert connect_faces(loose).components == len(faces)
+    assert topology.connect_faces(joined).open_edges == 0
+    assert topology.connect_faces(loose).components == len(faces)
 
 
 def test_triangles_without_a_common_vertex_all_stay() -> None:
     corners = np.arange(90_000.0).reshape(-1, 3)
     faces = np.arange(30_000, dtype=np.int32).reshape(-1, 3)
-    welded, joined = weld_vertices(corners, faces)
+    welded, joined = topology.weld_vertices(corners, faces)
     assert (welded == corners).all()
     assert (joined == faces).all()

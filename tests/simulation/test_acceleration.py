@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from tick_readings import readings_of
+from tick_readings import read, spawn
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import Item, load_robot
@@ -24,22 +24,13 @@ ITEMS = (
 DT, TICK = 0.1, 0.01
 
 
-def robot(scene: Scene, pose: Pose2) -> tuple[Simulation, Vehicle]:
-    simulation = Simulation(scene)
-    model = P3AT.model_copy(update={"items": ITEMS})
-    vehicle = simulation.spawn("R", model, pose)
-    assert vehicle is not None
-    return simulation, vehicle
+MODEL = P3AT.model_copy(update={"items": ITEMS})
 
 
-def read(simulation: Simulation, vehicle: Vehicle) -> dict[str, tuple[float, ...]]:
+def values(simulation: Simulation, vehicle: Vehicle) -> dict[str, tuple[float, ...]]:
     """Return the readings of the next ones that are due, by names of items."""
-    for _ in range(10):
-        simulation.step()
-        output = simulation.collect_reports().get(vehicle.number)
-    assert output
     readings: dict[str, tuple[float, ...]] = {}
-    for each in readings_of(output):
+    for each in read(simulation, vehicle):
         match each:
             case Imu():
                 parts = (each.rates, each.rate_changes, each.angles)
@@ -54,7 +45,7 @@ def read(simulation: Simulation, vehicle: Vehicle) -> dict[str, tuple[float, ...
 
 
 def test_at_rest_only_gravity_is_felt(empty_room: Scene) -> None:
-    readings = read(*robot(empty_room, Pose2(0, 0, 1.0)))
+    readings = values(*spawn(empty_room, Pose2(0, 0, 1.0), MODEL))
     assert readings["Proper"] == pytest.approx((0, 0, -9.81))
     assert readings["Upright"] == pytest.approx((-9.81, 0, 0))
     assert readings["angles"] == (0, 0, 1.0)
@@ -63,28 +54,29 @@ def test_at_rest_only_gravity_is_felt(empty_room: Scene) -> None:
 
 
 def test_start_is_felt_once_along_the_axes_of_the_sensor(empty_room: Scene) -> None:
-    simulation, vehicle = robot(empty_room, Pose2(0, 0, 2.0))
+    simulation, vehicle = spawn(empty_room, Pose2(0, 0, 2.0), MODEL)
     vehicle.robot.drive(5.0, 5.0)
     speed = 5.0 * P3AT.wheel_radius
-    readings = read(simulation, vehicle)
+    readings = values(simulation, vehicle)
     assert readings["Imu"] == pytest.approx((speed / DT, 0, 0))
     assert readings["Turned"] == pytest.approx((0, -speed / DT, 0))
     assert readings["Proper"] == pytest.approx((speed / DT, 0, -9.81))
-    assert read(simulation, vehicle)["Imu"] == pytest.approx((0, 0, 0), abs=1e-9)
+    assert values(simulation, vehicle)["Imu"] == pytest.approx((0, 0, 0), abs=1e-9)
 
 
 def test_circle_gives_the_change_of_a_velocity_that_turns(empty_room: Scene) -> None:
-    simulation, vehicle = robot(empty_room, Pose2(0, 0, 3.0))  # the yaw passes pi
+    pose = Pose2(0, 0, 3.0)  # the yaw passes pi
+    simulation, vehicle = spawn(empty_room, pose, MODEL)
     vehicle.robot.drive(3.0, 6.0)
     rate = 3.0 * P3AT.wheel_radius / P3AT.track
     # Of the last tick: its chord, which points half a tick back.
     half = rate * TICK / 2
     speed = 4.5 * P3AT.wheel_radius * math.sin(half) / half
-    first = read(simulation, vehicle)
+    first = values(simulation, vehicle)
     assert first["rates"] == pytest.approx((0, 0, rate))
     assert first["rate changes"] == pytest.approx((0, 0, rate / DT))
     for _ in range(5):
-        readings = read(simulation, vehicle)
+        readings = values(simulation, vehicle)
         change = speed * (1 - np.exp(-1j * rate * DT)) * np.exp(-1j * half) / DT
         expected = (change.real, change.imag, 0)
         assert readings["Imu"] == pytest.approx(expected, abs=1e-9)
@@ -94,9 +86,9 @@ def test_circle_gives_the_change_of_a_velocity_that_turns(empty_room: Scene) -> 
 
 
 def test_wall_that_stops_the_robot_is_felt(empty_room: Scene) -> None:
-    simulation, vehicle = robot(empty_room, Pose2(10.0, 0, 0))
+    simulation, vehicle = spawn(empty_room, Pose2(10.0, 0, 0), MODEL)
     vehicle.robot.drive(8.0, 8.0)
-    felt = [read(simulation, vehicle)["Imu"][0] for _ in range(5)]
+    felt = [values(simulation, vehicle)["Imu"][0] for _ in range(5)]
     speed = 8.0 * P3AT.wheel_radius
     assert felt[0] == pytest.approx(speed / DT)
     assert sum(felt) == pytest.approx(0, abs=1e-6)

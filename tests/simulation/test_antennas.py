@@ -20,11 +20,7 @@ from radarsim.addons.fmcw.rotation_schedule import (
 from radarsim.addons.fmcw.targets import beams_of, read_ranges
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
-from radarsim.protocol.reports import (
-    RadarTargets,
-    RangeScan,
-    decode_report,
-)
+from radarsim.protocol.reports import RadarTargets, RangeScan, decode_report
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Targets
@@ -72,6 +68,7 @@ def play(
     scene: Scene,
     ticks: int,
     *commands: bytes,
+    init: bytes = INIT,
     watch: bytes = b"",
     worker: Any = None,
 ) -> list[bytes]:
@@ -81,7 +78,7 @@ def play(
         antennas_of(host.simulation).worker = worker
     client = host.connect()
     watcher = host.connect()
-    for command in (INIT, *commands):
+    for command in (init, *commands):
         assert host.receive(client, command) == []
     host.receive(watcher, watch)
     for number in (client, watcher):
@@ -199,14 +196,7 @@ def test_turn_keeps_the_settings_with_which_it_began(foliage_room: Scene) -> Non
 def test_other_scanner_of_the_robot_is_as_without_the_radar(
     foliage_room: Scene, lines: list[bytes]
 ) -> None:
-    host = Host(foliage_room)
-    client = host.connect()
-    host.receive(client, INIT.replace(b"_Navtech", b""))
-    host.take(client)
-    plain = []
-    for _ in range(4 * TURN):
-        host.step()
-        plain += host.take(client).splitlines()
+    plain = play(foliage_room, 4 * TURN, init=INIT.replace(b"_Navtech", b""))
     is_radar = re.compile(rb"{Name Navtech}|GroundVehicle").search
     assert [x for x in lines if not is_radar(x)] == [
         x for x in plain if not is_radar(x)

@@ -67,11 +67,6 @@ def test_valid_settings_pass_the_check(
             id="setting of a scanner for a sonar",
         ),
         pytest.param(
-            {"GPS": {"max_noise": -1}},
-            "item GPS: gps: max_noise: -1, expected at least 0",
-            id="negative noise of a GPS",
-        ),
-        pytest.param(
             {"Odometer": {"sigma": 0}},
             "item 'Odometer': type Odometry has no settings",
             id="item without settings",

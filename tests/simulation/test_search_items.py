@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 import pytest
-from tick_readings import readings_of
+from tick_readings import read, spawn
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
@@ -18,24 +18,17 @@ from radarsim.protocol.reports import (
     VictimParts,
 )
 from radarsim.scene.scene import BODY_PARTS, Scene, Tag, Victim
-from radarsim.simulation.simulation import Simulation
 
 T = TypeVar("T")
 AHEAD = Victim("Becky", (3.0, 0.0, 0.2), math.pi / 2, True, 60.0, 2.0, 4.0)
 
 
-def read(
+def first_read(
     scene: Scene, *, tags: tuple[Tag, ...] = (), victims: tuple[Victim, ...] = ()
 ) -> list[LineReport]:
     """Return what a robot at the origin reads at first."""
-    simulation = Simulation(replace(scene, tags=tags, victims=victims))
-    vehicle = simulation.spawn("R", load_robot("P3AT_Rescue"), Pose2(0, 0))
-    assert vehicle is not None
-    for _ in range(10):
-        simulation.step()
-        output = simulation.collect_reports().get(vehicle.number)
-    assert output is not None
-    return readings_of(output)
+    scene = replace(scene, tags=tags, victims=victims)
+    return read(*spawn(scene, Pose2(0, 0), "P3AT_Rescue"))
 
 
 def only(kind: type[T], reports: list[LineReport]) -> T:
@@ -50,7 +43,7 @@ def mount_of(name: str) -> Pose3:
 
 
 def test_scene_without_victims_reads_as_nothing(empty_room: Scene) -> None:
-    reports = read(empty_room)
+    reports = first_read(empty_room)
     victims, motion = only(VictimParts, reports), only(HumanMotion, reports)
     sound, gas = only(Sound, reports), only(GasDensity, reports)
     assert victims.parts == ()
@@ -61,7 +54,7 @@ def test_scene_without_victims_reads_as_nothing(empty_room: Scene) -> None:
 
 
 def test_all_parts_of_a_victim_ahead_are_seen_where_they_are(empty_room: Scene) -> None:
-    report = only(VictimParts, read(empty_room, victims=(AHEAD,)))
+    report = only(VictimParts, first_read(empty_room, victims=(AHEAD,)))
     assert [label for label, _ in report.parts] == [name for name, _, _ in BODY_PARTS]
     sensor = mount_of("VictSensor")
     for (_, along, left), (_, place) in zip(BODY_PARTS, report.parts, strict=True):
@@ -82,7 +75,7 @@ def test_all_parts_of_a_victim_ahead_are_seen_where_they_are(empty_room: Scene) 
 def test_tags_are_read_all_around_within_range(
     empty_room: Scene, place: tuple[float, float, float], is_read: bool
 ) -> None:
-    reports = read(empty_room, tags=(Tag(7, place),))
+    reports = first_read(empty_room, tags=(Tag(7, place),))
     found = [each for each in reports if isinstance(each, RfidTags)]
     assert [[label for label, _ in each.tags] for each in found] == [["7"]] * is_read
 
@@ -91,9 +84,9 @@ def test_tag_on_a_wall_is_read_and_one_behind_it_is_not(empty_room: Scene) -> No
     wall = {"box": [0.2, 4.0, 2.0], "position": [2.0, 0.0, 1.0]}
     scene = empty_room.with_object("screen", material="concrete", **wall)
     tags = (Tag(1, (1.9, 0.5, 0.5)), Tag(2, (3.0, 0.0, 0.5)))
-    report = only(RfidTags, read(scene, tags=tags))
+    report = only(RfidTags, first_read(scene, tags=tags))
     assert [label for label, _ in report.tags] == ["1"]
-    behind = read(scene, victims=(AHEAD,))
+    behind = first_read(scene, victims=(AHEAD,))
     victims, motion = only(VictimParts, behind), only(HumanMotion, behind)
     assert victims.parts == ()
     assert motion.probability == 0.0
@@ -102,20 +95,15 @@ def test_tag_on_a_wall_is_read_and_one_behind_it_is_not(empty_room: Scene) -> No
 
 
 def test_other_robots_hide_victims(empty_room: Scene) -> None:
-    simulation = Simulation(replace(empty_room, victims=(AHEAD,)))
-    searcher = simulation.spawn("R", load_robot("P3AT_Rescue"), Pose2(0, 0))
-    assert searcher is not None
+    scene = replace(empty_room, victims=(AHEAD,))
+    simulation, searcher = spawn(scene, Pose2(0, 0), "P3AT_Rescue")
     assert simulation.spawn("S", load_robot("P3AT"), Pose2(1.5, 0)) is not None
-    for _ in range(10):
-        simulation.step()
-        output = simulation.collect_reports()[searcher.number] if _ == 9 else None
-    assert output is not None
-    report = only(VictimParts, readings_of(output))
+    report = only(VictimParts, read(simulation, searcher))
     assert "Pelvis" not in [label for label, _ in report.parts]
 
 
 def test_signs_of_life_follow_their_formulas(empty_room: Scene) -> None:
-    reports = read(empty_room, victims=(AHEAD,))
+    reports = first_read(empty_room, victims=(AHEAD,))
     head = (3.0, 0.75, 0.2)
     motion, sound = only(HumanMotion, reports), only(Sound, reports)
     gas = only(GasDensity, reports)
@@ -129,9 +117,9 @@ def test_signs_of_life_follow_their_formulas(empty_room: Scene) -> None:
 
 
 def test_two_equal_calls_are_three_decibels_louder_than_one(empty_room: Scene) -> None:
-    one = only(Sound, read(empty_room, victims=(AHEAD,)))
+    one = only(Sound, first_read(empty_room, victims=(AHEAD,)))
     twin = replace(AHEAD, name="Ann", duration=5.0)
-    both = only(Sound, read(empty_room, victims=(AHEAD, twin)))
+    both = only(Sound, first_read(empty_room, victims=(AHEAD, twin)))
     assert both.loudness - one.loudness == pytest.approx(10 * math.log10(2))
     assert both.duration == 2.0  # of the first of those that are loudest
 
@@ -139,10 +127,10 @@ def test_two_equal_calls_are_three_decibels_louder_than_one(empty_room: Scene) -
 def test_quiet_calls_are_not_below_zero_and_silence_is_no_call(
     empty_room: Scene,
 ) -> None:
-    quiet = only(Sound, read(empty_room, victims=(replace(AHEAD, loudness=0.0),)))
+    quiet = only(Sound, first_read(empty_room, victims=(replace(AHEAD, loudness=0.0),)))
     assert (quiet.loudness, quiet.duration) == (0.0, 2.0)
     silent = replace(AHEAD, loudness=None, moves=False, co2=0.0)
-    reports = read(empty_room, victims=(silent,))
+    reports = first_read(empty_room, victims=(silent,))
     sound, motion = only(Sound, reports), only(HumanMotion, reports)
     assert sound.duration == 0.0
     assert motion.probability == 0.0
@@ -157,5 +145,5 @@ def test_what_robots_pass_hides_nobody(
 ) -> None:
     cloud = {"box": [1.0, 6.0, 2.0], "position": [1.5, 0.0, 1.0]}
     scene = empty_room.with_object("cloud", material=material, **cloud)
-    report = only(VictimParts, read(scene, victims=(AHEAD,)))
+    report = only(VictimParts, first_read(scene, victims=(AHEAD,)))
     assert bool(report.parts) is is_seen

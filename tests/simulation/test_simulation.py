@@ -9,16 +9,8 @@ from tick_readings import readings_of, status_of
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
+from radarsim.protocol import reports
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.reports import (
-    Encoder,
-    GroundTruth,
-    Ins,
-    Odometry,
-    RangeScan,
-    Tachometer,
-    Touch,
-)
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import MAX_SHOWN, Simulation
@@ -48,8 +40,8 @@ def run(simulation: Simulation, ticks: int) -> dict[int, list[tuple[int, TickOut
     return outputs
 
 
-def scan_after(simulation: Simulation, vehicle: Vehicle, ticks: int = 10) -> RangeScan:
-    last = run(simulation, ticks)[vehicle.number][-1][1]
+def scan_after(simulation: Simulation, vehicle: Vehicle) -> reports.RangeScan:
+    last = run(simulation, 10)[vehicle.number][-1][1]
     (scan,) = last.scans
     return scan
 
@@ -101,9 +93,7 @@ def test_scans_show_other_robots_but_not_the_own_one(empty_room: Scene) -> None:
     assert scan_after(simulation, one).ranges[90] == pytest.approx(18.4 - 0.2085)
 
 
-def test_spawn_at_a_taken_place_uses_the_nearest_free_one(
-    empty_room: Scene,
-) -> None:
+def test_spawn_at_a_taken_place_uses_the_nearest_free_one(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     spawned(simulation, Pose2(0, 0))
     pose = spawned(simulation, Pose2(0, 0), "R2").robot.pose
@@ -128,7 +118,7 @@ def test_robot_stops_at_a_wall_and_its_bumper_reports_touch(empty_room: Scene) -
         r.touched
         for _, output in outputs
         for r in readings_of(output)
-        if isinstance(r, Touch)
+        if isinstance(r, reports.Touch)
     ]
     assert touches[0] is False
     assert touches[-1] is True
@@ -137,7 +127,7 @@ def test_robot_stops_at_a_wall_and_its_bumper_reports_touch(empty_room: Scene) -
         r.pose.x
         for _, output in outputs
         for r in readings_of(output)
-        if isinstance(r, Odometry)
+        if isinstance(r, reports.Odometry)
     ]
     assert distances[-1] == pytest.approx(8 * 0.098 * 2)  # the wheels turn on
 
@@ -150,10 +140,10 @@ def test_readings_of_a_tick_describe_the_same_moment(empty_room: Scene) -> None:
         if not readings_of(output):
             continue
         truth, ins, odometry, tachometer = readings_of(output)[:4]
-        assert isinstance(truth, GroundTruth)
-        assert isinstance(ins, Ins)
-        assert isinstance(odometry, Odometry)
-        assert isinstance(tachometer, Tachometer)
+        assert isinstance(truth, reports.GroundTruth)
+        assert isinstance(ins, reports.Ins)
+        assert isinstance(odometry, reports.Odometry)
+        assert isinstance(tachometer, reports.Tachometer)
         assert truth.time == ins.time == tick / 100
         assert ins.pose.numbers() == pytest.approx(
             np.add(truth.pose.numbers(), (0, 0, 0.2, 0, 0, 0))
@@ -212,7 +202,7 @@ def test_odometry_of_the_older_robots_has_no_time_stamp(
     vehicle = simulation.spawn("R", load_robot(class_name), Pose2(-8, 0))
     assert vehicle is not None
     _, output = run(simulation, 20)[vehicle.number][-1]
-    (reading,) = (r for r in readings_of(output) if isinstance(r, Odometry))
+    (reading,) = (r for r in readings_of(output) if isinstance(r, reports.Odometry))
     assert reading.time == 0.2 if is_stamped else math.isnan(reading.time)
     assert reading.encode(vehicle.dialect).startswith("SEN {Time ") is is_stamped
 
@@ -227,19 +217,17 @@ def test_reset_zeroes_odometry_and_wheel_counters(empty_room: Scene) -> None:
     vehicle.robot.halt()
     readings = readings_of(run(simulation, 5)[vehicle.number][-1][1])
     odometry, tachometer = readings[2:4]
-    assert isinstance(odometry, Odometry)
-    assert isinstance(tachometer, Tachometer)
+    assert isinstance(odometry, reports.Odometry)
+    assert isinstance(tachometer, reports.Tachometer)
     assert (odometry.pose.x, odometry.pose.y, odometry.pose.yaw) == (0, 0, 0)
     assert tachometer.positions == (0, 0, 0, 0)
-    assert [r.ticks for r in readings if isinstance(r, Encoder)] == [
+    assert [r.ticks for r in readings if isinstance(r, reports.Encoder)] == [
         (("W1", 0),),
         (("W2", 0),),
     ]
 
 
-def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(
-    empty_room: Scene,
-) -> None:
+def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, seed=3)
     vehicle = spawned(simulation, Pose2(-8, 0))
     vehicle.robot.drive(5, 5)
@@ -247,8 +235,8 @@ def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(
     for _, output in run(simulation, 100)[vehicle.number]:
         if readings_of(output):
             truth, ins = readings_of(output)[:2]
-            assert isinstance(truth, GroundTruth)
-            assert isinstance(ins, Ins)
+            assert isinstance(truth, reports.GroundTruth)
+            assert isinstance(ins, reports.Ins)
             errors.append(ins.pose.x - truth.pose.x)
     changes = np.flatnonzero(np.abs(np.diff([0.0, *errors])) > 1e-9)
     assert changes.tolist() == [1, 3, 5, 7, 9]  # every 0.2 s, at every second reading

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from web_pages import read_frame
-
 if TYPE_CHECKING:  # tests that need it are skipped where it is missing
     from playwright.sync_api import Page, WebSocket
 

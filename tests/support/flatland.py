@@ -2,21 +2,29 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any
 
 import numpy as np
-import pytest
 import shapely
 from flat_world import ranges_of
 
-from radarsim.autonomy.navigation.control import Twist
-from radarsim.autonomy.navigation.controller import Controller
+from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import SpeedLimits, Twist
+from radarsim.autonomy.navigation.controller import Controller, ControllerSettings
+from radarsim.autonomy.navigation.mission import CONTROLLERS
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats, Point, Pose2
 
 BEARINGS: Floats = np.radians(np.arange(-180.0, 180.0, 2.0))
-STEP = 0.1  # s between two scans
-CLEARANCE = 0.371  # m; half the diagonal of a P3AT
+
+
+def moved(pose: Pose2, twist: Twist, time: float = 0.1) -> Pose2:
+    """Return the pose after a motion, whose chord has the heading of its middle."""
+    middle, distance = pose.yaw + twist.turn * time / 2, twist.speed * time
+    x = pose.x + distance * math.cos(middle)
+    y = pose.y + distance * math.sin(middle)
+    return Pose2(x, y, pose.yaw + twist.turn * time)
 
 
 @dataclass
@@ -29,6 +37,7 @@ class Flatland:
         bearings: Of its beams, rad.
         track: Where it has been.
         nearest: The nearest that it ever was to a wall, m.
+        pause: Time between two scans, s.
     """
 
     walls: Floats
@@ -36,6 +45,7 @@ class Flatland:
     bearings: Floats = field(default_factory=BEARINGS.copy)
     track: list[Pose2] = field(default_factory=list)
     nearest: float = math.inf
+    pause: float = 0.1
 
     def __post_init__(self) -> None:
         self._lines = shapely.multilinestrings(self.walls)
@@ -46,21 +56,19 @@ class Flatland:
         ends = zip(self.track, self.track[1:], strict=False)
         return sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in ends)
 
+    @property
+    def time(self) -> float:
+        """Time of the next scan, s."""
+        return len(self.track) * self.pause
+
     def scan(self) -> Observation:
         """Return an exact scan from the robot's centre."""
         nearest = ranges_of(self.walls, self.pose, self.bearings, math.inf)
-        time = len(self.track) * STEP
-        return Observation(time, self.pose, self.bearings.copy(), nearest)
+        return Observation(self.time, self.pose, self.bearings.copy(), nearest)
 
     def move(self, twist: Twist) -> None:
         """Move the robot for one step."""
-        pose, middle = self.pose, self.pose.yaw + twist.turn * STEP / 2
-        distance = twist.speed * STEP
-        self.pose = Pose2(
-            pose.x + distance * math.cos(middle),
-            pose.y + distance * math.sin(middle),
-            pose.yaw + twist.turn * STEP,
-        )
+        self.pose = moved(self.pose, twist, self.pause)
         self.track.append(self.pose)
         place = shapely.Point(self.pose.x, self.pose.y)
         self.nearest = min(self.nearest, float(self._lines.distance(place)))
@@ -81,19 +89,18 @@ def outline(shape: shapely.Polygon) -> Floats:
     return np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in points])
 
 
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
+def flatland(*shapes: shapely.Polygon, at: Pose2) -> Flatland:
+    """Return a world of polygons, with the robot at a pose."""
+    sides = [outline(shape) for shape in shapes]
+    return Flatland(np.concatenate([np.zeros((0, 2, 2)), *sides]), at)
 
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Flatland: ...
 
-
-@pytest.fixture
-def flatland() -> World:
-    """Create a world of polygons, with the robot at a pose."""
-
-    def make(*shapes: shapely.Polygon, at: Pose2) -> Flatland:
-        sides = [outline(shape) for shape in shapes]
-        walls = np.concatenate([np.full((0, 2, 2), 0.0), *sides])
-        return Flatland(walls, at)
-
-    return make
+def navigator(algorithm: Algorithm, *goals: Point, **changed: Any) -> Controller:
+    """Return a controller at speeds that an exact world allows, so that tests end."""
+    values = {
+        "bumpers": Bumpers(safety_distance=0.5),
+        "speed_limits": SpeedLimits(0.6, 1.5),
+        **changed,
+    }
+    settings = ControllerSettings(algorithm=algorithm, **values)
+    return CONTROLLERS[algorithm](goals, settings)

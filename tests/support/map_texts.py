@@ -40,7 +40,6 @@ def mesh_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (meshes / "double.obj").write_text(CUBE + BACK)
     (meshes / "flat.obj").write_text(FLAT)
     (meshes / "line.obj").write_text("v 0 0 0\nv 1 0 0\nf 1 2 1\n")
-    (meshes / "broken.ply").write_text("ply\n")
     return tmp_path
 
 

@@ -1,17 +1,18 @@
-"""Parts of scenes: boxes of a material; and rays along x."""
+"""Parts of scenes: boxes of a material; rays along x; volumes of meshes."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from radarsim.geometry import rotation_matrix
+from radarsim.geometry import Floats, rotation_matrix
 from radarsim.raycast.rays import Rays
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import box
+from radarsim.scene.shapes import Faces, box
 
 Triple = tuple[float, float, float]
+STONE = Material("stone")
 
 
 def block(
@@ -41,3 +42,21 @@ def rays_ahead(count: int = 1, **settings: Any) -> Rays:
     return Rays.uniform(
         np.zeros((count, 3)), directions, **{"max_range": 50.0} | settings
     )
+
+
+def slab(
+    x: float,
+    y: float,
+    size: tuple[float, float],
+    *,
+    z: float | None = None,
+    high: float = 1.0,
+) -> Part:
+    """Return a box of stone that stands on the floor, or is around a height."""
+    return brick(STONE, (*size, high), (x, y, high / 2 if z is None else z))
+
+
+def volume(vertices: Floats, faces: Faces) -> float:
+    """Return the volume of a closed mesh, positive if it is wound outward."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)

@@ -107,6 +107,12 @@ class _Raster:
         return int(column), int(row)
 
 
+def mission_to(goal: Point, algorithm: str, **more: Any) -> Mission:
+    """Return a mission to a goal, by the name of an algorithm."""
+    values = {"safety_distance": SAFETY_DISTANCE, **more}
+    return Mission(algorithm=Algorithm(algorithm), goals=(goal,), **values)
+
+
 def random_trial_errors(number: int, algorithm: str) -> list[str]:
     """Run an algorithm on a random map, and return what is wrong with the result.
 
@@ -122,12 +128,7 @@ def random_trial_errors(number: int, algorithm: str) -> list[str]:
     expectation = raster_truth(map_, SAFETY_DISTANCE, reach)
     settings |= {"fov_deg": 359, "resolution_deg": 1}
     config = SimulationConfig(item_settings={SCANNER: settings})
-    mission = Mission(
-        algorithm=Algorithm(algorithm),
-        goals=(map_.goal,),
-        safety_distance=SAFETY_DISTANCE,
-        time_limit=TIME_LIMIT,
-    )
+    mission = mission_to(map_.goal, algorithm, time_limit=TIME_LIMIT)
     row = run_plan(mission, Host(load_random_map(map_), config=config, seed=number))
     verdicts = {Expectation.REACHED, Expectation.NO_PATH}
     allowed = {expectation}

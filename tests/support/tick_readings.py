@@ -1,4 +1,4 @@
-"""The reports of a tick, not rounded; the simulation has only their numbers."""
+"""The reports of robots, not rounded; a simulation has only their numbers."""
 
 import math
 from collections.abc import Iterator
@@ -7,10 +7,15 @@ from itertools import islice
 from typing import Any
 
 from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.fields import LineReport, SensorReport
 from radarsim.protocol.reports import Status
+from radarsim.scene.scene import Scene
+from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.tick_output import TickOutput
+from radarsim.simulation.vehicle import Vehicle
 
 
 def status_of(output: TickOutput) -> Status | None:
@@ -60,3 +65,27 @@ def _filled(
                 changes[name] = tuple(islice(numbers, len(values)))
     made: LineReport = replace(sample, **changes)  # type: ignore[type-var]
     return made
+
+
+def spawn(
+    scene: Scene,
+    pose: Pose2,
+    model: RobotModel | str = "P3AT",
+    config: SimulationConfig | None = None,
+) -> tuple[Simulation, Vehicle]:
+    """Return a simulation and a robot in it."""
+    simulation = Simulation(scene, config=config)
+    model = load_robot(model) if isinstance(model, str) else model
+    vehicle = simulation.spawn("R", model, pose)
+    assert vehicle is not None
+    return simulation, vehicle
+
+
+def read(simulation: Simulation, vehicle: Vehicle, ticks: int = 10) -> list[LineReport]:
+    """Let time pass, and return the readings of a robot."""
+    readings: list[LineReport] = []
+    for _ in range(ticks):
+        simulation.step()
+        output = simulation.collect_reports().get(vehicle.number)
+        readings += readings_of(output) if output else ()
+    return readings

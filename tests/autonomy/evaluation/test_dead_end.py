@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
+from random_trials import mission_to
 
 from radarsim.autonomy.evaluation.trials import Row, config_with_sensor, run_plan
-from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
 
@@ -38,13 +37,7 @@ def _map(folder: Path) -> Path:
 
 def _drive(path: Path, sensor: str) -> Row:
     host = Host(load_map(path), config=config_with_sensor(sensor), seed=0)
-    mission = Mission(
-        algorithm=Algorithm.PLANNED,
-        goals=((7.0, 0.0),),
-        safety_distance=0.5,
-        time_limit=600.0,
-    )
-    return run_plan(mission, host)
+    return run_plan(mission_to((7.0, 0.0), "planned", time_limit=600.0), host)
 
 
 @pytest.mark.slow

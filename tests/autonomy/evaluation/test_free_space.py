@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+from parts import STONE, slab
 from shapely import Point
 
 from radarsim.geometry import Pose3
@@ -16,16 +17,8 @@ from radarsim.simulation.map_warnings import (
     plan_height,
 )
 
-STONE = Material("stone")
 LEAF = Material("leaf", 0.7)
 SMOKE = Material("smoke", 0.0, 0.5, solid=False)
-
-
-def block(
-    x: float, y: float, size: tuple[float, float], *, z: float = 0.5, high: float = 1.0
-) -> Part:
-    vertices, faces = box(*size, high)
-    return Part("block", STONE, vertices + np.array([x, y, z]), faces)
 
 
 def hall(*parts: Part, start: Pose3 | None = None) -> Scene:
@@ -38,7 +31,7 @@ def is_free(scene: Scene, x: float, y: float, distance: float = 0.1) -> bool:
 
 
 def test_box_occupies_its_area_grown_by_the_distance() -> None:
-    free = free_space(hall(block(1, 2, (4, 3))), 0.5)
+    free = free_space(hall(slab(1, 2, (4, 3))), 0.5)
     (hole,) = free.geoms[0].interiors
     grown = 4 * 3 + 2 * (4 + 3) * 0.5 + math.pi * 0.5**2
     assert shapely.Polygon(hole).area == pytest.approx(grown, rel=1e-4)
@@ -48,7 +41,7 @@ def test_box_occupies_its_area_grown_by_the_distance() -> None:
 @pytest.mark.parametrize(
     "part",
     [
-        pytest.param(block(0, 0, (6, 6)), id="box"),
+        pytest.param(slab(0, 0, (6, 6)), id="box"),
         pytest.param(Part("bush", LEAF, *sphere(2.0)), id="bush"),
         pytest.param(Part("trunk", STONE, *cylinder(2.0, 2.0)), id="trunk"),
     ],
@@ -58,7 +51,7 @@ def test_closed_objects_are_solid_inside(part: Part) -> None:
 
 
 def test_object_around_a_start_is_a_room() -> None:
-    scene = hall(block(0, 0, (6, 4)), start=Pose3(1, 1, 0))
+    scene = hall(slab(0, 0, (6, 4)), start=Pose3(1, 1, 0))
     room = component_around(free_space(scene, 0.5), (1, 1))
     assert room is not None
     assert room.area == pytest.approx(5 * 3)
@@ -77,8 +70,8 @@ def test_walls_of_a_house_are_solid_and_its_room_is_free() -> None:
 
 
 def test_four_walls_enclose_unreachable_floor() -> None:
-    walls = [block(x, 0, (0.1, 4.1)) for x in (-2, 2)]
-    walls += [block(0, y, (4.1, 0.1)) for y in (-2, 2)]
+    walls = [slab(x, 0, (0.1, 4.1)) for x in (-2, 2)]
+    walls += [slab(0, y, (4.1, 0.1)) for y in (-2, 2)]
     scene = hall(*walls)
     assert is_free(scene, 0, 0)
     assert is_connected(scene, (-1, -1), (1, 1), 0.5)
@@ -86,9 +79,9 @@ def test_four_walls_enclose_unreachable_floor() -> None:
 
 
 def test_gap_is_passable_up_to_half_its_width() -> None:
-    room = [block(x, 0, (0.1, 10)) for x in (-5, 5)]
-    room += [block(0, y, (10, 0.1)) for y in (-5, 5)]
-    scene = hall(*room, block(0, 3, (1, 5)), block(0, -3, (1, 5)))
+    room = [slab(x, 0, (0.1, 10)) for x in (-5, 5)]
+    room += [slab(0, y, (10, 0.1)) for y in (-5, 5)]
+    scene = hall(*room, slab(0, 3, (1, 5)), slab(0, -3, (1, 5)))
     assert is_connected(scene, (-3, 0), (3, 0), 0.49)
     assert not is_connected(scene, (-3, 0), (3, 0), 0.51)
 
@@ -96,9 +89,9 @@ def test_gap_is_passable_up_to_half_its_width() -> None:
 @pytest.mark.parametrize(
     ("part", "free"),
     [
-        pytest.param(block(0, 0, (2, 2), z=-0.1, high=0.2), True, id="floor"),
-        pytest.param(block(0, 0, (2, 2), z=2.0), True, id="bridge"),
-        pytest.param(block(0, 0, (2, 2), z=0.9), False, id="hanging low"),
+        pytest.param(slab(0, 0, (2, 2), z=-0.1, high=0.2), True, id="floor"),
+        pytest.param(slab(0, 0, (2, 2), z=2.0), True, id="bridge"),
+        pytest.param(slab(0, 0, (2, 2), z=0.9), False, id="hanging low"),
         pytest.param(Part("cloud", SMOKE, *box(2, 2, 2)), True, id="smoke"),
     ],
 )
@@ -107,7 +100,7 @@ def test_only_objects_at_bumper_height_are_obstacles(part: Part, free: bool) -> 
 
 
 def test_heights_count_from_the_floor_of_the_start() -> None:
-    scene = hall(block(0, 0, (2, 2)), start=Pose3(5, 0, 3))
+    scene = hall(slab(0, 0, (2, 2)), start=Pose3(5, 0, 3))
     assert is_free(scene, 0, 0)
 
 
@@ -130,7 +123,7 @@ def test_floor_includes_all_given_positions() -> None:
 
 
 def test_positions_too_near_to_an_obstacle_are_not_connected() -> None:
-    scene = hall(block(0, 0, (2, 2)))
+    scene = hall(slab(0, 0, (2, 2)))
     assert is_connected(scene, (-3, 0), (3, 0), 1.9)
     assert not is_connected(scene, (-3, 0), (3, 0), 2.1)
     assert not is_connected(scene, (-9, 0), (3, 0), 2.1)

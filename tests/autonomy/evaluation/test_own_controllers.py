@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from random_trials import mission_to
 
 import radarsim
 from radarsim.autonomy.evaluation.own_controllers import Evaluation, evaluate
 from radarsim.autonomy.evaluation.trials import run_trial
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.errors import MapError, NavigationError, PresetError
 from radarsim.geometry import Point, wrap_angle
 from radarsim.local import LocalRobot
@@ -31,11 +30,7 @@ def tangent_bug(robot: LocalRobot, goal: Point) -> bool:
     """Let a navigator of the package drive."""
     trial = robot.simulation.scene.trial
     assert trial is not None
-    mission = Mission(
-        algorithm=Algorithm("tangentbug"),
-        goals=(goal,),
-        safety_distance=trial.safety_distance,
-    )
+    mission = mission_to(goal, "tangentbug", safety_distance=trial.safety_distance)
     return run_mission(robot.as_client(), mission, info=robot.info).outcome == "reached"
 
 

@@ -6,20 +6,13 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from parts import STONE, slab
 
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.geometry import Pose3
-from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose
-from radarsim.scene.shapes import box, cylinder
+from radarsim.scene.shapes import cylinder
 from radarsim.simulation.map_warnings import Position, free_space
-
-STONE = Material("stone")
-
-
-def block(x: float, y: float, size: tuple[float, float]) -> Part:
-    vertices, faces = box(*size, 2.0)
-    return Part("block", STONE, vertices + np.array([x, y, 0.0]), faces)
 
 
 def field(*parts: Part) -> Scene:
@@ -37,7 +30,7 @@ def length(scene: Scene, start: Position, goal: Position, clearance: float) -> f
 
 
 def test_path_without_obstacles_is_straight() -> None:
-    scene = field(block(0, 3, (2, 2)))
+    scene = field(slab(0, 3, (2, 2)))
     assert length(scene, (-3, 1.4), (4, 1.4), 0.5) == pytest.approx(7)
     assert length(scene, (-3, 0), (-3, 0), 0.5) == 0
 
@@ -46,7 +39,7 @@ def test_path_bends_around_the_corners_of_a_box() -> None:
     r, d = 0.37, math.sqrt(5)
     turn = math.atan2(1, 2) + math.asin(r / d)
     expected = 2 * (math.sqrt(d**2 - r**2) + r * turn) + 2
-    found = length(field(block(0, 0, (2, 2))), (-3, 0), (3, 0), r)
+    found = length(field(slab(0, 0, (2, 2))), (-3, 0), (3, 0), r)
     assert found == pytest.approx(expected, rel=1e-3)
     assert found < expected
 
@@ -60,9 +53,9 @@ def test_path_follows_the_arc_of_a_disc() -> None:
 
 
 def test_path_in_a_room_goes_around_the_end_of_a_wall() -> None:
-    walls = [block(x, 0, (0.2, 10)) for x in (-5, 5)]
-    walls += [block(0, y, (10, 0.2)) for y in (-5, 5)]
-    scene = field(*walls, block(0, 1.9, (0.2, 6)))
+    walls = [slab(x, 0, (0.2, 10)) for x in (-5, 5)]
+    walls += [slab(0, y, (10, 0.2)) for y in (-5, 5)]
+    scene = field(*walls, slab(0, 1.9, (0.2, 6)))
     r, d = 0.5, math.hypot(0.9, 5.1)
     turn = math.pi / 2 - math.atan2(0.9, 5.1) + math.asin(r / d)
     expected = 2 * (math.sqrt(d**2 - r**2) + r * turn) + 0.2
@@ -71,7 +64,7 @@ def test_path_in_a_room_goes_around_the_end_of_a_wall() -> None:
 
 
 def test_path_avoids_a_gap_that_is_too_narrow() -> None:
-    scene = field(block(0, 3, (1, 5)), block(0, -3, (1, 5)))
+    scene = field(slab(0, 3, (1, 5)), slab(0, -3, (1, 5)))
     assert length(scene, (-3, 0), (3, 0), 0.49) == pytest.approx(6)
     assert length(scene, (-3, 0), (3, 0), 0.51) > 12
 
@@ -85,12 +78,12 @@ def test_path_avoids_a_gap_that_is_too_narrow() -> None:
     ],
 )
 def test_no_path_from_or_to_blocked_positions(start: Position, goal: Position) -> None:
-    assert shortest_path(field(block(0, 0, (2, 2))), start, goal, 0.5) is None
+    assert shortest_path(field(slab(0, 0, (2, 2))), start, goal, 0.5) is None
 
 
 def test_no_path_out_of_a_closed_box() -> None:
     starts = (StartPose("RobotStart1", Pose3(0, 0, 0)),)
-    scene = Scene("house", "DM-House", (block(0, 0, (6, 6)),), starts)
+    scene = Scene("house", "DM-House", (slab(0, 0, (6, 6)),), starts)
     assert length(scene, (0, 0), (2, 2), 0.5) == pytest.approx(math.sqrt(8))
     assert shortest_path(scene, (0, 0), (5, 5), 0.5) is None
 
@@ -132,7 +125,7 @@ sizes = st.tuples(*2 * [st.floats(0.1, 4)])
 def test_shortest_path_matches_an_exhaustive_search(
     blocks: list[tuple[Position, tuple[float, float]]], clearance: float
 ) -> None:
-    scene = field(*(block(x, y, size) for (x, y), size in blocks))
+    scene = field(*(slab(x, y, size) for (x, y), size in blocks))
     start, goal = (-8.0, 0.0), (8.0, 0.5)
     assume(all(abs(x) + size[0] / 2 < 7 for (x, _), size in blocks))
     found = length(scene, start, goal, clearance)

@@ -15,9 +15,7 @@ from radarsim.autonomy.exploration.exploration import (
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.mapping.occupancy_grid import (
-    CellClass,
-)
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.runner import TripMeter
@@ -159,62 +157,55 @@ def test_robot_that_pushes_against_something_unseen_is_stuck(
     assert mapper_of(exploration).scans > 10
 
 
-class FrozenClock(InProcessTransport):
-    """A server whose time stamps stand still."""
+class Rewritten(InProcessTransport):
+    """A server some of whose bytes are others after some s."""
+
+    def __init__(self, host: Host, old: bytes, new: bytes, since: float = 2.0) -> None:
+        super().__init__(host)
+        self._old, self._new, self._since = old, new, since
 
     def receive(self, timeout: float) -> bytes:
-        return re.sub(rb"{Time [^}]*}", b"{Time 0.0000}", super().receive(timeout))
+        data = super().receive(timeout)
+        is_changed = self.time() >= self._since
+        return re.sub(self._old, self._new, data) if is_changed else data
 
 
 def test_clock_counts_where_time_stamps_stand_still(empty_room: Scene) -> None:
     exploration = create_exploration(time_limit=5.0, echoes=False)
-    with Client(FrozenClock(Host(empty_room))) as client:
+    link = Rewritten(Host(empty_room), rb"{Time [^}]*}", b"{Time 0.0000}", since=0.0)
+    with Client(link) as client:
         exploration.run(client)
     assert exploration.outcome is Outcome.TIME_LIMIT
     assert exploration.trip.time == pytest.approx(5.1)
     assert mapper_of(exploration).scans == 52
 
 
-class JumpingIns(InProcessTransport):
-    """A server whose INS is suddenly a kilometre away."""
-
-    def receive(self, timeout: float) -> bytes:
-        data = super().receive(timeout)
-        if self.time() < 2.0:
-            return data
-        return re.sub(rb"{Name InsTest} {Location [^,]*,", rb"\g<0>-1000", data)
-
-
-def test_map_of_two_distant_places_is_an_error(empty_room: Scene) -> None:
+@pytest.mark.parametrize(
+    ("old", "new", "error", "text"),
+    [
+        pytest.param(
+            *(rb"{Name InsTest} {Location [^,]*,", rb"\g<0>-1000", MappingError),
+            "the place of the robot may be wrong",
+            id="an INS that is suddenly a kilometre away",
+        ),
+        pytest.param(
+            *(rb"{Range ([^,}]*,){99}[^}]*}", b"{Range 1.0,1.0}", ClientError),
+            "scan of 2 ranges from 'lms200', expected",
+            id="scans of few beams",
+        ),
+    ],
+)
+def test_reports_that_cannot_be_right_are_an_error(
+    empty_room: Scene, old: bytes, new: bytes, error: type[Exception], text: str
+) -> None:
     exploration = create_exploration(echoes=False)
-    host = Host(empty_room)
     with (
-        Client(JumpingIns(host)) as client,
-        pytest.raises(MappingError, match="the place of the robot may be wrong"),
+        Client(Rewritten(Host(empty_room), old, new)) as client,
+        pytest.raises(error, match=text),
     ):
         exploration.run(client)
     assert exploration.outcome is Outcome.FAILED
     assert mapper_of(exploration).scans > 10
-
-
-class BeamsLost(InProcessTransport):
-    """A server whose scans have few beams after some s."""
-
-    def receive(self, timeout: float) -> bytes:
-        data = super().receive(timeout)
-        if self.time() < 2.0:
-            return data
-        return re.sub(rb"{Range ([^,}]*,){99}[^}]*}", rb"{Range 1.0,1.0}", data)
-
-
-def test_exploration_ends_when_scans_lose_beams(empty_room: Scene) -> None:
-    exploration = create_exploration(echoes=False)
-    with (
-        Client(BeamsLost(Host(empty_room))) as client,
-        pytest.raises(ClientError, match="scan of 2 ranges from 'lms200', expected"),
-    ):
-        exploration.run(client)
-    assert exploration.outcome is Outcome.FAILED
 
 
 @pytest.mark.slow

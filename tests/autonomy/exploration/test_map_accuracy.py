@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import shapely
 import yaml
+from nav_maps import load_nav_map
 from numpy.typing import NDArray
 from shapely import affinity
 from shapely.geometry import Point, Polygon, box
@@ -138,48 +139,27 @@ def along_bushes(robot: Robot) -> Drive:
 class NavMap:
     """A map as nav2's map_server reads it: 100, 0 or -1, row 0 in the south."""
 
-    cells: NDArray[np.int8]
+    cells: NDArray[np.int16]
     origin: tuple[float, float]
 
-    def at(self, x: Floats, y: Floats) -> NDArray[np.int8]:
+    def at(self, x: Floats, y: Floats) -> NDArray[np.int16]:
         """Return the values at places; those beyond the map are unknown."""
         columns = np.floor((x - self.origin[0]) / SIZE).astype(np.int64)
         rows = np.floor((y - self.origin[1]) / SIZE).astype(np.int64)
         height, width = self.cells.shape
         inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        found = np.full(inside.shape, -1, np.int8)
+        found = np.full(inside.shape, -1, np.int16)
         found[inside] = self.cells[rows[inside], columns[inside]]
         return found
 
 
-def read_pgm(data: bytes) -> NDArray[np.uint8]:
-    """Read a plain picture in grey by the text of its format, row 0 at the top."""
-    head = re.match(rb"P5\s+(?:#.*\n)*(\d+)\s+(\d+)\s+(\d+)\s", data)
-    assert head is not None
-    width, height, most = map(int, head.groups())
-    assert most == 255
-    pixels = data[head.end() :]
-    assert len(pixels) == width * height
-    return np.frombuffer(pixels, np.uint8).reshape(height, width)
-
-
-def read_nav(files: dict[str, bytes]) -> NavMap:
-    """Load a map by the rule of map_server for trinary maps."""
-    (name,) = (name for name in files if name.endswith(".yaml"))
-    head = yaml.safe_load(files[name])
-    assert (head["mode"], head["negate"], head["resolution"]) == ("trinary", 0, SIZE)
-    occupied = (255 - read_pgm(files[head["image"]]).astype(np.float64)) / 255
-    cells = np.full(occupied.shape, -1, np.int8)
-    cells[occupied > head["occupied_thresh"]] = 100
-    cells[occupied < head["free_thresh"]] = 0
-    x, y, yaw = head["origin"]
-    assert yaw == 0
-    return NavMap(cells[::-1], (x, y))
-
-
 @cache
 def nav_of(robot: Robot) -> NavMap:
-    return read_nav(nav_map(along_bushes(robot).mapper.grid, "map"))
+    cells, head = load_nav_map(nav_map(along_bushes(robot).mapper.grid, "map"))
+    assert head["resolution"] == SIZE
+    x, y, yaw = head["origin"]
+    assert yaw == 0
+    return NavMap(cells, (x, y))
 
 
 def cut(thing: dict[str, Any]) -> Polygon:

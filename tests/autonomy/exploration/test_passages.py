@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flat_world import ANGLES, box, look_around, ranges_of
+from flat_world import ANGLES, box, look, ranges_of
 from office_map import office_map
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
@@ -41,7 +41,7 @@ def test_maps_and_planned_paths_lead_through_the_same_doors(
     for y in np.linspace(-1.5, 1.5, 7).tolist():
         pose = Pose2(HERE.x, y)
         seen = Observation(0.0, pose, ANGLES, ranges_of(walls, pose))
-        map_.add(pose, look_around(walls, pose))
+        map_.add(pose, look(walls, pose))
         plan.add(seen)
     floor = TraversabilityMap(map_, SAFETY)
     assert floor.reachable(HERE)[floor.disc(*THERE, 0.3)].all() == is_wide

@@ -1,21 +1,16 @@
 """Strategies in a flat world: exact scans, exact moves, and the map that grows."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from flat_world import NOWHERE, look, rectangle
+from flatland import Flatland
 
-from radarsim.autonomy.exploration.coverage import (
-    ContourStrategy,
-    RandomBounce,
-    SpiralCoverage,
-    coverage_strategy,
-    frontier_strategy,
-)
+from radarsim.autonomy.exploration import coverage
 from radarsim.autonomy.exploration.path_follower import (
     PATIENCE,
     WAYPOINT_RADIUS,
@@ -27,22 +22,15 @@ from radarsim.autonomy.exploration.path_follower import (
 from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.exploration.strategies import AutoStrategy, create_strategy
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
-from radarsim.autonomy.mapping.occupancy_grid import (
-    OccupancyGrid,
-)
-from radarsim.autonomy.mapping.scan import (
-    BeamEnd,
-    PlanarScan,
-)
+from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
+from radarsim.autonomy.mapping.scan import BeamEnd
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 
-Look = Callable[..., PlanarScan]
 FAR = 9.0  # m to which the sensor sees
-STEP = 0.2  # s between two scans
 CLEARANCE = 0.371  # m; half the diagonal of a P3AT
 SETTINGS = ExplorationSettings(
     bumpers=Bumpers(safety_distance=0.5),
@@ -50,12 +38,6 @@ SETTINGS = ExplorationSettings(
     radius=5.0,
 )
 STRAIGHT = Twist(0.3, 0.0)
-
-
-def rectangle(west: float, south: float, east: float, north: float) -> Floats:
-    """Return its sides, (4, 2, 2) m."""
-    corners = np.array([[west, south], [east, south], [east, north], [west, north]])
-    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
 HALL = rectangle(-5.0, -3.5, 5.0, 3.5)
@@ -75,29 +57,19 @@ TOO_NARROW = np.concatenate(
 
 
 @dataclass
-class World:
-    """Walls, a robot that moves exactly as commanded, and its map."""
+class World(Flatland):
+    """A flat world, and the map of the robot."""
 
-    look: Look
-    walls: Floats
-    pose: Pose2
+    pause: float = 0.2
     grid: OccupancyGrid = field(default_factory=lambda: OccupancyGrid(0.1))
-    track: list[Pose2] = field(default_factory=list)
     activities: list[str] = field(default_factory=list)
-    nearest: float = math.inf
-
-    @property
-    def length(self) -> float:
-        places = [(pose.x, pose.y) for pose in self.track]
-        return sum(map(math.dist, places, places[1:]))
 
     @property
     def floor(self) -> TraversabilityMap:
         return SETTINGS.traversability(self.grid)
 
     def scan(self) -> Observation:
-        time = len(self.track) * STEP
-        scan = self.look(self.walls, self.pose, time=time)
+        scan = look(self.walls, self.pose, time=self.time)
         nothing = scan.ends == BeamEnd.NOTHING
         known_range = np.where(
             nothing, np.minimum(scan.known_range, FAR), scan.known_range
@@ -107,22 +79,9 @@ class World:
         self.grid.clear_disc(self.pose, 0.25)
         ended = (scan.ends == BeamEnd.HIT) | (scan.ends == BeamEnd.UNSURE)
         ranges = np.where(ended, scan.known_range, math.inf)
-        return Observation(time, self.pose, scan.angles.copy(), ranges)
+        return Observation(self.time, self.pose, scan.angles.copy(), ranges)
 
-    def move(self, twist: Twist) -> None:
-        pose, middle = self.pose, self.pose.yaw + twist.turn * STEP / 2
-        distance = twist.speed * STEP
-        self.pose = Pose2(
-            pose.x + distance * math.cos(middle),
-            pose.y + distance * math.sin(middle),
-            pose.yaw + twist.turn * STEP,
-        )
-        self.track.append(self.pose)
-        lines = shapely.multilinestrings(self.walls)
-        place = shapely.Point(self.pose.x, self.pose.y)
-        self.nearest = min(self.nearest, float(lines.distance(place)))
-
-    def run(self, strategy: Strategy, *, steps: int = 2000) -> None:
+    def explore(self, strategy: Strategy, *, steps: int = 2000) -> None:
         for _ in range(steps):
             twist = strategy.step(self.scan(), self.grid)
             if self.activities[-1:] != [strategy.activity]:
@@ -133,15 +92,8 @@ class World:
         raise AssertionError(f"{strategy.activity} after {steps} steps at {self.pose}")
 
 
-@pytest.fixture
-def world(look: Look) -> Callable[..., World]:
-    def make(walls: Floats, x: float = 0.0, y: float = 0.0, yaw: float = 0.3) -> World:
-        return World(look, walls, Pose2(x, y, yaw))
-
-    return make
-
-
-Make = Callable[..., World]
+def world(walls: Floats, x: float = 0.0, y: float = 0.0, yaw: float = 0.3) -> World:
+    return World(walls, Pose2(x, y, yaw))
 
 
 def generator(seed: int = 0) -> np.random.Generator:
@@ -149,19 +101,17 @@ def generator(seed: int = 0) -> np.random.Generator:
 
 
 @pytest.mark.parametrize("name", list(StrategyName))
-def test_every_strategy_ends_and_keeps_the_safety_distance(
-    world: Make, name: StrategyName
-) -> None:
+def test_every_strategy_ends_and_keeps_the_safety_distance(name: StrategyName) -> None:
     here = world(TWO_ROOMS, -3.0, 0.4)
     strategy = create_strategy(name, SETTINGS, generator())
-    here.run(strategy)
+    here.explore(strategy)
     assert strategy.is_done
     assert here.nearest > CLEARANCE
     assert strategy.step(here.scan(), here.grid) == Twist(0.0, 0.0)
 
 
 @pytest.mark.parametrize("x", [-0.4, -0.25, -0.1, 0.0, 0.12, 0.3])
-def test_robot_in_a_narrow_door_drives_on(world: Make, x: float) -> None:
+def test_robot_in_a_narrow_door_drives_on(x: float) -> None:
     """Not to where it is: the way out of a door is costlier than its own place."""
     jambs = [[[0.0, -2.5], [0.0, -0.6]], [[0.0, 0.6], [0.0, 2.5]]]
     here = world(np.concatenate([rectangle(-5.0, -2.5, 5.0, 2.5), jambs]), x, 0.03, 0.0)
@@ -174,9 +124,9 @@ def test_robot_in_a_narrow_door_drives_on(world: Make, x: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["contour", "turn_away"])
-def test_whole_room_is_seen_at_short_range(world: Make, name: str) -> None:
+def test_whole_room_is_seen_at_short_range(name: str) -> None:
     here = world(HALL, -3.0, 0.4)
-    here.run(create_strategy(StrategyName(name), SETTINGS, generator()))
+    here.explore(create_strategy(StrategyName(name), SETTINGS, generator()))
     floor = here.floor
     left = floor.unvisited & floor.reachable(here.pose)
     assert floor.area(left) < 1.0
@@ -184,16 +134,12 @@ def test_whole_room_is_seen_at_short_range(world: Make, name: str) -> None:
 
 @pytest.mark.parametrize("wall_on_left", [True, False])
 def test_contour_is_followed_once_and_then_the_interior_is_covered(
-    world: Make, wall_on_left: bool
+    wall_on_left: bool,
 ) -> None:
     here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
-    settings = ExplorationSettings(
-        bumpers=SETTINGS.bumpers,
-        speed_limits=SETTINGS.speed_limits,
-        wall_on_left=wall_on_left,
-    )
-    strategy = ContourStrategy(settings)
-    here.run(strategy)
+    settings = replace(SETTINGS, wall_on_left=wall_on_left)
+    strategy = coverage.ContourStrategy(settings)
+    here.explore(strategy)
     assert here.activities == ["seeking", "aligning", "following", "filling"]
     assert strategy.contours == 1
     path = shapely.LineString([(pose.x, pose.y) for pose in here.track])
@@ -204,17 +150,17 @@ def test_contour_is_followed_once_and_then_the_interior_is_covered(
     assert (turns.sum() < 0) == wall_on_left
 
 
-def test_island_is_left_for_a_wall_of_the_room(world: Make) -> None:
+def test_island_is_left_for_a_wall_of_the_room() -> None:
     """Whether a wall in the open belongs to a room is unknown at first."""
-    strategy = ContourStrategy(SETTINGS)
+    strategy = coverage.ContourStrategy(SETTINGS)
     here = world(PILLAR, 2.0, 0.0, math.pi)
-    here.run(strategy)
+    here.explore(strategy)
     assert strategy.contours == 1  # that of the pillar, from outside
     assert here.activities == ["seeking", "aligning", "following", "seeking"]
     assert here.length < 12  # and nothing is filled
 
 
-def test_robot_drives_ahead_when_no_wall_is_sensed(look: Look) -> None:
+def test_robot_drives_ahead_when_no_wall_is_sensed() -> None:
     class Nearsighted(World):
         def scan(self) -> Observation:
             observation = super().scan()
@@ -224,17 +170,17 @@ def test_robot_drives_ahead_when_no_wall_is_sensed(look: Look) -> None:
                 observation.time, observation.pose, observation.bearings, ranges
             )
 
-    here = Nearsighted(look, HALL, Pose2(0.0, 0.0, 0.0))
-    strategy = ContourStrategy(SETTINGS)
+    here = Nearsighted(HALL, Pose2(0.0, 0.0, 0.0))
+    strategy = coverage.ContourStrategy(SETTINGS)
     for _ in range(60):
         here.move(strategy.step(here.scan(), here.grid))
     assert here.pose.x > 3.0
     assert strategy.activity in ("aligning", "following")
 
 
-def test_frontiers_lead_through_doors(world: Make) -> None:
+def test_frontiers_lead_through_doors() -> None:
     here = world(TWO_ROOMS, -3.0, 0.4)
-    here.run(frontier_strategy(SETTINGS))
+    here.explore(coverage.frontier_strategy(SETTINGS))
     assert here.pose.x > -1.0
     inside = shapely.box(-4.9, -2.4, 4.9, 2.4)
     across, up = here.floor.tile_centers()
@@ -243,30 +189,28 @@ def test_frontiers_lead_through_doors(world: Make) -> None:
     assert known.mean() > 0.99
 
 
-def test_strategy_is_done_at_once_in_a_closet(world: Make) -> None:
+def test_strategy_is_done_at_once_in_a_closet() -> None:
     here = world(CLOSET)
-    here.run(frontier_strategy(SETTINGS), steps=60)  # turns round once
+    here.explore(coverage.frontier_strategy(SETTINGS), steps=60)  # turns round once
     assert here.pose.yaw > 2 * math.pi
-    here.run(coverage_strategy(SETTINGS), steps=20)
+    here.explore(coverage.coverage_strategy(SETTINGS), steps=20)
     assert here.length == 0.0
 
 
-def test_random_bounce_is_repeatable_by_its_seed(
-    world: Make,
-) -> None:
+def test_random_bounce_is_repeatable_by_its_seed() -> None:
     tracks = []
     for seed in (0, 0, 1):
         here = world(HALL, -3.0, 0.5)
-        strategy = RandomBounce(SETTINGS, generator(seed))
+        strategy = coverage.RandomBounce(SETTINGS, generator(seed))
         for _ in range(120):
             here.move(strategy.step(here.scan(), here.grid))
         tracks.append(here.track)
     assert tracks[0] == tracks[1] != tracks[2]
 
 
-def test_random_bounce_drives_straight_between_walls(world: Make) -> None:
+def test_random_bounce_drives_straight_between_walls() -> None:
     here = world(HALL, -3.0, 0.5)
-    strategy = RandomBounce(SETTINGS, generator())
+    strategy = coverage.RandomBounce(SETTINGS, generator())
     for _ in range(200):
         activity = strategy.activity
         twist = strategy.step(here.scan(), here.grid)
@@ -279,16 +223,16 @@ def test_random_bounce_drives_straight_between_walls(world: Make) -> None:
     assert here.length > 15
 
 
-def test_walled_in_robot_turns_about(world: Make) -> None:
+def test_walled_in_robot_turns_about() -> None:
     here = world(rectangle(-0.8, -0.8, 0.8, 0.8))
-    strategy = RandomBounce(SETTINGS, generator())
-    here.run(strategy, steps=50)
+    strategy = coverage.RandomBounce(SETTINGS, generator())
+    here.explore(strategy, steps=50)
     assert here.length == 0.0
 
 
-def test_spiral_widens(world: Make, nowhere: Floats) -> None:
-    here = world(nowhere, 2.0, 1.0)
-    here.run(SpiralCoverage(SETTINGS))
+def test_spiral_widens() -> None:
+    here = world(NOWHERE, 2.0, 1.0)
+    here.explore(coverage.SpiralCoverage(SETTINGS))
     far = [math.dist((pose.x, pose.y), (2.0, 1.0)) for pose in here.track]
     assert max(far) == pytest.approx(SETTINGS.radius, abs=1.2)
     assert (np.maximum.accumulate(far) - far).max() < 1.0
@@ -297,12 +241,10 @@ def test_spiral_widens(world: Make, nowhere: Floats) -> None:
     assert not (here.floor.unvisited & here.floor.disc(2.0, 1.0, 3.0)).any()
 
 
-def test_spiral_ends_at_a_border_on_all_sides(world: Make) -> None:
+def test_spiral_ends_at_a_border_on_all_sides() -> None:
     here = world(CLOSET)
-    strategy = SpiralCoverage(
-        ExplorationSettings(bumpers=SETTINGS.bumpers, radius=50.0)
-    )
-    here.run(strategy, steps=300)
+    strategy = coverage.SpiralCoverage(replace(SETTINGS, radius=50.0))
+    here.explore(strategy, steps=300)
     assert here.length < 5
 
 
@@ -314,39 +256,33 @@ def test_spiral_ends_at_a_border_on_all_sides(world: Make) -> None:
         pytest.param(rectangle(-1.0, -0.5, 0.0, 0.5), ["centre_out"], id="a box"),
     ],
 )
-def test_auto_chooses_by_what_is_sensed(
-    world: Make, walls: Floats, chosen: list[str]
-) -> None:
+def test_auto_chooses_by_what_is_sensed(walls: Floats, chosen: list[str]) -> None:
     here = world(walls, -3.0, 0.4)
     strategy = AutoStrategy(SETTINGS)
-    here.run(strategy)
+    here.explore(strategy)
     assert [name.value for name in strategy.chosen] == chosen
 
 
-def test_auto_stops_the_spiral_at_walls(world: Make) -> None:
+def test_auto_stops_the_spiral_at_walls() -> None:
     """In front of the open side of a house only that side is sensed."""
     house = np.concatenate(
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
     )
     here = world(house, 0.5, 0.0)
-    strategy = AutoStrategy(
-        ExplorationSettings(
-            bumpers=SETTINGS.bumpers, speed_limits=SETTINGS.speed_limits, radius=8.0
-        )
-    )
-    here.run(strategy)
+    strategy = AutoStrategy(replace(SETTINGS, radius=8.0))
+    here.explore(strategy)
     assert [name.value for name in strategy.chosen] == ["centre_out", "frontiers"]
     assert max(pose.x for pose in here.track) < 9.0
 
 
-def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
+def sensed_with(near: dict[float, float]) -> Observation:
     """Return an observation with obstacles at some bearings, deg, and distances, m."""
     bearings = np.radians(np.arange(360.0) - 180)
     ranges = np.full(360, math.inf)
     for bearing, distance in near.items():
         apart = np.abs(np.degrees(bearings) - bearing)
         ranges[apart <= 20] = distance
-    return Observation(time, Pose2(0, 0), bearings, ranges)
+    return Observation(0.0, Pose2(0, 0), bearings, ranges)
 
 
 @pytest.mark.parametrize(
@@ -375,11 +311,11 @@ def test_nearest_clear_bearing_is_chosen() -> None:
     assert SETTINGS.clear_bearing(walled_in, 0.2) == 0.2
 
 
-def test_target_without_progress_is_given_up(world: Make) -> None:
+def test_target_without_progress_is_given_up() -> None:
     """The obstacle that blocks the robot is on no map."""
     here, follower = world(HALL, -3.0, 0.4), PathFollower(SETTINGS)
     ends: list[Any] = []
-    for _ in range(round(PATIENCE / STEP) + 20):
+    for _ in range(round(PATIENCE / here.pause) + 20):
         seen = here.scan()
         follower.update_map(seen, here.grid)
         assert follower.plan(seen, follower.floor.unvisited)
@@ -389,7 +325,7 @@ def test_target_without_progress_is_given_up(world: Make) -> None:
     assert math.dist(ends[20], ends[-1]) > 0.5
 
 
-def test_robot_without_a_path_stands(world: Make) -> None:
+def test_robot_without_a_path_stands() -> None:
     here = world(HALL)
     follower = PathFollower(SETTINGS)
     assert follower.step(here.scan()) == Twist(0.0, 0.0)
@@ -398,11 +334,11 @@ def test_robot_without_a_path_stands(world: Make) -> None:
     assert not follower.update_map(here.scan(), here.grid)
 
 
-def test_waypoints_are_reached_in_turn(world: Make) -> None:
+def test_waypoints_are_reached_in_turn() -> None:
     here = world(HALL, -4.0)
     places = [(-3.0, -2.0), (3.0, -2.0), (3.0, 2.0)]
     strategy = WaypointFollower(SETTINGS, places)
-    here.run(strategy)
+    here.explore(strategy)
     assert strategy.unreached == []
     near = [
         min(math.dist(place, (pose.x, pose.y)) for pose in here.track)
@@ -413,29 +349,29 @@ def test_waypoints_are_reached_in_turn(world: Make) -> None:
     assert set(here.activities) == {"underway"}
 
 
-def test_unreachable_waypoint_is_skipped(world: Make) -> None:
+def test_unreachable_waypoint_is_skipped() -> None:
     here = world(TOO_NARROW, -4.0)
     strategy = WaypointFollower(SETTINGS, [(3.0, 0.0), (-4.0, 1.5)])
-    here.run(strategy)
+    here.explore(strategy)
     assert strategy.unreached == [(3.0, 0.0)]
     assert math.dist((here.pose.x, here.pose.y), (-4.0, 1.5)) < WAYPOINT_RADIUS
     assert max(pose.x for pose in here.track) > -1.2  # as near as it can get
 
 
-def test_nearby_waypoint_is_reached_and_not_skipped(world: Make) -> None:
+def test_nearby_waypoint_is_reached_and_not_skipped() -> None:
     for away in np.arange(0.05, 0.6, 0.1):
         here = world(HALL, -3.0)
         place = (-3.0 - away, 0.0)
         strategy = WaypointFollower(SETTINGS, [place])
-        here.run(strategy)
+        here.explore(strategy)
         assert strategy.unreached == []
         assert math.dist((here.pose.x, here.pose.y), place) < WAYPOINT_RADIUS
 
 
 @pytest.mark.parametrize("far", [8.0, 1e300])
-def test_waypoint_outside_is_skipped_after_no_progress(world: Make, far: float) -> None:
+def test_waypoint_outside_is_skipped_after_no_progress(far: float) -> None:
     here = world(HALL, -3.0)
     strategy = WaypointFollower(SETTINGS, [(far, 0.0), (0.0, 0.0)])
-    here.run(strategy, steps=800)
+    here.explore(strategy, steps=800)
     assert strategy.unreached == [(far, 0.0)]
     assert math.dist((here.pose.x, here.pose.y), (0.0, 0.0)) < WAYPOINT_RADIUS

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flat_world import Look, box
+from flat_world import box, look
 from office_map import office_map
 from traffic import Mover, Traffic
 
@@ -54,30 +54,25 @@ class UntilDone(Strategy):
 class Stand:
     """A robot that stands, and whatever is around it."""
 
-    def __init__(self, look: Look) -> None:
-        self._look = look
+    def __init__(self) -> None:
         self.grid, self.other = OccupancyGrid(), UntilDone(SETTINGS)
         self.strategy = Revisit(SETTINGS, self.other, fills=False)
         self.time = 0.0
 
     def watch(self, walls: Floats, duration: float) -> None:
         for _ in range(round(duration / 0.1)):
-            scan = self._look(walls, HERE, time=self.time).within(6.0)
+            scan = look(walls, HERE, time=self.time).within(6.0)
             self.grid.add(HERE, scan)
             seen = Observation(self.time, HERE, scan.angles, scan.known_range)
             self.strategy.step(seen, self.grid)
             self.time += 0.1
 
 
-@pytest.fixture
-def stand(look: Look) -> Stand:
-    return Stand(look)
-
-
 SHUT: Floats = np.concatenate([WALLS, CRATE])
 
 
-def test_what_has_closed_a_door_is_looked_at_until_it_has_gone(stand: Stand) -> None:
+def test_what_has_closed_a_door_is_looked_at_until_it_has_gone() -> None:
+    stand = Stand()
     stand.watch(WALLS, 3.0)
     stand.watch(SHUT, 8.0)
     stand.other.is_done = True
@@ -89,7 +84,8 @@ def test_what_has_closed_a_door_is_looked_at_until_it_has_gone(stand: Stand) -> 
     assert not stand.strategy.is_done
 
 
-def test_floor_behind_what_stays_is_told(stand: Stand) -> None:
+def test_floor_behind_what_stays_is_told() -> None:
+    stand = Stand()
     stand.watch(WALLS, 3.0)
     stand.watch(SHUT, 8.0)
     stand.other.is_done = True
@@ -107,7 +103,8 @@ def test_floor_behind_what_stays_is_told(stand: Stand) -> None:
     assert np.abs(gone - (row, column)).max() < 20
 
 
-def test_what_was_closed_from_the_beginning_is_a_wall(stand: Stand) -> None:
+def test_what_was_closed_from_the_beginning_is_a_wall() -> None:
+    stand = Stand()
     stand.watch(SHUT, 3.0)
     stand.other.is_done = True
     stand.watch(SHUT, 0.2)

@@ -1,30 +1,22 @@
 """Traversability of a mapped room of 12 by 8 m."""
 
 import math
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from flat_world import NOWHERE, ROOM, look
 
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
-from radarsim.autonomy.mapping.occupancy_grid import (
-    OccupancyGrid,
-)
-from radarsim.autonomy.mapping.scan import (
-    BeamHits,
-    Layer,
-    PlanarScan,
-)
+from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
+from radarsim.autonomy.mapping.scan import BeamHits, Layer
 from radarsim.geometry import Floats, Pose2
 
-Look = Callable[..., PlanarScan]
 SAFETY = 0.5
 MIDDLE = Pose2(0.0, 2.0)
 
 
-def seen(
-    look: Look, walls: Floats, *poses: Pose2, resolution: float = 0.05
-) -> OccupancyGrid:
+def seen(walls: Floats, *poses: Pose2, resolution: float = 0.05) -> OccupancyGrid:
     grid = OccupancyGrid(resolution)
     for pose in poses:
         for turn in np.linspace(0, math.radians(1), 4, endpoint=False):
@@ -34,8 +26,8 @@ def seen(
 
 
 @pytest.fixture(scope="module")
-def floor(look: Look, room: Floats) -> TraversabilityMap:
-    return TraversabilityMap(seen(look, room, MIDDLE), SAFETY)
+def floor() -> TraversabilityMap:
+    return TraversabilityMap(seen(ROOM, MIDDLE), SAFETY)
 
 
 def test_open_floor_keeps_the_safety_distance(floor: TraversabilityMap) -> None:
@@ -88,9 +80,9 @@ def test_robot_too_near_to_something_may_leave(floor: TraversabilityMap) -> None
     assert floor.reachable(near)[floor.disc(0.0, 1.0, 0.3)].all()
 
 
-def test_outer_boundary_excludes_islands(look: Look, room: Floats) -> None:
+def test_outer_boundary_excludes_islands() -> None:
     corners = [Pose2(x, y) for x in (-5, 0, 5) for y in (-3, 3)]
-    floor = TraversabilityMap(seen(look, room, *corners), SAFETY)
+    floor = TraversabilityMap(seen(ROOM, *corners), SAFETY)
     outer_boundary = floor.outer_boundary(floor.reachable(MIDDLE))
     assert outer_boundary.any()
     assert not (outer_boundary & floor.disc(2.0, 1.0, 1.5)).any()
@@ -98,41 +90,28 @@ def test_outer_boundary_excludes_islands(look: Look, room: Floats) -> None:
         assert (outer_boundary & floor.disc(*side, 0.3)).any()
 
 
-def test_floor_is_unvisited_where_it_was_seen_from_afar(
-    look: Look, room: Floats
-) -> None:
-    floor = TraversabilityMap(seen(look, room, Pose2(-4.0, 1.0)), SAFETY)
+def test_floor_is_unvisited_where_it_was_seen_from_afar() -> None:
+    floor = TraversabilityMap(seen(ROOM, Pose2(-4.0, 1.0)), SAFETY)
     assert not (floor.unvisited & floor.disc(-4.0, 1.0, 2.8)).any()
     assert (floor.unvisited & floor.disc(4.0, 2.0, 0.5)).any()
     assert floor.area(floor.disc(0.0, 0.0, 1.0)) == pytest.approx(math.pi, rel=0.05)
 
 
 @pytest.mark.parametrize("resolution", [0.03, 0.1, 0.25])
-def test_cells_of_any_size_give_the_same_floor(
-    look: Look, room: Floats, resolution: float
-) -> None:
-    floor = TraversabilityMap(seen(look, room, MIDDLE, resolution=resolution), SAFETY)
+def test_cells_of_any_size_give_the_same_floor(resolution: float) -> None:
+    floor = TraversabilityMap(seen(ROOM, MIDDLE, resolution=resolution), SAFETY)
     assert floor.is_open(-3.0, 2.0)
     assert not floor.is_open(2.0, -0.2 + 1.0)  # beside a box
     assert floor.find_path(MIDDLE, floor.disc(-4.0, 2.0, 0.3))
 
 
-def test_foliage_keeps_a_robot_out_though_beams_get_in(
-    look: Look, nowhere: Floats
-) -> None:
-    scan = look(nowhere, Pose2(0.0, 0.0))
+def test_foliage_keeps_a_robot_out_though_beams_get_in() -> None:
+    scan = look(NOWHERE, Pose2(0.0, 0.0))
     beams = np.arange(170, 191)
     here, there = np.full(len(beams), 2.0), np.full(len(beams), 3.0)
     layers = np.full(len(beams), Layer.FOLIAGE, np.int8)
-    scan = PlanarScan(
-        scan.time,
-        scan.mount,
-        scan.angles,
-        scan.known_range,
-        scan.ends,
-        BeamHits(beams, here, there, layers),
-        sees_through=True,
-    )
+    hits = BeamHits(beams, here, there, layers)
+    scan = replace(scan, hits=hits, sees_through=True)
     grid = OccupancyGrid()
     grid.add(Pose2(0.0, 0.0), scan)
     floor = TraversabilityMap(grid, SAFETY)

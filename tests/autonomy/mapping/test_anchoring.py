@@ -1,10 +1,10 @@
 """Maps that are turned back to the pose at which they begin."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
+from flat_world import CORRIDOR, ROOM, look
 
 from radarsim.autonomy.mapping.loop_closure import (
     Keyframe,
@@ -13,46 +13,40 @@ from radarsim.autonomy.mapping.loop_closure import (
 )
 from radarsim.autonomy.mapping.point_map import inward_normals
 from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
-from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.scan_matching import ScanPoints
 from radarsim.geometry import Floats, Pose2
 
-Look = Callable[..., PlanarScan]
 OFF = Pose2(0.03, -0.02, 0.01)  # of all but the first scans
 
 
-def seen(look: Look, walls: Floats, pose: Pose2) -> ScanPoints:
+def seen(walls: Floats, pose: Pose2) -> ScanPoints:
     places, along = look(walls, pose).points()
     return ScanPoints(places, along, inward_normals(places, along), 0.0, True)
 
 
-def map_that_is_off(look: Look, walls: Floats) -> KeyframeMap:
+def map_that_is_off(walls: Floats) -> KeyframeMap:
     known = KeyframeMap()
     for _ in range(3):
         start = Pose2(-4.0, 2.0)
-        known.add(Keyframe(start, seen(look, walls, start), 0.0))
+        known.add(Keyframe(start, seen(walls, start), 0.0))
     for k in range(1, 9):
         pose = Pose2(-4.0 + 0.1 * k, 2.0 + 0.05 * k, 0.7 * k)
-        keyframe = Keyframe(OFF.compose(pose), seen(look, walls, pose), 0.1 * k)
+        keyframe = Keyframe(OFF.compose(pose), seen(walls, pose), 0.1 * k)
         known.add(keyframe)
     return known
 
 
-def test_the_first_scans_show_by_how_much_a_map_is_off(
-    look: Look, room: Floats
-) -> None:
-    found = find_correction(map_that_is_off(look, room), 3)
+def test_the_first_scans_show_by_how_much_a_map_is_off() -> None:
+    found = find_correction(map_that_is_off(ROOM), 3)
     assert found is not None
     left = found.compose(OFF)
     assert math.hypot(left.x, left.y) < 0.01
     assert left.yaw == pytest.approx(0.0, abs=0.001)
 
 
-def test_maps_are_not_anchored_where_the_first_scans_do_not_show_them(
-    look: Look, room: Floats, corridor: Floats
-) -> None:
-    assert find_correction(map_that_is_off(look, corridor * 4), 3) is None
-    known = map_that_is_off(look, room)
+def test_maps_are_not_anchored_where_the_first_scans_do_not_show_them() -> None:
+    assert find_correction(map_that_is_off(CORRIDOR * 4), 3) is None
+    known = map_that_is_off(ROOM)
     known.keyframes[4].is_local = False
     assert find_correction(known, 3) is None
 

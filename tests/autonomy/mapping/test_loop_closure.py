@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from flat_world import ANGLES, box, look_around, ranges_of
+from flat_world import ANGLES, box, errors_of, look, ranges_of
 
 from radarsim.autonomy.mapping.loop_closure import Keyframe, KeyframeMap
 from radarsim.autonomy.mapping.mapper import RebuildableGrid
@@ -13,11 +13,7 @@ from radarsim.autonomy.mapping.point_map import inward_normals
 from radarsim.autonomy.mapping.scan import PlanarScan, read_scan
 from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints
 from radarsim.autonomy.mapping.slam import Slam
-from radarsim.autonomy.mapping.trajectory import (
-    Trajectory,
-    TrajectoryErrors,
-    trajectory_errors,
-)
+from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.geometry import Floats, Pose2
 from radarsim.protocol.reports import RangeScan
 
@@ -62,16 +58,6 @@ def scan_from(pose: Pose2, time: float) -> PlanarScan:
     return read_scan(report, max_range=REACH)
 
 
-def errors(
-    times: list[float], found: list[Pose2], path: list[Pose2]
-) -> TrajectoryErrors:
-    truth, estimate = Trajectory(), Trajectory()
-    for time, pose, other in zip(times, path, found, strict=True):
-        truth.add(time, pose)
-        estimate.add(time, other)
-    return trajectory_errors(estimate, truth)
-
-
 @pytest.mark.slow
 def test_a_loop_of_corridors_closes_and_takes_the_drift_with_it() -> None:
     path = around()
@@ -79,10 +65,9 @@ def test_a_loop_of_corridors_closes_and_takes_the_drift_with_it() -> None:
     live = []
     for i, (pose, odometry) in enumerate(zip(path, slipping(path), strict=True)):
         live.append(slam.step(scan_from(pose, 0.1 * i), odometry))
-    times = slam.trajectory.times
-    motion = errors(times, slam.dead_reckoning.poses, path)
-    as_driven = errors(times, live, path)
-    found = errors(times, slam.trajectory.poses, path)
+    motion = errors_of(slam.dead_reckoning.poses, path)
+    as_driven = errors_of(live, path)
+    found = errors_of(slam.trajectory.poses, path)
     assert slam.closures
     assert motion.ate > 0.4
     assert found.ate < 0.5 * as_driven.ate
@@ -90,7 +75,7 @@ def test_a_loop_of_corridors_closes_and_takes_the_drift_with_it() -> None:
 
 def keyframe(pose: Pose2, station: float, least_x: float) -> Keyframe:
     """Return what is seen of a room east of some x."""
-    places, along = look_around(EMPTY_ROOM, pose).points()
+    places, along = look(EMPTY_ROOM, pose).points()
     is_seen = places[:, 0] + pose.x > least_x
     seen: tuple[Floats, Floats] = (places[is_seen], along[is_seen])
     points = ScanPoints(*seen, inward_normals(*seen), 0.0, True)

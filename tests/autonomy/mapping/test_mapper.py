@@ -1,24 +1,17 @@
 """Maps and trajectories from reports."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from flat_world import ROOM, echoes_of, look
 
-from radarsim.autonomy.mapping.mapper import (
-    MAX_SCANS_WITHOUT_MOTION,
-    Mapper,
-)
-from radarsim.autonomy.mapping.occupancy_grid import (
-    CellClass,
-)
-from radarsim.autonomy.mapping.scan import (
-    PlanarScan,
-)
+from radarsim.autonomy.mapping.mapper import MAX_SCANS_WITHOUT_MOTION, Mapper
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.client import ScannerInfo
-from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -27,7 +20,6 @@ from radarsim.protocol.reports import (
     RangeScan,
     Report,
     Status,
-    TargetEchoes,
 )
 
 FAR = 20.0
@@ -45,26 +37,17 @@ def scan(time: float, ahead: float, name: str = "lms200") -> RangeScan:
     return RangeScan(time, name, math.radians(10), FOV, ranges)
 
 
-def echoes(time: float, *events: tuple[float, str], **overrides: Any) -> EchoLine:
+def echoes(
+    time: float,
+    *events: tuple[float, str],
+    line: int = 1,
+    lines: int = 1,
+    scanner: str = "lms200",
+    **of: Any,
+) -> EchoLine:
     """Return the echoes of a bush on the beam ahead, as line ``line`` of ``lines``."""
-    count = len(events)
-    seen = TargetEchoes(
-        overrides.get("object", "bush"),
-        overrides.get("material", "leaves"),
-        0.7,
-        0.3,
-        False,
-        overrides.get("passes", False),
-        np.full(count, AHEAD),
-        np.array([range_ for range_, _ in events]),
-        tuple(kind for _, kind in events),
-        np.ones(count),
-        np.ones(count),
-    )
-    name = overrides.get("name", "lms200")
-    return EchoLine(
-        time, name, overrides.get("line", 1), overrides.get("lines", 1), seen
-    )
+    seen = echoes_of(*((AHEAD, range_, kind) for range_, kind in events), **of)
+    return EchoLine(time, scanner, line, lines, seen)
 
 
 def no_echoes(time: float) -> EchoLine:
@@ -109,7 +92,7 @@ def test_echoes_distinguish_foliage_from_walls() -> None:
         maker,
         ins(0.1),
         echoes(0.1, (2.0, "enter"), (3.0, "leave"), line=1, lines=2),
-        echoes(0.1, (5.0, "hit"), object="wall", material="brick", line=2, lines=2),
+        echoes(0.1, (5.0, "hit"), name="wall", material="brick", line=2, lines=2),
         scan(0.1, 5.0),
     )
     assert class_at(maker, 2.7, 0.0) == CellClass.FOLIAGE
@@ -122,7 +105,7 @@ def test_observation_contains_what_robots_cannot_enter() -> None:
     reports: list[Report] = [
         ins(0.1),
         echoes(0.1, (1.0, "enter"), (1.5, "leave"), passes=True, line=1, lines=2),
-        echoes(0.1, (2.0, "enter"), (3.0, "spent"), object="b", line=2, lines=2),
+        echoes(0.1, (2.0, "enter"), (3.0, "spent"), name="b", line=2, lines=2),
         scan(0.1, 3.0),
     ]
     *nothing, sensed = feed(maker, *reports)
@@ -160,14 +143,14 @@ def test_echoes_of_another_time_or_scanner_are_not_used() -> None:
     maker = mapper(echo_wait=9.0)
     feed(maker, ins(0.1), echoes(0.1, (2.0, "hit")))
     assert feed(maker, scan(0.2, 2.0)) == [None]
-    other = echoes(0.3, (2.0, "hit"), name="another")
+    other = echoes(0.3, (2.0, "hit"), scanner="another")
     assert feed(maker, other, scan(0.3, 2.0)) == [None, None]
 
 
 def test_echo_lines_may_arrive_in_any_order_and_twice() -> None:
     maker = mapper()
     one = echoes(0.1, (2.0, "hit"), line=1, lines=2)
-    two = echoes(0.1, (2.0, "rain"), object="air", line=2, lines=2)
+    two = echoes(0.1, (2.0, "rain"), name="air", line=2, lines=2)
     assert feed(maker, ins(0.1), two, one, two, scan(0.1, 2.0))[-1] is not None
 
 
@@ -196,9 +179,7 @@ def test_scans_without_the_motion_source_are_not_mapped(
 
 
 @pytest.mark.parametrize("source", ["odometry", "none"])
-def test_map_starts_at_the_spawn_pose_for_every_motion_source(
-    source: str,
-) -> None:
+def test_map_starts_at_the_spawn_pose_for_every_motion_source(source: str) -> None:
     maker = mapper(motion_source=source, echo_wait=0.0)
     feed(maker, truth(0.0, 4.0), Odometry(0.0, "O", Pose2(0, 0)), scan(0.0, 3.0))
     assert maker.trajectory.poses == [Pose2(4.0, 0.0)]
@@ -233,31 +214,24 @@ def test_floor_under_the_robot_is_free() -> None:
     assert class_at(maker, 0.0, 0.35) == CellClass.UNKNOWN
 
 
-@pytest.fixture
-def drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
+def drive() -> Iterator[Report]:
     """Return the reports of a robot that circles in a room."""
-    return _drive(look, room)
-
-
-def _drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
     for k in range(400):
         t = 0.1 * k
         pose = Pose2(0.5 * math.cos(t / 5), 1 + 0.5 * math.sin(t / 5), t / 5)
         yield GroundTruth(t, "G", Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw))
         yield ins(t, pose.x, pose.y, pose.yaw)
-        seen = look(room, pose)
+        seen = look(ROOM, pose)
         fov = float(seen.angles[-1] - seen.angles[0])
         yield RangeScan(t, "lms200", math.radians(1), fov, seen.known_range)
 
 
-def test_map_does_not_grow_while_the_robot_circles_in_a_room(
-    drive: Iterator[Report],
-) -> None:
+def test_map_does_not_grow_while_the_robot_circles_in_a_room() -> None:
     """The grid and the point map grow with the room, not with time."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 30.0, 0.1, 6.0, 360)
     maker = Mapper(facts, echo_wait=0.0)
     sizes = []
-    for report in drive:
+    for report in drive():
         maker.take(report)
         sizes.append((maker.grid.frame.shape, len(maker.slam.map.points)))
     grids, points = zip(*sizes, strict=True)
@@ -296,7 +270,7 @@ def test_only_what_is_within_the_map_range_is_mapped() -> None:
         maker,
         ins(0.1),
         echoes(0.1, (1.0, "enter"), (3.0, "leave"), line=1, lines=2),
-        echoes(0.1, (5.0, "hit"), object="wall", material="brick", line=2, lines=2),
+        echoes(0.1, (5.0, "hit"), name="wall", material="brick", line=2, lines=2),
         scan(0.1, 5.0),
     )
     assert sensed.ranges[AHEAD] == pytest.approx(1.2)

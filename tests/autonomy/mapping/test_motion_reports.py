@@ -1,17 +1,14 @@
 """Reported motion at the times of scans that come more often than reports."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
+from flat_world import ROOM, look
 
-from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.slam import MotionReports, Slam
 from radarsim.autonomy.mapping.trajectory import Trajectory, trajectory_errors
-from radarsim.geometry import Floats, Pose2
-
-Look = Callable[..., PlanarScan]
+from radarsim.geometry import Pose2
 
 
 def reports(*poses: tuple[float, Pose2]) -> MotionReports:
@@ -81,9 +78,7 @@ def drive() -> list[Pose2]:
 
 
 @pytest.mark.parametrize("every", [1, 3])
-def test_scans_between_reports_are_matched_as_well_as_others(
-    look: Look, room: Floats, every: int
-) -> None:
+def test_scans_between_reports_are_matched_as_well_as_others(every: int) -> None:
     """At 100 and 33 Hz, with a report every .1 s, whose x drifts by 2 %."""
     poses, motion, truth = drive(), MotionReports(), Trajectory()
     slam = Slam("ins", poses[0])
@@ -93,7 +88,7 @@ def test_scans_between_reports_are_matched_as_well_as_others(
             motion.add(time, Pose2(1.02 * pose.x, pose.y, pose.yaw))
         if k % every == 0:
             truth.add(time, pose)
-            slam.step(look(room, pose, time=time), *(motion.at(time) or ()))
+            slam.step(look(ROOM, pose, time=time), *(motion.at(time) or ()))
     found = trajectory_errors(slam.trajectory, truth)
     assert found.length > 3
     assert found.ate_max < 0.01

@@ -1,12 +1,14 @@
 """Frames of grids, and occupancy grids that scans are added to."""
 
 import math
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from flat_world import NOWHERE, ROOM, look, look_through
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from radarsim.autonomy.mapping.occupancy_grid import (
     GROWTH_STEP,
@@ -14,11 +16,13 @@ from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
     GridFrame,
     OccupancyGrid,
+    distance_field,
 )
 from radarsim.autonomy.mapping.scan import PlanarScan, read_scan
 from radarsim.errors import MappingError
 from radarsim.geometry import Floats, Pose2
-from radarsim.protocol.reports import RangeScan, TargetEchoes
+from radarsim.protocol.reports import RangeScan
+from radarsim.rng import generator_for
 
 SIZE = 0.05
 metres = st.floats(-40, 40)
@@ -75,51 +79,9 @@ def test_area_too_large_is_an_error() -> None:
         frame.extended_to((-side, 0.0), (0.0, 0.0))
 
 
-Look = Callable[..., PlanarScan]
 HERE = Pose2(1.0, -0.5, 0.4)
 MAX_RANGE = 20.0
 places = st.floats(-7, 7)
-
-
-def fan(n: int = 61) -> Floats:
-    return np.radians(np.linspace(-30, 30, n))
-
-
-def echoes_of_object(
-    name: str, kind_near: str, near: Floats, kind_far: str, far: Floats, *, passes: bool
-) -> TargetEchoes:
-    """Return the echoes of an object that all beams enter, and leave or end in."""
-    n = len(near)
-    beams = np.repeat(np.arange(n), 2)
-    ranges = np.column_stack([near, far]).ravel()
-    ones = np.ones(2 * n)
-    kinds = (kind_near, kind_far) * n
-    return TargetEchoes(
-        name, name, 0.7, 0.3, False, passes, beams, ranges, kinds, ones, ones
-    )
-
-
-def through(near: float, far: float, end: float | None, *, passes: bool) -> PlanarScan:
-    """Scan a slab across the view, from ``near`` to ``far`` m, and a wall at ``end``.
-
-    Without a wall the beams are spent in the slab.
-    """
-    slope = 1 / np.cos(fan())
-    if end is None:
-        slab = echoes_of_object(
-            "slab", "enter", near * slope, "spent", far * slope, passes=passes
-        )
-        seen, ranges = [slab], far * slope
-    else:
-        slab = echoes_of_object(
-            "slab", "enter", near * slope, "leave", far * slope, passes=passes
-        )
-        wall = echoes_of_object(
-            "wall", "hit", end * slope, "hit", end * slope, passes=False
-        )
-        seen, ranges = [slab, wall], end * slope
-    report = RangeScan(0.0, "lms200", math.radians(1), math.radians(60), ranges)
-    return read_scan(report, seen, max_range=MAX_RANGE)
 
 
 def grid_of(*scans: PlanarScan, pose: Pose2 | None = None) -> OccupancyGrid:
@@ -135,8 +97,8 @@ def class_at(grid: OccupancyGrid, x: float, y: float) -> int:
 
 
 @pytest.fixture(scope="module")
-def mapped(look: Look, room: Floats) -> OccupancyGrid:
-    return grid_of(look(room, HERE), pose=HERE)
+def mapped() -> OccupancyGrid:
+    return grid_of(look(ROOM, HERE), pose=HERE)
 
 
 def test_empty_map_is_unknown() -> None:
@@ -156,10 +118,8 @@ def test_room_is_free_inside_and_unknown_behind_its_walls(
     assert class_at(mapped, 2.9, 2.5) == CellClass.UNKNOWN  # in its shadow
 
 
-def test_walls_are_where_beams_end(
-    mapped: OccupancyGrid, look: Look, room: Floats
-) -> None:
-    ends, _ = look(room, HERE).points()
+def test_walls_are_where_beams_end(mapped: OccupancyGrid) -> None:
+    ends, _ = look(ROOM, HERE).points()
     c, s = math.cos(HERE.yaw), math.sin(HERE.yaw)
     placed = ends @ np.array([[c, s], [-s, c]]) + (HERE.x, HERE.y)
     middles_x, middles_y = mapped.frame.cell_centers()
@@ -170,19 +130,11 @@ def test_walls_are_where_beams_end(
     assert apart.min(axis=1).max() <= 0.05 * math.sqrt(0.5) + 1e-9
 
 
-def test_beams_begin_at_the_mount(look: Look, room: Floats) -> None:
+def test_beams_begin_at_the_mount() -> None:
     relative_to = Pose2(1.0, 0.0, 0.9)
-    scan = look(room, relative_to)
+    scan = look(ROOM, relative_to)
     mount = Pose2(0.2, 0.1, 0.5)
-    moved = PlanarScan(
-        scan.time,
-        mount,
-        scan.angles,
-        scan.known_range,
-        scan.ends,
-        scan.hits,
-        scan.sees_through,
-    )
+    moved = replace(scan, mount=mount)
     c, s = math.cos(0.4), math.sin(0.4)
     body = Pose2(1.0 - (0.2 * c - 0.1 * s), -(0.2 * s + 0.1 * c), 0.4)
     one = grid_of(scan, pose=relative_to)
@@ -192,7 +144,7 @@ def test_beams_begin_at_the_mount(look: Look, room: Floats) -> None:
 
 
 def test_foliage_is_sensed_and_not_drivable() -> None:
-    grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
+    grid = grid_of(look_through(2.0, 3.0, 6.0))
     assert class_at(grid, 2.5, 0.0) == CellClass.FOLIAGE
     assert grid.sensed(2.5, 0.0)
     assert not grid.drivable(2.5, 0.0, 0.0)
@@ -201,26 +153,18 @@ def test_foliage_is_sensed_and_not_drivable() -> None:
 
 
 def test_smoke_is_sensed_and_drivable() -> None:
-    grid = grid_of(through(2.0, 3.0, 6.0, passes=True))
+    grid = grid_of(look_through(2.0, 3.0, 6.0, passes=True))
     assert class_at(grid, 2.5, 0.0) == CellClass.SMOKE
     assert grid.drivable(2.5, 0.0, 0.3)
 
 
 def test_spent_beam_leaves_a_beam_end_and_no_obstacle() -> None:
-    grid = grid_of(through(2.0, 3.5, None, passes=False))
+    grid = grid_of(look_through(2.0, 3.5, None))
     assert class_at(grid, 3.49, 0.0) == CellClass.FOLIAGE
     assert class_at(grid, 3.7, 0.0) == CellClass.UNKNOWN
     cell = grid.frame.cell(3.5, 0.0)
     assert cell is not None
     assert grid.beam_end_cells()[cell]
-
-
-def test_drivable_cells_keep_the_safety_distance_from_foliage_and_walls() -> None:
-    grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
-    assert grid.drivable(1.3, 0.0, 0.6)
-    assert not grid.drivable(1.5, 0.0, 0.6)
-    assert grid.drivable(4.5, 0.0, 0.6)
-    assert not grid.drivable(5.5, 0.0, 0.6)
 
 
 @given(x=places, y=places, safety=st.floats(0, 1))
@@ -236,10 +180,8 @@ def test_drivable_cells_are_sensed_and_far_from_obstacles(
     assert mapped.drivable(x, y, safety) == expected
 
 
-def test_beams_without_return_clear_up_to_their_limit(
-    look: Look, nowhere: Floats
-) -> None:
-    grid = grid_of(look(nowhere, HERE), pose=HERE)
+def test_beams_without_return_clear_up_to_their_limit() -> None:
+    grid = grid_of(look(NOWHERE, HERE), pose=HERE)
     bearing = HERE.yaw + math.radians(0.5)
     for away in (0.1, 10.0, 29.9):
         x = HERE.x + away * math.cos(bearing)
@@ -248,10 +190,10 @@ def test_beams_without_return_clear_up_to_their_limit(
     assert not grid.beam_end_cells().any()
 
 
-def test_map_does_not_depend_on_the_order_of_growth(look: Look, room: Floats) -> None:
+def test_map_does_not_depend_on_the_order_of_growth() -> None:
     poses = [Pose2(-5.0, -3.0, 0.0), HERE, Pose2(5.0, 3.0, 2.0)]
     open_side = np.array([[[-6.5, -6.5], [6.5, -6.5]]])
-    seen = [look(room, poses[0]), look(open_side, poses[1]), look(room, poses[2])]
+    seen = [look(ROOM, poses[0]), look(open_side, poses[1]), look(ROOM, poses[2])]
     one, other = OccupancyGrid(), OccupancyGrid()
     for pose, scan in zip(poses, seen, strict=True):
         one.add(pose, scan)
@@ -261,9 +203,9 @@ def test_map_does_not_depend_on_the_order_of_growth(look: Look, room: Floats) ->
     assert (one.classes() == other.classes()).all()
 
 
-def test_near_cells_are_within_the_short_range(look: Look, nowhere: Floats) -> None:
+def test_near_cells_are_within_the_short_range() -> None:
     grid = OccupancyGrid()
-    grid.add(HERE, look(nowhere, HERE))
+    grid.add(HERE, look(NOWHERE, HERE))
     x, y = grid.frame.cell_centers()
     away = np.hypot(x - HERE.x, y[:, None] - HERE.y)
     assert away[grid.short_range_cells()].max() <= SHORT_RANGE + 0.05
@@ -271,7 +213,7 @@ def test_near_cells_are_within_the_short_range(look: Look, nowhere: Floats) -> N
 
 
 def test_occupancy_is_a_probability_where_cells_are_known() -> None:
-    grid = grid_of(*[through(2.0, 3.0, 6.0, passes=False)] * 4)
+    grid = grid_of(*[look_through(2.0, 3.0, 6.0)] * 4)
     occupancy_probability = grid.occupancy_probability()
     for x, low, high in [(1.0, 0.0, 0.4), (2.5, 0.9, 1.0), (6.0, 0.9, 1.0)]:
         cell = grid.frame.cell(x, 0.0)
@@ -288,3 +230,31 @@ def test_beam_without_a_direction_is_an_error(angle: float) -> None:
     report = RangeScan(0.0, "lms200", 0.1, angle, np.ones(3))
     with pytest.raises(ValueError, match="beams without a direction"):
         OccupancyGrid().add(HERE, read_scan(report, max_range=9.0))
+
+
+def expected_distances(cells: NDArray[np.bool_], reach: float) -> Floats:
+    rows, columns = np.nonzero(cells)
+    found = np.full(cells.shape, np.inf)
+    for i, j in np.ndindex(*cells.shape):
+        apart = np.hypot(rows - i, columns - j)
+        found[i, j] = apart[apart <= reach].min(initial=np.inf)
+    return found
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    share=st.sampled_from([0.0, 0.01, 0.1, 0.9]),
+    reach=st.floats(0, 15),
+    shape=st.tuples(st.integers(1, 25), st.integers(1, 25)),
+)
+def test_distance_field_holds_distances_to_the_nearest_cell(
+    seed: int, share: float, reach: float, shape: tuple[int, int]
+) -> None:
+    cells = generator_for(seed, "cells").random(shape) < share
+    assert distance_field(cells, reach) == pytest.approx(
+        expected_distances(cells, reach)
+    )
+
+
+def test_all_distances_are_infinite_without_true_cells() -> None:
+    assert distance_field(np.zeros((0, 0), np.bool_), 3.0).shape == (0, 0)

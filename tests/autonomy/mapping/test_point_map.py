@@ -22,12 +22,9 @@ def map_of(*parts: Floats) -> PointMap:
     return points
 
 
-def along_a_line(angle: float, spacing: float, off: float = 0.0) -> Floats:
-    """Return points on a line through the origin, 6 m both ways, a little off it."""
-    t = np.arange(-6, 6, spacing)
-    sway = off * np.where(np.arange(len(t)) % 2, 1.0, -1.0)
-    ahead = np.array([math.cos(angle), math.sin(angle)])
-    return np.outer(t, ahead) + np.outer(sway, [-ahead[1], ahead[0]])
+def along_a_line(angle: float, spacing: float) -> Floats:
+    """Return points on a line through the origin, 6 m both ways."""
+    return np.outer(np.arange(-6, 6, spacing), [math.cos(angle), math.sin(angle)])
 
 
 def bump(x: float) -> float:

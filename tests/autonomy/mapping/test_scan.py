@@ -5,38 +5,20 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from flat_world import Echo, echoes_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.mapping.scan import (
-    BeamEnd,
-    Layer,
-    PlanarScan,
-    read_scan,
-)
+from radarsim.autonomy.mapping.scan import BeamEnd, Layer, PlanarScan, read_scan
 from radarsim.geometry import Pose2
 from radarsim.protocol.reports import RangeScan, TargetEchoes
 
-Echo = tuple[int, float, str]
 FAR = 20.0
 
 
 def scan_of(*ranges: float) -> RangeScan:
     fov = math.radians(10 * (len(ranges) - 1))
     return RangeScan(1.5, "lms200", math.radians(10), fov, np.array(ranges))
-
-
-def echoes_of(
-    *echoes: Echo, name: str = "bush", passes: bool = False, material: str = "leaf"
-) -> TargetEchoes:
-    n = len(echoes)
-    beams = np.array([beam for beam, _, _ in echoes], np.int64)
-    ranges = np.array([t for _, t, _ in echoes], np.float64)
-    kinds = tuple(kind for _, _, kind in echoes)
-    ones = np.ones(n)
-    return TargetEchoes(
-        name, material, 0.7, 0.3, False, passes, beams, ranges, kinds, ones, ones
-    )
 
 
 def hits_of(scan: PlanarScan) -> list[tuple[int, float, float, int]]:

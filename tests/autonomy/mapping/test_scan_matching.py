@@ -1,8 +1,8 @@
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
+from flat_world import CORRIDOR, ROOM, look
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,18 +12,15 @@ from radarsim.autonomy.mapping.scan_matching import ScanPoints, best_start, fit
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 
-Look = Callable[..., PlanarScan]
 LOOSE: Floats = np.array([0.3, 0.3, 0.2])
 HERE = Pose2(1.0, -0.5, 0.4)
 offsets = st.floats(-0.1, 0.1)
 turns = st.floats(-0.08, 0.08)
 
 
-def points_of(
-    scan: PlanarScan, *, spread: float = 0.0, spots: bool = True
-) -> ScanPoints:
+def points_of(scan: PlanarScan, *, spread: float = 0.0) -> ScanPoints:
     places, along = scan.points()
-    return ScanPoints(places, along, inward_normals(places, along), spread, spots)
+    return ScanPoints(places, along, inward_normals(places, along), spread, True)
 
 
 def on_the_map(places: Floats, pose: Pose2) -> Floats:
@@ -32,7 +29,7 @@ def on_the_map(places: Floats, pose: Pose2) -> Floats:
     return placed
 
 
-def map_from(look: Look, walls: Floats, pose: Pose2) -> PointMap:
+def map_from(walls: Floats, pose: Pose2) -> PointMap:
     """Create a map of exact scans from poses around a pose."""
     known = PointMap()
     for dx, dy in [(-0.4, 0.0), (0.0, 0.3), (0.3, -0.2), (0.0, 0.0)]:
@@ -46,17 +43,17 @@ def off_by(pose: Pose2, dx: float, dy: float, turn: float) -> Pose2:
 
 
 @pytest.fixture(scope="module")
-def known(look: Look, room: Floats) -> PointMap:
-    return map_from(look, room, HERE)
+def known() -> PointMap:
+    return map_from(ROOM, HERE)
 
 
 @given(dx=offsets, dy=offsets, turn=turns)
 def test_pose_is_found_from_a_start_nearby(
-    look: Look, room: Floats, known: PointMap, dx: float, dy: float, turn: float
+    known: PointMap, dx: float, dy: float, turn: float
 ) -> None:
     start = off_by(HERE, dx, dy, turn)
     found, score, *_ = fit(
-        known.table, points_of(look(room, HERE)), start, start, LOOSE
+        known.table, points_of(look(ROOM, HERE)), start, start, LOOSE
     )
     assert math.hypot(found.x - HERE.x, found.y - HERE.y) < 0.01
     assert found.yaw == pytest.approx(HERE.yaw, abs=0.002)
@@ -72,36 +69,30 @@ def test_scan_without_points_leaves_the_prediction(known: PointMap) -> None:
     assert score == 0
 
 
-def test_points_far_from_the_map_leave_the_prediction(
-    look: Look, room: Floats, known: PointMap
-) -> None:
+def test_points_far_from_the_map_leave_the_prediction(known: PointMap) -> None:
     away = Pose2(80.0, 80.0, 0.0)
-    found, *_ = fit(known.table, points_of(look(room, HERE)), away, away, LOOSE)
+    found, *_ = fit(known.table, points_of(look(ROOM, HERE)), away, away, LOOSE)
     assert (found.x, found.y, found.yaw) == (80.0, 80.0, 0.0)
 
 
 @given(ahead=st.floats(-0.2, 0.2))
-def test_along_a_corridor_the_prediction_decides(
-    look: Look, corridor: Floats, ahead: float
-) -> None:
+def test_along_a_corridor_the_prediction_decides(ahead: float) -> None:
     middle = Pose2(0.0, 0.0, 0.0)
-    known = map_from(look, corridor, middle)
+    known = map_from(CORRIDOR, middle)
     start = Pose2(ahead, 0.02, 0.01)
-    points, sure = points_of(look(corridor, middle)), np.full(3, 0.02)
+    points, sure = points_of(look(CORRIDOR, middle)), np.full(3, 0.02)
     found, *_ = fit(known.table, points, start, start, sure)
     assert found.x == pytest.approx(ahead, abs=0.02)
     assert found.y == pytest.approx(0.0, abs=0.005)
     assert found.yaw == pytest.approx(0.0, abs=0.005)
 
 
-def test_thick_echoes_of_a_corridor_do_not_hold_the_robot_back(
-    look: Look, corridor: Floats
-) -> None:
+def test_thick_echoes_of_a_corridor_do_not_hold_the_robot_back() -> None:
     """Walls that a thick beam blurs are lines still, and say nothing along them."""
     rng = generator_for(2, "thick beam")
 
     def blurred(ahead: float) -> ScanPoints:
-        points = points_of(look(corridor, Pose2(ahead, 0.0)), spread=0.08)
+        points = points_of(look(CORRIDOR, Pose2(ahead, 0.0)), spread=0.08)
         across = np.column_stack([-points.along[:, 1], points.along[:, 0]])
         off = rng.normal(0.0, 0.05, len(across))[:, None]
         near = np.hypot(*points.places.T) < 6.0
@@ -123,10 +114,10 @@ def test_thick_echoes_of_a_corridor_do_not_hold_the_robot_back(
     assert pose.y == pytest.approx(0.0, abs=0.1)
 
 
-def test_prediction_with_less_variance_moves_less(look: Look, room: Floats) -> None:
-    known = map_from(look, room, HERE)
+def test_prediction_with_less_variance_moves_less() -> None:
+    known = map_from(ROOM, HERE)
     start = off_by(HERE, 0.08, 0.0, 0.0)
-    points = points_of(look(room, HERE))
+    points = points_of(look(ROOM, HERE))
     off = []
     for sigma in (1e-5, 1e-3, 1.0):
         found, *_ = fit(known.table, points, start, start, np.full(3, sigma))
@@ -135,10 +126,8 @@ def test_prediction_with_less_variance_moves_less(look: Look, room: Floats) -> N
     assert off[0] == pytest.approx(0.08, abs=0.001)
 
 
-def test_a_third_of_outliers_does_not_move_the_pose(
-    look: Look, room: Floats, known: PointMap
-) -> None:
-    points = points_of(look(room, HERE))
+def test_a_third_of_outliers_does_not_move_the_pose(known: PointMap) -> None:
+    points = points_of(look(ROOM, HERE))
     rng = generator_for(1, "wrong points")
     wrong = rng.random(len(points.places)) < 0.33
     off = rng.uniform(-1.5, 1.5, points.places.shape)
@@ -148,10 +137,8 @@ def test_a_third_of_outliers_does_not_move_the_pose(
     assert math.hypot(found.x - HERE.x, found.y - HERE.y) < 0.01
 
 
-def test_sideways_errors_of_echoes_average_out(
-    look: Look, room: Floats, known: PointMap
-) -> None:
-    points = points_of(look(room, HERE), spread=0.08)
+def test_sideways_errors_of_echoes_average_out(known: PointMap) -> None:
+    points = points_of(look(ROOM, HERE), spread=0.08)
     side = generator_for(2, "sides").integers(-1, 2, len(points.places)) * 0.1
     across = np.column_stack([-points.along[:, 1], points.along[:, 0]])
     noisy = points._replace(places=points.places + side[:, None] * across)
@@ -188,9 +175,7 @@ def test_poles_count_only_if_they_are_dense() -> None:
     assert math.hypot(found.x - start.x, found.y - start.y) < 0.12
 
 
-def test_best_of_many_starts_is_the_nearest_one(
-    look: Look, room: Floats, known: PointMap
-) -> None:
+def test_best_of_many_starts_is_the_nearest_one(known: PointMap) -> None:
     turns = np.radians([-60, -30, -12, 1, 14, 45])
     starts = np.array([[HERE.x, HERE.y, HERE.yaw + turn] for turn in turns])
-    assert best_start(known.table, points_of(look(room, HERE)), starts) == 3
+    assert best_start(known.table, points_of(look(ROOM, HERE)), starts) == 3

@@ -1,26 +1,21 @@
 """SLAM in a flat world whose true poses are known."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from flat_world import NOWHERE, ROOM, errors_of, look
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.autonomy.mapping.loop_closure import KeyframeMap
 from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.slam import Slam
-from radarsim.autonomy.mapping.trajectory import (
-    Trajectory,
-    TrajectoryErrors,
-    trajectory_errors,
-)
 from radarsim.autonomy.navigation.plans import MotionSource
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Pose2
 from radarsim.rng import generator_for
 
-Look = Callable[..., PlanarScan]
 START = Pose2(-4.0, 0.5, 0.3)
 STEP = 0.08  # m between two scans
 
@@ -54,22 +49,12 @@ def drifting(path: list[Pose2], share: float) -> list[Pose2]:
     ]
 
 
-def errors(path: list[Pose2], found: list[Pose2]) -> TrajectoryErrors:
-    truth, estimate = Trajectory(), Trajectory()
-    for i, (pose, other) in enumerate(zip(path, found, strict=True)):
-        truth.add(float(i), pose)
-        estimate.add(float(i), other)
-    return trajectory_errors(estimate, truth)
+PATH = list(drive())
 
 
 @pytest.fixture(scope="module")
-def path() -> list[Pose2]:
-    return list(drive())
-
-
-@pytest.fixture(scope="module")
-def scans(look: Look, room: Floats, path: list[Pose2]) -> list[PlanarScan]:
-    return [look(room, pose, time=0.1 * i) for i, pose in enumerate(path)]
+def scans() -> list[PlanarScan]:
+    return [look(ROOM, pose, time=0.1 * i) for i, pose in enumerate(PATH)]
 
 
 def matched(
@@ -81,49 +66,39 @@ def matched(
     return slam
 
 
-def test_matching_removes_most_of_the_drift(
-    scans: list[PlanarScan], path: list[Pose2]
-) -> None:
-    ins = drifting(path, 0.15)
-    drift = errors(path, ins)
+def test_matching_removes_most_of_the_drift(scans: list[PlanarScan]) -> None:
+    ins = drifting(PATH, 0.15)
+    drift = errors_of(ins, PATH)
     slam = matched(scans, [*ins], "ins")
-    found = errors(path, slam.trajectory.poses)
+    found = errors_of(slam.trajectory.poses, PATH)
     assert drift.ate > 0.1
     assert drift.yaw > 0.04
     assert found.ate_max < 0.03
     assert found.yaw_max < math.radians(0.5)
-    assert slam.trajectory.times == pytest.approx([0.1 * i for i in range(len(path))])
+    assert slam.trajectory.times == pytest.approx([0.1 * i for i in range(len(PATH))])
 
 
-def test_odometry_may_have_any_origin(
-    scans: list[PlanarScan], path: list[Pose2]
-) -> None:
+def test_odometry_may_have_any_origin(scans: list[PlanarScan]) -> None:
     """Its origin and axes are those of the pose where it was switched on."""
-    slam = matched(scans, [pose.relative_to(START) for pose in path], "odometry")
-    assert errors(path, slam.trajectory.poses).ate_max < 0.03
+    slam = matched(scans, [pose.relative_to(START) for pose in PATH], "odometry")
+    assert errors_of(slam.trajectory.poses, PATH).ate_max < 0.03
 
 
-def test_scans_suffice_without_a_motion_source(
-    scans: list[PlanarScan], path: list[Pose2]
-) -> None:
+def test_scans_suffice_without_a_motion_source(scans: list[PlanarScan]) -> None:
     slam = matched(scans[:120], [None] * 120, "none")
-    found = errors(path[:120], slam.trajectory.poses)
+    found = errors_of(slam.trajectory.poses, PATH[:120])
     assert found.ate_max < 0.05
     assert found.yaw_max < math.radians(0.5)
 
 
-def test_missing_priors_are_tolerated(
-    scans: list[PlanarScan], path: list[Pose2]
-) -> None:
-    seeds = [pose if i % 7 else None for i, pose in enumerate(path)]
+def test_missing_priors_are_tolerated(scans: list[PlanarScan]) -> None:
+    seeds = [pose if i % 7 else None for i, pose in enumerate(PATH)]
     slam = matched(scans, seeds, "ins")
-    assert errors(path, slam.trajectory.poses).ate_max < 0.05
+    assert errors_of(slam.trajectory.poses, PATH).ate_max < 0.05
 
 
-def test_spinning_wheels_do_not_move_a_robot_that_sees_walls(
-    look: Look, room: Floats
-) -> None:
-    scan = look(room, START)
+def test_spinning_wheels_do_not_move_a_robot_that_sees_walls() -> None:
+    scan = look(ROOM, START)
     slam = Slam("odometry", START)
     for i in range(100):
         slam.step(scan, Pose2(STEP * i, 0.0, 0.0))
@@ -136,10 +111,10 @@ places = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1
 @settings(max_examples=25)
 @given(seeds=st.lists(places, min_size=1, max_size=20))
 def test_without_points_ins_motion_is_applied_on_the_axes_of_the_map(
-    look: Look, nowhere: Floats, seeds: list[Pose2]
+    seeds: list[Pose2],
 ) -> None:
     slam = Slam("ins", START)
-    scan = look(nowhere, START)
+    scan = look(NOWHERE, START)
     for seed in seeds:
         pose = slam.step(scan, seed)
         assert pose.x == pytest.approx(START.x + seed.x - seeds[0].x)
@@ -151,10 +126,10 @@ def test_without_points_ins_motion_is_applied_on_the_axes_of_the_map(
 @settings(max_examples=25)
 @given(seeds=st.lists(places, min_size=1, max_size=20))
 def test_without_points_odometry_is_applied_on_the_axes_of_the_robot(
-    look: Look, nowhere: Floats, seeds: list[Pose2]
+    seeds: list[Pose2],
 ) -> None:
     slam = Slam("odometry", START)
-    scan = look(nowhere, START)
+    scan = look(NOWHERE, START)
     turn = START.yaw - seeds[0].yaw
     c, s = math.cos(turn), math.sin(turn)
     for seed in seeds:
@@ -164,24 +139,22 @@ def test_without_points_odometry_is_applied_on_the_axes_of_the_robot(
         assert pose.y == pytest.approx(START.y + s * dx + c * dy, abs=1e-6)
 
 
-def test_pose_stays_without_points_and_motion_source(
-    look: Look, nowhere: Floats
-) -> None:
+def test_pose_stays_without_points_and_motion_source() -> None:
     slam = Slam("none", START)
     for _ in range(5):
-        assert slam.step(look(nowhere, START)) == START
+        assert slam.step(look(NOWHERE, START)) == START
 
 
-def test_first_prior_is_the_start_by_default(look: Look, room: Floats) -> None:
-    assert Slam().step(look(room, START), START) == START
-    assert Slam().step(look(room, START)) == Pose2(0.0, 0.0)
+def test_first_prior_is_the_start_by_default() -> None:
+    assert Slam().step(look(ROOM, START), START) == START
+    assert Slam().step(look(ROOM, START)) == Pose2(0.0, 0.0)
 
 
 @pytest.mark.parametrize("kind", ["ins", "odometry"])
 def test_dead_reckoning_follows_the_motion_source_whatever_the_scans_say(
-    scans: list[PlanarScan], path: list[Pose2], kind: MotionSource
+    scans: list[PlanarScan], kind: MotionSource
 ) -> None:
-    seeds = drifting(path, 0.15)
+    seeds = drifting(PATH, 0.15)
     if kind == "odometry":
         seeds = [pose.relative_to(seeds[0]) for pose in seeds]
     slam = matched(scans, [*seeds], kind)
@@ -207,9 +180,6 @@ def test_without_a_motion_source_there_is_no_dead_reckoning(
     ],
 )
 def test_map_is_turned_back_to_its_start_a_few_times(
-    look: Look,
-    room: Floats,
-    path: list[Pose2],
     monkeypatch: pytest.MonkeyPatch,
     turn: float | None,
     expected: tuple[int, int],
@@ -225,8 +195,8 @@ def test_map_is_turned_back_to_its_start_a_few_times(
     )
     monkeypatch.setattr("radarsim.autonomy.mapping.slam.ANCHOR_INTERVAL", 4.0)
     slam = Slam("odometry")
-    for pose in path:
-        slam.step(look(room, pose), pose)
+    for pose in PATH:
+        slam.step(look(ROOM, pose), pose)
     assert len(seen) == looks
     assert seen == pytest.approx([4.0 * (k + 1) for k in range(looks)], abs=0.6)
     assert slam.revision == moves

@@ -1,26 +1,22 @@
 """Which way the surfaces face that the points of a scan are on."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
-from flat_world import box
+from flat_world import box, look
 from hypothesis import given
 from hypothesis import strategies as st
 from local_shapes import shape_around
 
 from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
-from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.scan_matching import ScanPoints, fit
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 
-Look = Callable[..., PlanarScan]
-
 
 @given(yaw=st.floats(-3, 3))
-def test_normals_of_a_room_point_out_of_it(look: Look, yaw: float) -> None:
+def test_normals_of_a_room_point_out_of_it(yaw: float) -> None:
     scan = look(box(0, 0, 6, 4), Pose2(0.5, -0.3, yaw))
     places, along = scan.points()
     normals = inward_normals(places, along)
@@ -66,7 +62,7 @@ def test_the_back_of_a_wall_is_not_its_front() -> None:
     assert across == pytest.approx(shape_around(blind.table, 0.0, 0.02), abs=1e-9)
 
 
-def test_thick_echoes_from_both_sides_of_thin_walls_leave_the_pose(look: Look) -> None:
+def test_thick_echoes_from_both_sides_of_thin_walls_leave_the_pose() -> None:
     """Four rooms around a cross of walls of 10 cm, seen by a thick beam from each."""
     cross = np.concatenate([box(0, 0, 0.1, 8), box(0, 0, 8, 0.1), box(0, 0, 8, 8)])
     rng, known = generator_for(4, "thick beam"), PointMap()

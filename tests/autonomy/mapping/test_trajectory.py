@@ -25,16 +25,6 @@ def straight(n: int = 11) -> list[Pose2]:
 
 
 @settings(max_examples=25)
-@given(path=st.lists(poses, min_size=1))
-def test_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
-    trajectory = trajectory_of(*path)
-    found = trajectory_errors(trajectory, trajectory)
-    assert found.poses == len(path)
-    assert found.ate_max == pytest.approx(0.0)
-    assert found.yaw_max == pytest.approx(0.0, abs=1e-9)
-
-
-@settings(max_examples=25)
 @given(path=st.lists(poses, min_size=2), by=poses)
 def test_displaced_trajectory_has_no_relative_error(
     path: list[Pose2], by: Pose2

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 import shapely
-from flatland import World
+from flatland import flatland
 
 from radarsim.autonomy.navigation.boundary_memory import (
     BoundaryMemory,
@@ -31,7 +31,7 @@ BOX = shapely.box(1, -1, 2, 1)
     ],
 )
 def test_obstacle_has_gone_if_beams_go_through_where_it_was(
-    flatland: World, shapes: list[shapely.Polygon], has_gone: bool, yaw: float
+    shapes: list[shapely.Polygon], has_gone: bool, yaw: float
 ) -> None:
     obstacle = BoundaryMemory()
     ring = BOX.exterior
@@ -42,7 +42,7 @@ def test_obstacle_has_gone_if_beams_go_through_where_it_was(
     assert obstacle.has_gone(world.scan()) is has_gone
 
 
-def test_what_is_met_where_something_had_gone_stands(flatland: World) -> None:
+def test_what_is_met_where_something_had_gone_stands() -> None:
     follower = WallFollower(Bumpers(safety_distance=0.5), SpeedLimits())
     goal, at, places = (3.0, 0.0), Pose2(0.2, 0.1, 0.0), list[Point]()
     for has_gone in (True, False):
@@ -59,9 +59,7 @@ def test_what_is_met_where_something_had_gone_stands(flatland: World) -> None:
 
 
 @pytest.mark.parametrize("stands", [True, False])
-def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(
-    flatland: World, stands: bool
-) -> None:
+def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(stands: bool) -> None:
     """After a circuit of many turns the INS is some degrees off."""
     obstacle, poles = BoundaryMemory(), []
     for k in range(20):

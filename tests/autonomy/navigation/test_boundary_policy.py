@@ -112,17 +112,6 @@ def test_bug2_leaves_at_whichever_of_several_lines_it_meets_first() -> None:
     assert ends == pytest.approx([math.atan2(met.y, met.x), math.pi], abs=0.05)
 
 
-def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
-    ends = {}
-    for rule in GiveUp:  # the line continues to the right of the hit point
-        policy = line(rule, Pose2(-9.0, 0.0), (9.0, 0.0))
-        angle, verdict = followed(policy)
-        assert verdict is Decision.NO_PATH
-        ends[rule] = angle
-    assert ends[GiveUp.LINE] == pytest.approx(math.pi, abs=0.04)
-    assert ends[GiveUp.HIT_POINT] == pytest.approx(2 * math.pi, abs=0.02)
-
-
 def test_bug2_gives_up_at_its_last_line_only() -> None:
     """The circle crosses the first line at 132 degrees, no nearer to the goal."""
     goal, starts = (-2.0, -9.0), (Pose2(-2.0, 9.0), Pose2(5.5, 4.5))

@@ -5,7 +5,7 @@ import math
 import pytest
 import shapely
 import shapely.affinity
-from flatland import World
+from flatland import flatland
 
 from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.bug import Bug
@@ -35,7 +35,7 @@ def steering(*, wall_on_left: bool = True) -> BumperWallFollower:
     ],
 )
 def test_side_bumper_decides_along_a_wall(
-    flatland: World, distance: float, speed: float, turn: int
+    distance: float, speed: float, turn: int
 ) -> None:
     scan = flatland(WALL, at=Pose2(0.0, -distance)).scan()
     twist, _ = steering().step(scan)
@@ -45,7 +45,7 @@ def test_side_bumper_decides_along_a_wall(
 
 @pytest.mark.parametrize("wall_on_left", [True, False])
 def test_pressed_front_is_turned_away_from_until_the_back_is_pressed(
-    flatland: World, wall_on_left: bool
+    wall_on_left: bool,
 ) -> None:
     yaw = 0.0 if wall_on_left else math.pi
     side = 1 if wall_on_left else -1
@@ -62,7 +62,7 @@ def test_pressed_front_is_turned_away_from_until_the_back_is_pressed(
     assert world.nearest > S
 
 
-def test_turn_that_no_bumper_ends_ends_after_a_circle(flatland: World) -> None:
+def test_turn_that_no_bumper_ends_ends_after_a_circle() -> None:
     world = flatland(shapely.Point(0.55, 0).buffer(0.1), at=Pose2(0.0, 0.0))
     follow, turned = steering(), 0.0
     twist, _ = follow.step(world.scan())
@@ -74,9 +74,7 @@ def test_turn_that_no_bumper_ends_ends_after_a_circle(flatland: World) -> None:
 
 
 @pytest.mark.parametrize("algorithm", [Algorithm.BUG1, Algorithm.BUG2])
-def test_bug_gets_around_a_box_by_bumpers_alone(
-    flatland: World, algorithm: Algorithm
-) -> None:
+def test_bug_gets_around_a_box_by_bumpers_alone(algorithm: Algorithm) -> None:
     world = flatland(shapely.box(-1.5, -2, 1.5, 2.5), at=Pose2(-4.0, 0.0))
     bumpers = Bumpers(safety_distance=S, rule=Rule.THESIS)
     bug = Bug([(4.0, 0.2)], ControllerSettings(algorithm=algorithm, bumpers=bumpers))

@@ -109,12 +109,6 @@ def test_literal_rule_holds_at_a_flat_wall_at_the_documented_distances(
     assert near.too_near
 
 
-def test_figures_of_the_literal_rule_are_those_of_the_docstring() -> None:
-    eight, four = math.cos(math.pi / 8), math.cos(math.pi / 4)
-    assert 0.5 * eight / (1 - eight) == pytest.approx(6.07, abs=0.01)
-    assert 0.5 * four / (1 - four) == pytest.approx(1.21, abs=0.01)
-
-
 def test_towards_is_the_front_bumper_of_a_robot_facing_there() -> None:
     bumpers = Bumpers(safety_distance=1.0)
     for turn in (0.0, 0.7, math.pi, -2.0):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 import shapely
-from flatland import World
+from flatland import flatland
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import Twist
@@ -19,20 +19,20 @@ WALL = shapely.box(2, -1, 2.5, 1)
 GOAL = (4.0, 3.0)
 
 
-def test_start_beside_a_wall_is_told_by_the_first_scan(flatland: World) -> None:
+def test_start_beside_a_wall_is_told_by_the_first_scan() -> None:
     world = flatland(WALL, at=Pose2(1.58, 0.2))
     with pytest.raises(TooNearError, match=r"start 1\.58 0\.20 is 0\.42 m from"):
         ClearanceCheck(BUMPERS).check(world.scan(), GOAL)
 
 
-def test_start_at_the_safety_distance_is_good(flatland: World) -> None:
+def test_start_at_the_safety_distance_is_good() -> None:
     world, check = flatland(WALL, at=Pose2(1.49, 0.2)), ClearanceCheck(BUMPERS)
     for _ in range(100):
         check.check(world.scan(), GOAL)
         world.move(STILL)
 
 
-def test_goal_beside_a_wall_is_told_as_soon_as_that_stands(flatland: World) -> None:
+def test_goal_beside_a_wall_is_told_as_soon_as_that_stands() -> None:
     world, check = flatland(WALL, at=Pose2(0.4, 0.0)), ClearanceCheck(BUMPERS)
     for _ in range(20):  # another goal comes first
         check.check(world.scan(), GOAL)
@@ -45,7 +45,7 @@ def test_goal_beside_a_wall_is_told_as_soon_as_that_stands(flatland: World) -> N
         check.check(world.scan(), (1.7, 0.2))
 
 
-def test_what_drives_by_a_goal_is_no_reason_to_give_up(flatland: World) -> None:
+def test_what_drives_by_a_goal_is_no_reason_to_give_up() -> None:
     check = ClearanceCheck(BUMPERS)
     for k in range(200):
         y = -3 + 0.02 * k  # 0.2 m/s
@@ -56,7 +56,7 @@ def test_what_drives_by_a_goal_is_no_reason_to_give_up(flatland: World) -> None:
 
 @pytest.mark.parametrize("metres", [0.0, 18.0, 22.0])
 def test_pose_that_may_have_drifted_does_not_bring_a_goal_near_a_wall(
-    flatland: World, metres: float
+    metres: float,
 ) -> None:
     world, check = flatland(WALL, at=Pose2(0.4, 0.0)), ClearanceCheck(BUMPERS)
     observation = world.scan()
@@ -69,7 +69,7 @@ def test_pose_that_may_have_drifted_does_not_bring_a_goal_near_a_wall(
         check.check(later, (1.7, 0.2))
 
 
-def test_what_is_seen_near_a_goal_from_afar_may_be_an_image(flatland: World) -> None:
+def test_what_is_seen_near_a_goal_from_afar_may_be_an_image() -> None:
     world, check = flatland(WALL, at=Pose2(-3.0, 0.0)), ClearanceCheck(BUMPERS)
     begin = world.scan().time
     while world.scan().time < begin + 2 * STANDING_AFTER:

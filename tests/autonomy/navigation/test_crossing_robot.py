@@ -4,12 +4,10 @@ import itertools
 import math
 
 import pytest
-from random_trials import load_random_map
+from random_trials import load_random_map, mission_to
 
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
 from radarsim.generators.random_maps import RandomMap
@@ -39,12 +37,7 @@ def drive_past(
             if next(steps) == 0:
                 other.drive(*wheels)
 
-        mission = Mission(
-            algorithm=Algorithm(algorithm),
-            goals=(goal,),
-            safety_distance=0.5,
-            time_limit=time_limit,
-        )
+        mission = mission_to(goal, algorithm, time_limit=time_limit)
         result = run_mission(client, mission, start_other)
     assert result.outcome == "reached"
     assert monitor.collisions == 0

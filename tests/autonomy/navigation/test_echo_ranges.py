@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from random_trials import load_random_map
+from flat_world import echoes_of
+from random_trials import load_random_map, mission_to
 
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.navigation.algorithms import Algorithm, PoseSource
+from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.observation import ObservationBuilder
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.client import Client, ScannerInfo
 from radarsim.client.robot_state import EchoCollector
 from radarsim.generators.random_maps import Disc, RandomMap
@@ -19,19 +19,6 @@ from radarsim.geometry import Pose3
 from radarsim.protocol.reports import EchoLine, GroundTruth, RangeScan, TargetEchoes
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
-
-
-def target(
-    *echoes: tuple[int, float, str], robot_passes: bool = False, name: str = "bush"
-) -> TargetEchoes:
-    """Return the echoes of an object: beam, range, kind."""
-    beams, ranges, kinds = zip(*echoes, strict=True)
-    return TargetEchoes(
-        *(name, "leaf", 0.7, 0.3, False, robot_passes),
-        *(np.array(beams, np.int64), np.array(ranges), kinds),
-        *(np.ones(len(beams)), np.ones(len(beams))),
-    )
-
 
 RANGES = np.array([5.0, 5.0, 80.0])
 
@@ -41,17 +28,19 @@ RANGES = np.array([5.0, 5.0, 80.0])
     [
         pytest.param([], [5, 5, 80], id="nothing"),
         pytest.param(
-            [target((1, 2.0, "enter"), (1, 2.4, "leave"))], [5, 2, 80], id="thin bush"
+            [echoes_of((1, 2.0, "enter"), (1, 2.4, "leave"))],
+            [5, 2, 80],
+            id="thin bush",
         ),
-        pytest.param([target((2, 3.0, "sheet"))], [5, 5, 3], id="a leaf"),
+        pytest.param([echoes_of((2, 3.0, "sheet"))], [5, 5, 3], id="a leaf"),
         pytest.param(
-            [target((0, 1.0, "enter"), (0, 5.0, "spent"), robot_passes=True)],
+            [echoes_of((0, 1.0, "enter"), (0, 5.0, "spent"), passes=True)],
             [5, 5, 80],
             id="smoke",
         ),
-        pytest.param([target((1, 0.5, "rain"))], [5, 5, 80], id="drops"),
+        pytest.param([echoes_of((1, 0.5, "rain"))], [5, 5, 80], id="drops"),
         pytest.param(
-            [target((3, 1.0, "hit"), (-1, 1.0, "hit"), (0, math.nan, "hit"))],
+            [echoes_of((3, 1.0, "hit"), (-1, 1.0, "hit"), (0, math.nan, "hit"))],
             [5, 5, 80],
             id="no beam, no range",
         ),
@@ -74,7 +63,7 @@ def test_beam_is_blocked_by_the_first_thing_that_robots_cannot_pass(
 def test_echoes_of_a_scan_count_only_if_all_lines_came() -> None:
     collector = EchoCollector()
     scan = RangeScan(1.0, "a", 0.1, 0.2, RANGES)
-    lines = [EchoLine(1.0, "a", k, 2, target((0, k, "hit"))) for k in (1, 2)]
+    lines = [EchoLine(1.0, "a", k, 2, echoes_of((0, k, "hit"))) for k in (1, 2)]
     collector.take(lines[0])
     assert collector.of(scan) is None
     for line in lines:
@@ -111,13 +100,7 @@ def drive_at_a_thin_bush(link: type[InProcessTransport], **changed: Any) -> Any:
     bush = RandomMap(0, "thin", (Disc(0, 0, 0.5),), 0.7, (-3.0, 0.1), (3.0, 0.1))
     host = Host(load_random_map(bush))
     monitor = GroundTruthMonitor(host)
-    mission = Mission(
-        algorithm=Algorithm.BUG2,
-        goals=(bush.goal,),
-        safety_distance=0.5,
-        speed=0.6,
-        **changed,
-    )
+    mission = mission_to(bush.goal, "bug2", speed=0.6, **changed)
     with Client(link(host, after_tick=monitor.watch)) as client:
         return run_mission(client, mission).outcome, monitor.collisions
 

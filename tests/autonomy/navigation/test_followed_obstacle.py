@@ -4,12 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from flatland import moved, navigator
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.bug import Bug
-from radarsim.autonomy.navigation.bumpers import Bumpers
-from radarsim.autonomy.navigation.control import SpeedLimits
-from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.geometry import Floats, Point, Pose2
 
@@ -46,25 +43,14 @@ def turn_about(pole: Point, before: Pose2, after: Pose2) -> float:
 def test_first_of_two_poles_is_circled(seed: int, direction: float) -> None:
     poles = [(0.0, 0.0), (1.75 * math.cos(direction), 1.75 * math.sin(direction))]
     rng, pose = np.random.default_rng(seed), Pose2(-4.0, 0.01 * seed)
-    settings = ControllerSettings(
-        algorithm=Algorithm.BUG1,
-        bumpers=Bumpers(safety_distance=0.5),
-        speed_limits=SpeedLimits(0.6, 1.5),
-        wall_on_left=seed % 2 == 0,
-    )
-    bug, turns = Bug([(6.0, 0.0)], settings), [0.0, 0.0]
+    bug = navigator(Algorithm.BUG1, (6.0, 0.0), wall_on_left=seed % 2 == 0)
+    turns = [0.0, 0.0]
     for k in range(1500):
         noisy = ranges(pose, poles) + rng.normal(0, 0.02, 360)
         twist = bug.step(Observation(k * 0.1, pose, BEARINGS, noisy))
         if bug.is_done:
             break
-        yaw, step = pose.yaw + twist.turn * 0.05, twist.speed * 0.1
-        before = pose
-        pose = Pose2(
-            pose.x + step * math.cos(yaw),
-            pose.y + step * math.sin(yaw),
-            pose.yaw + twist.turn * 0.1,
-        )
+        before, pose = pose, moved(pose, twist)
         if not bug.circuits:
             for i, pole in enumerate(poles):
                 turns[i] += turn_about(pole, before, pose)

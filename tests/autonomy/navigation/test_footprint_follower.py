@@ -7,19 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from flatland import World
+from flatland import flatland, moved, navigator
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
-from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
+from radarsim.autonomy.navigation.controller import Activity, Controller
 from radarsim.autonomy.navigation.footprint_follower import (
     LEAST_ROOM,
     SLOW,
     FootprintFollower,
 )
 from radarsim.autonomy.navigation.footprint_planning import Footprint
-from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.geometry import Floats, Pose2
 
 HULL = Footprint(0.552, 0.497)
@@ -30,14 +28,9 @@ ROOM = shapely.box(-4, -3, 4, 3).difference(shapely.box(-3.9, -2.9, 3.9, 2.9))
 
 def planning(
     goal: tuple[float, float], footprint: Footprint | None = HULL
-) -> PathPlanning:
-    settings = ControllerSettings(
-        algorithm=Algorithm.PLANNED,
-        bumpers=Bumpers(safety_distance=0.5),
-        speed_limits=LIMITS,
-        footprint=None if footprint is None else (footprint.length, footprint.width),
-    )
-    return PathPlanning([goal], settings)
+) -> Controller:
+    size = None if footprint is None else (footprint.length, footprint.width)
+    return navigator(Algorithm.PLANNED, goal, speed_limits=LIMITS, footprint=size)
 
 
 def least_room(world: Any) -> float:
@@ -62,7 +55,7 @@ def gate(gap: float, thick: float = 0.3) -> list[shapely.Polygon]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("y", [0.0, 1.3])
-def test_gap_that_is_too_narrow_for_a_disc_is_passed(flatland: World, y: float) -> None:
+def test_gap_that_is_too_narrow_for_a_disc_is_passed(y: float) -> None:
     world = flatland(*gate(0.66), at=Pose2(-2.5, y, 0.4))
     planned = planning((2.5, -y))
     world.run(planned, steps=2000)
@@ -76,7 +69,7 @@ def test_gap_that_is_too_narrow_for_a_disc_is_passed(flatland: World, y: float) 
     ("gap", "footprint"), [pytest.param(0.5, HULL, id="gap"), pytest.param(0.66, None)]
 )
 def test_no_path_is_told_where_nothing_passes(
-    flatland: World, gap: float, footprint: Footprint | None
+    gap: float, footprint: Footprint | None
 ) -> None:
     world = flatland(*gate(gap), at=Pose2(-2.5, 0.3, 0.4))
     planned = planning((2.5, 0.0), footprint)
@@ -86,7 +79,7 @@ def test_no_path_is_told_where_nothing_passes(
 
 
 @pytest.mark.slow
-def test_where_the_disc_passes_the_footprint_changes_nothing(flatland: World) -> None:
+def test_where_the_disc_passes_the_footprint_changes_nothing() -> None:
     tracks = []
     for footprint in (HULL, None):
         world = flatland(*gate(1.4), at=Pose2(-2.5, 1.3, 0.4))
@@ -107,9 +100,7 @@ def test_path_is_followed_forward_and_backward_and_to_its_end() -> None:
         if twist is None:
             break
         left.append(len(follower.path))
-        yaw, way = pose.yaw + 0.1 * twist.turn, 0.1 * twist.speed
-        x, y = pose.x + way * math.cos(yaw), pose.y + way * math.sin(yaw)
-        pose = Pose2(x, y, yaw)
+        pose = moved(pose, twist)
     assert (pose.x, pose.y) == pytest.approx((1, 0), abs=0.03)
     assert pose.yaw == pytest.approx(math.pi / 2, abs=0.1)
     assert left == sorted(left, reverse=True)
@@ -149,7 +140,7 @@ def test_nothing_that_is_seen_is_driven_into() -> None:
     assert follower.is_blocked(beside)
 
 
-def test_what_is_seen_within_the_footprint_is_in_error(flatland: World) -> None:
+def test_what_is_seen_within_the_footprint_is_in_error() -> None:
     world = flatland(*gate(0.66), at=Pose2(-2.5, 0.0))
     planned = planning((2.5, 0.0))
     for _ in range(400):

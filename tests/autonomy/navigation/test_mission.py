@@ -80,44 +80,38 @@ def test_goal_outside_the_box_around_all_objects_is_driven_to() -> None:
     assert run(scene, pose=Pose2(-2.5, 2.0), goals=goals).outcome == "reached"
 
 
-def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:
-    with pytest.raises(ClientError, match="start 'Nowhere', expected one of"):
-        run(empty_room, start="Nowhere")
-
-
-def test_start_is_not_checked_if_the_server_announces_none(
-    foliage_room: Scene,
-) -> None:
+def test_start_is_not_checked_if_the_server_announces_none(foliage_room: Scene) -> None:
     pose = first_pose(NoStartPoses(Host(foliage_room)), start="RobotStart2")
     assert (pose.x, pose.y) == pytest.approx((-8.0, 3.5), abs=0.05)
 
 
-def test_robot_that_does_not_spawn_is_an_error(empty_room: Scene) -> None:
-    expected = "no reading of the robot 'Submarine': robot class 'Submarine', expected"
-    with pytest.raises(ClientError, match=expected):
-        run(empty_room, robot_class="Submarine")
-
-
-def test_half_circle_of_beams_leaves_bumpers_blind(empty_room: Scene) -> None:
-    with pytest.raises(
-        NavigationError,
-        match="sees 180 degrees, so the bumpers back_left, back, back_right are blind",
-    ):
-        run(empty_room, robot_class="P3AT")
-
-
-def test_safety_distance_below_the_hull_is_an_error(empty_room: Scene) -> None:
-    with pytest.raises(NavigationError, match=r"expected at least 0\.371 m"):
-        run(empty_room, safety_distance=0.36)
-
-
-def test_safety_distance_below_what_is_seen_into_foliage_is_an_error(
-    empty_room: Scene,
+@pytest.mark.parametrize(
+    ("overrides", "error", "text"),
+    [
+        ({"start": "Nowhere"}, ClientError, "start 'Nowhere', expected one of"),
+        (
+            {"robot_class": "Submarine"},
+            ClientError,
+            "no reading of the robot 'Submarine': robot class 'Submarine', expected",
+        ),
+        (
+            {"robot_class": "P3AT"},
+            NavigationError,
+            "sees 180 degrees, so the bumpers back_left, back, back_right are blind",
+        ),
+        ({"safety_distance": 0.36}, NavigationError, r"expected at least 0\.371 m"),
+        (
+            {"safety_distance": 1.3, "foliage_density": 1.0},
+            NavigationError,
+            r"1\.371 m, .* 1\.00 m seen into foliage",
+        ),
+    ],
+)
+def test_mission_that_a_robot_cannot_drive_is_an_error(
+    empty_room: Scene, overrides: dict[str, Any], error: type[Exception], text: str
 ) -> None:
-    with pytest.raises(
-        NavigationError, match=r"1\.371 m, .* 1\.00 m seen into foliage"
-    ):
-        run(empty_room, safety_distance=1.3, foliage_density=1.0)
+    with pytest.raises(error, match=text):
+        run(empty_room, **overrides)
 
 
 @pytest.mark.parametrize("penetration_depth", [0.0, 0.8])

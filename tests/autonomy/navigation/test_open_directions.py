@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from flatland import World
+from flatland import flatland
 
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import (
@@ -21,7 +21,7 @@ POLE = shapely.Point(3.0, 0.0).buffer(0.5)
 WALL = shapely.box(-4.0, 2.0, 6.0, 2.5)
 
 
-def test_lengths_are_those_of_a_swept_disc(flatland: World) -> None:
+def test_lengths_are_those_of_a_swept_disc() -> None:
     scan = flatland(POLE, WALL, at=Pose2(0.0, 0.0, 0.4)).scan()
     directions = OpenDirections(scan, R)
     grown = shapely.union(POLE, WALL).buffer(R)
@@ -56,7 +56,7 @@ def test_dense_scan_has_fewer_directions_but_all_its_points() -> None:
     assert len(directions.edges()) == 2
 
 
-def test_edges_are_beside_the_ends_of_what_is_seen(flatland: World) -> None:
+def test_edges_are_beside_the_ends_of_what_is_seen() -> None:
     scan = flatland(POLE, at=Pose2(0.0, 0.0, -1.0)).scan()
     edges = OpenDirections(scan, R).edges()
     assert len(edges) == 2
@@ -65,16 +65,14 @@ def test_edges_are_beside_the_ends_of_what_is_seen(flatland: World) -> None:
         assert POLE.distance(shapely.Point(x, y)) == pytest.approx(R, abs=0.3)
 
 
-def test_place_behind_a_pole_is_not_reached_straight(flatland: World) -> None:
+def test_place_behind_a_pole_is_not_reached_straight() -> None:
     directions = OpenDirections(flatland(POLE, at=Pose2(0.0, 0.0)).scan(), R)
     assert not directions.reaches((5.0, 0.0))
     assert directions.reaches((5.0, 5.0))
 
 
 @pytest.mark.parametrize("limit", [4.5, 3.0, 1.0])
-def test_place_nearer_than_a_limit_can_be_gone_to_straight(
-    flatland: World, limit: float
-) -> None:
+def test_place_nearer_than_a_limit_can_be_gone_to_straight(limit: float) -> None:
     scan = flatland(POLE, at=Pose2(0.0, 0.0)).scan()
     goal = (5.0, 1.0)
     place = OpenDirections(scan, R).place_nearer_than(limit, goal)
@@ -99,20 +97,20 @@ def _shortest_way(limit: float, goal: tuple[float, float]) -> float:
     return min(ways)
 
 
-def test_there_may_be_no_place_nearer_than_a_limit(flatland: World) -> None:
+def test_there_may_be_no_place_nearer_than_a_limit() -> None:
     scan = flatland(POLE, WALL, at=Pose2(0.0, 0.0)).scan()
     behind = (0.0, 5.0)
     assert OpenDirections(scan, R).place_nearer_than(2.0, behind) is None
 
 
-def test_walls_are_as_far_from_what_is_seen_as_the_disc(flatland: World) -> None:
+def test_walls_are_as_far_from_what_is_seen_as_the_disc() -> None:
     begins, ends = OpenDirections(flatland(POLE, at=Pose2(0.0, 0.0)).scan(), R).walls()
     assert len(begins) > 10
     for point in (*begins, *ends):
         assert POLE.distance(shapely.Point(point)) == pytest.approx(R, abs=0.05)
 
 
-def test_wall_goes_out_of_sight_behind_a_pole(flatland: World) -> None:
+def test_wall_goes_out_of_sight_behind_a_pole() -> None:
     directions = OpenDirections(
         flatland(POLE, shapely.box(5, -9, 5.5, 9), at=Pose2(0.0, 0.0)).scan(), R
     )
@@ -124,14 +122,14 @@ def test_wall_goes_out_of_sight_behind_a_pole(flatland: World) -> None:
     assert np.sort(ends[:, 1]) == pytest.approx([-reach, reach], abs=0.2)
 
 
-def test_post_beside_a_wall_is_no_edge_of_it(flatland: World) -> None:
+def test_post_beside_a_wall_is_no_edge_of_it() -> None:
     wall, post = shapely.box(3, -4, 3.2, 0), shapely.box(3, 1.0, 3.2, 1.2)
     directions = OpenDirections(flatland(wall, post, at=Pose2(0.0, 0.0)).scan(), R)
     edges = directions.edges()
     assert all(not -4 < y < 1.2 for _, y in edges)
 
 
-def test_step_towards_something_near_leads_too_near(flatland: World) -> None:
+def test_step_towards_something_near_leads_too_near() -> None:
     for yaw, expected in ((0.0, True), (math.pi, False)):
         scan = flatland(POLE, at=Pose2(1.98, 0.0, yaw)).scan()
         assert leads_too_near(scan, 0.5) == expected

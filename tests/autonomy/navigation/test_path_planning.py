@@ -6,82 +6,52 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from flatland import World
+from flatland import flatland, navigator
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.bumpers import Bumpers
-from radarsim.autonomy.navigation.control import SpeedLimits
-from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
+from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.grid_search import may_join_outside, step_cost
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.obstacle_grid import ObstacleGrid
-from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.errors import NavigationError
 from radarsim.geometry import Pose2
 
 S = 0.5
 BOX = shapely.box(-1.5, -2, 1.5, 2.5)
 TRAP = shapely.box(-1.5, -2, 1, 2).difference(shapely.box(-4, -1.9, 0.9, 1.9))
-CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
-
-
-def planning(*goals: tuple[float, float]) -> PathPlanning:
-    settings = ControllerSettings(
-        algorithm=Algorithm.PLANNED,
-        bumpers=Bumpers(safety_distance=S),
-        speed_limits=SpeedLimits(0.6, 1.5),
-    )
-    return PathPlanning(goals, settings)
 
 
 @pytest.mark.parametrize(
-    ("shape", "way"),
+    ("algorithm", "shape", "longest"),
     [
-        # around a box: two straight lines and an arc, touching the box grown by S
-        pytest.param(
-            BOX, shapely.box(-1.5, -2, 1.5, 2.5), id="box", marks=pytest.mark.slow
-        ),
-        pytest.param(TRAP, shapely.box(-1.5, -2, 1, 2), id="trap"),
+        (Algorithm.TANGENT_BUG, BOX, 1.05),
+        pytest.param(Algorithm.PLANNED, BOX, 1.15, marks=pytest.mark.slow),
+        pytest.param(Algorithm.PLANNED, TRAP, 1.15, id="trap"),
     ],
 )
 def test_path_is_little_longer_than_the_shortest(
-    flatland: World, shape: shapely.Polygon, way: shapely.Polygon
+    algorithm: Algorithm, shape: shapely.Polygon, longest: float
 ) -> None:
+    """A string around a convex shape, kept at the safety distance."""
     world = flatland(shape, at=Pose2(-6.0, 0.0))
-    planned = planning((6.0, 0.2))
-    world.run(planned)
-    assert planned.activity is Activity.REACHED
-    assert world.nearest > 0.4
+    driven = navigator(algorithm, (6.0, 0.2))
+    world.run(driven)
+    assert driven.activity is Activity.REACHED
+    assert driven.hit_points == []
+    assert world.nearest > S - (0.05 if algorithm is Algorithm.TANGENT_BUG else 0.1)
     ends = shapely.LineString([(-6, 0), (6, 0.2)])
-    hull = shapely.union(way.buffer(S), ends).convex_hull.exterior
+    grown = shape.convex_hull.buffer(S)
+    hull = shapely.union(grown, ends).convex_hull.exterior
     around = [hull.project(shapely.Point(*end)) for end in ends.coords]
     half = abs(around[1] - around[0])
-    assert world.length <= 1.15 * min(half, hull.length - half)
+    assert world.length <= longest * min(half, hull.length - half)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("start", "goal"),
-    [
-        pytest.param((-6.0, 0.3), (0.2, 0.1), id="goal inside"),
-        pytest.param((0.1, 0.2), (6.0, 0.4), id="start inside"),
-    ],
-)
-def test_closed_box_has_no_path(
-    flatland: World, start: tuple[float, float], goal: tuple[float, float]
-) -> None:
-    world = flatland(CELL, at=Pose2(*start, 1.0))
-    planned = planning(goal)
-    world.run(planned, steps=3000)
-    assert planned.activity is Activity.NO_PATH
-    assert world.nearest > 0.4
-
-
-def test_what_is_only_seen_from_afar_closes_no_way(flatland: World) -> None:
+def test_what_is_only_seen_from_afar_closes_no_way() -> None:
     # As an image in a pane: who comes near sees that nothing is there.
     ring = shapely.box(-3, -3, 3, 3).difference(shapely.box(-2.9, -2.9, 2.9, 2.9))
     image, world = flatland(ring, at=Pose2(0.0, 0.3)), flatland(at=Pose2(0.0, 0.3))
-    planned = planning((6.0, 0.1))
+    planned = navigator(Algorithm.PLANNED, (6.0, 0.1))
     for _ in range(1000):
         image.pose, image.track = world.pose, world.track
         scan = image.scan()
@@ -98,28 +68,14 @@ def test_goal_too_far_for_a_grid_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_way_around_a_wall_longer_than_the_grid_is_found(flatland: World) -> None:
+def test_way_around_a_wall_longer_than_the_grid_is_found() -> None:
     wall = shapely.box(1.5, -9.5, 1.7, 30)
     world = flatland(wall, at=Pose2(0.0, 0.0))
-    planned = planning((3.2, 0.0))
+    planned = navigator(Algorithm.PLANNED, (3.2, 0.0))
     world.run(planned, steps=3000)
     assert planned.activity is Activity.REACHED
     assert world.length < 1.2 * shapely.LineString([(0, 0), (1.6, -10)]).length * 2
     assert world.nearest > 0.4
-
-
-@pytest.mark.slow
-def test_waypoints_are_reached_in_turn(flatland: World) -> None:
-    world = flatland(BOX, at=Pose2(-4.0, -4.0))
-    goals = [(-4.0, 4.0), (4.0, 4.0)]
-    planned = planning(*goals)
-    world.run(planned)
-    assert planned.activity is Activity.REACHED
-    places = iter(world.track)
-    for x, y in goals:
-        assert any(math.hypot(p.x - x, p.y - y) < 0.11 for p in places)
-    with pytest.raises(ValueError, match="no goals"):
-        planning()
 
 
 def test_what_is_seen_behind_something_thin_is_on_the_grid() -> None:
@@ -215,11 +171,11 @@ def test_pole_stays_though_beams_pass_beside_it() -> None:
             assert grid.clearance()[grid.cell((6.0, 0.0))] < 0.15
 
 
-def test_who_waited_has_not_looked_for_a_path_meanwhile(flatland: World) -> None:
+def test_who_waited_has_not_looked_for_a_path_meanwhile() -> None:
     # So small that all of it is near enough to be no image.
     cell = shapely.box(-1, -1, 1, 1).difference(shapely.box(-0.9, -0.9, 0.9, 0.9))
     world = flatland(cell, at=Pose2(0.1, 0.2))
-    planned, seen = planning((6.0, 0.4)), world.scan()
+    planned, seen = navigator(Algorithm.PLANNED, (6.0, 0.4)), world.scan()
     told = []
     for time in (0.0, 20.0, *np.arange(20.5, 25.1, 0.5)):
         planned.step(replace(seen, time=float(time)))

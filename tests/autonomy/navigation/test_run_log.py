@@ -1,20 +1,19 @@
 import csv
 import io
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from flatland import flatland, navigator
 from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers, pressed_names
-from radarsim.autonomy.navigation.control import STOP, SpeedLimits, Twist
-from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
+from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.controller import Activity, Controller
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
@@ -36,12 +35,9 @@ def moment(
     )
 
 
-def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
+def driven(world: Any, algorithm: Algorithm) -> tuple[Controller, RunLog]:
     """Run a bug in a flat world and log it."""
-    settings = ControllerSettings(
-        algorithm=algorithm, bumpers=BUMPERS, speed_limits=SpeedLimits(0.6, 1.5)
-    )
-    bug, run_log = Bug(GOALS, settings), RunLog()
+    bug, run_log = navigator(algorithm, *GOALS, bumpers=BUMPERS), RunLog()
     while not bug.is_done:
         observation = world.scan()
         twist = bug.step(observation)
@@ -53,9 +49,7 @@ def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
 
 
 @pytest.mark.parametrize("algorithm", [Algorithm.BUG1, Algorithm.BUG2])
-def test_log_agrees_with_the_bug(
-    flatland: Callable[..., Any], algorithm: Algorithm
-) -> None:
+def test_log_agrees_with_the_bug(algorithm: Algorithm) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     bug, run_log = driven(world, algorithm)
     assert run_log.hit_points == bug.hit_points

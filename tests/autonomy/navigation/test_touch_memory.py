@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from random_trials import load_random_map
+from flatland import moved
+from random_trials import load_random_map, mission_to
 
 from radarsim.autonomy.evaluation.trials import run_plan
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.touch_memory import TouchedPlaces, TouchMemory
 from radarsim.generators.random_maps import Block, RandomMap
 from radarsim.geometry import Pose2
@@ -135,7 +135,7 @@ def test_robot_goes_back_the_way_it_came() -> None:
         memory.notice(scan(0.1 * k, pose), twist)
         assert memory.retreat(scan(0.1 * k, pose)) is None
         twist = Twist(0.3, 0.4)
-        pose = step(pose, twist)
+        pose = moved(pose, twist)
         track.append(pose)
     for k in range(30, 60):
         seen = scan(0.1 * k, pose, touched=k < 32)
@@ -143,7 +143,7 @@ def test_robot_goes_back_the_way_it_came() -> None:
         back = memory.retreat(seen)
         if back is None:
             break
-        twist, pose = back, step(pose, back)
+        twist, pose = back, moved(pose, back)
         nearest = min(math.hypot(p.x - pose.x, p.y - pose.y) for p in track)
         assert nearest < 0.02
     assert 0.2 < math.hypot(track[-1].x - pose.x, track[-1].y - pose.y) < 0.4
@@ -167,7 +167,7 @@ def test_who_turns_beside_what_was_touched_leads_its_hull_away_first(
         memory.notice(scan(0.1 * k, pose), STOP)
         bug = Twist(0.0, turn)
         twist = memory.retreat(seen) or memory.keep_off(seen, bug)
-        pose = step(pose, twist)
+        pose = moved(pose, twist)
         there = (walls - (pose.x + 1j * pose.y)) * np.exp(-1j * pose.yaw)
         inside = np.maximum(
             np.abs(there.real) - LENGTH / 2, np.abs(there.imag) - WIDTH / 2
@@ -198,7 +198,7 @@ def test_who_touches_something_on_the_way_out_goes_back_on_that() -> None:
         seen = scan(0.1 * k, pose)
         memory.notice(seen, out)
         out = memory.retreat(seen) or memory.keep_off(seen, FORWARD)
-        pose = step(pose, out)
+        pose = moved(pose, out)
     assert out.speed < 0
     seen = scan(0.5, pose, touched=True)
     assert memory.notice(seen, out)
@@ -206,7 +206,7 @@ def test_who_touches_something_on_the_way_out_goes_back_on_that() -> None:
     assert back is not None
     assert (back.speed, back.turn) == pytest.approx((-out.speed, -out.turn))
     # and where it touches something on that, it does not stay there
-    memory.notice(scan(0.6, step(pose, back)), back)
+    memory.notice(scan(0.6, moved(pose, back)), back)
     seen = scan(0.7, pose, touched=True)
     assert memory.notice(seen, back)
     assert memory.retreat(seen) is not None
@@ -232,27 +232,15 @@ def test_turn_into_what_is_seen_becomes_a_way_out() -> None:
         seen.ranges[beam] = np.abs(there[0])
         memory.notice(seen, turn)
         twist = memory.retreat(seen) or memory.keep_off(seen, turn)
-        pose = step(pose, twist)
+        pose = moved(pose, twist)
         inside = np.abs(there.real) < LENGTH / 2, np.abs(there.imag) < WIDTH / 2
         assert not (inside[0] & inside[1]).any()
     assert np.abs(pole - (pose.x + 1j * pose.y)) > math.hypot(LENGTH, WIDTH) / 2
 
 
-def step(pose: Pose2, twist: Twist) -> Pose2:
-    middle = pose.yaw + twist.turn * 0.05
-    x = pose.x + twist.speed * 0.1 * math.cos(middle)
-    y = pose.y + twist.speed * 0.1 * math.sin(middle)
-    return Pose2(x, y, pose.yaw + twist.turn * 0.1)
-
-
 def run(algorithm: str, *blocks: Block) -> tuple[str, int, int]:
     map_ = RandomMap(0, "mirrors", blocks, math.inf, (-3.0, 0.1), (3.0, 0.0))
-    mission = Mission(
-        algorithm=Algorithm(algorithm),
-        goals=(map_.goal,),
-        safety_distance=S,
-        time_limit=600.0,
-    )
+    mission = mission_to(map_.goal, algorithm, time_limit=600.0)
     row = run_plan(mission, Host(load_random_map(map_)))
     return row.outcome, row.collisions, row.pushes
 
@@ -315,12 +303,7 @@ def test_robot_is_right_on_maps_where_it_was_wrong(
     scene = load_map(Path(__file__).parent / "mirrors" / f"{name}.yaml")
     settings = {**sensor, "fov_deg": 360 - step, "resolution_deg": step}
     config = SimulationConfig(item_settings={"lms200": settings})
-    mission = Mission(
-        algorithm=Algorithm(algorithm),
-        goals=(goal,),
-        safety_distance=S,
-        time_limit=1800.0,
-    )
+    mission = mission_to(goal, algorithm, time_limit=1800.0)
     host = Host(scene, config=config, seed=int(name.partition("_")[2]))
     row = run_plan(mission, host)
     assert (row.outcome, row.pushes) == (expected, 0)

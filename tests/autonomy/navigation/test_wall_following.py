@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from flatland import World
+from flatland import flatland
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
@@ -46,7 +46,7 @@ def alongside(follow: WallFollower, *, distance: float) -> Pose2:
 @FOLLOWERS
 @pytest.mark.parametrize("distance", [0.55, 0.75, 0.98])
 def test_follower_settles_in_the_middle_of_the_band(
-    flatland: World, follow: WallFollower, distance: float
+    follow: WallFollower, distance: float
 ) -> None:
     world = flatland(
         shapely.box(-30, 0, 30, 1), at=alongside(follow, distance=distance)
@@ -88,7 +88,7 @@ def test_follower_settles_in_the_middle_of_the_band(
     ],
 )
 def test_path_around_an_obstacle_is_its_boundary_offset_outward(
-    flatland: World, shape: shapely.Polygon, follow: WallFollower
+    shape: shapely.Polygon, follow: WallFollower
 ) -> None:
     world = flatland(shape, at=alongside(follow, distance=0.75))
     begin, turned = world.pose, 0.0
@@ -110,9 +110,7 @@ def test_path_around_an_obstacle_is_its_boundary_offset_outward(
 
 
 @FOLLOWERS
-def test_lost_boundary_is_searched_for_on_its_side(
-    flatland: World, follow: WallFollower
-) -> None:
+def test_lost_boundary_is_searched_for_on_its_side(follow: WallFollower) -> None:
     twist, found = follow.step(flatland(at=Pose2(0.0, 0.0)).scan())
     assert not found
     # about a centre on the boundary's hand, at the distance that is kept
@@ -121,7 +119,7 @@ def test_lost_boundary_is_searched_for_on_its_side(
     assert (twist.speed > 0) == follow.forward
 
 
-def test_follower_keeps_to_the_middle_of_a_gap(flatland: World) -> None:
+def test_follower_keeps_to_the_middle_of_a_gap() -> None:
     walls = shapely.box(-20, 0.6, 20, 1), shapely.box(-20, -1, 20, -0.6)
     world = flatland(*walls, at=Pose2(-15.0, 0.05, 0.0))
     for _ in range(600):
@@ -143,7 +141,7 @@ def test_follower_that_turns_goes_no_nearer_to_what_is_too_near(
     assert (twist.speed > 0) == drives
 
 
-def test_walled_in_follower_turns_on_the_spot(flatland: World) -> None:
+def test_walled_in_follower_turns_on_the_spot() -> None:
     well = shapely.Point(0, 0).buffer(0.6).exterior.buffer(0.01)
     world = flatland(well, at=Pose2(0.0, 0.0))
     for _ in range(100):
@@ -151,7 +149,7 @@ def test_walled_in_follower_turns_on_the_spot(flatland: World) -> None:
     assert world.nearest > 0.4
 
 
-def test_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
+def test_tangent_is_the_direction_along_the_boundary() -> None:
     wall = shapely.box(-9, 0, 9, 1)
     for wall_on_left, expected in ((True, 0.0), (False, math.pi)):
         world = flatland(wall, at=Pose2(0.0, -0.8, expected + 0.4))
@@ -162,9 +160,7 @@ def test_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
 
 
 @FOLLOWERS
-def test_nearest_point_of_a_boundary_is_where_it_is(
-    flatland: World, follow: WallFollower
-) -> None:
+def test_nearest_point_of_a_boundary_is_where_it_is(follow: WallFollower) -> None:
     world = flatland(shapely.box(-9, 0, 9, 1), at=alongside(follow, distance=0.8))
     found = follow.boundary(world.scan())
     assert found is not None

@@ -6,34 +6,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flat_world import look_through
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.transforms import Bbox
 from PIL import Image
 
-from radarsim.autonomy.mapping.export import (
-    BLACK,
-    GREY,
-    WHITE,
-    commander_pixels,
-    is_radarsim_map,
-)
+from radarsim.autonomy.mapping import export
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import read_scan
-from radarsim.autonomy.plotting.maps import (
-    CELL_COLOURS,
-    MapFrames,
-    MapView,
-    draw_map_view,
-    first_map_extent,
-    map_figure,
-    pixels_per_metre,
-)
+from radarsim.autonomy.plotting import maps
 from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.geometry import Pose2
 from radarsim.plotting.palette import GOING
-from radarsim.protocol.reports import RangeScan, TargetEchoes
+from radarsim.protocol.reports import RangeScan
 from radarsim.scene.map_file import load_map
 
 PATH = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.2, 0.4]])
@@ -57,23 +44,6 @@ def grid_of(reach: float, *, ends: bool = True) -> OccupancyGrid:
     return grid
 
 
-def grid_of_foliage() -> OccupancyGrid:
-    """Map one beam through a slab of foliage, 2 to 3 m ahead, to a wall at 5 m."""
-    one, two = np.ones(1), np.ones(2)
-    slab = TargetEchoes(
-        *("slab", "leaf", 0.7, 0.3, False, False, np.zeros(2, np.int64)),
-        *(np.array([2.0, 3.0]), ("enter", "leave"), two, two),
-    )
-    wall = TargetEchoes(
-        *("wall", "stone", math.inf, 0.0, False, False, np.zeros(1, np.int64)),
-        *(np.array([5.0]), ("hit",), one, one),
-    )
-    report = RangeScan(0.0, "x", math.radians(2), math.radians(2), np.array([5.0]))
-    grid = OccupancyGrid()
-    grid.add(Pose2(0, 0), read_scan(report, [slab, wall], max_range=20.0))
-    return grid
-
-
 def image_of(figure: Figure) -> AxesImage:
     """Return the cells in the first panel."""
     children = figure.axes[0].get_children()
@@ -82,12 +52,12 @@ def image_of(figure: Figure) -> AxesImage:
 
 
 def shade_of(kind: CellClass) -> list[int]:
-    return [round(255 * part) for part in to_rgb(CELL_COLOURS[kind])]
+    return [round(255 * part) for part in to_rgb(maps.CELL_COLOURS[kind])]
 
 
-def view_of(grid: OccupancyGrid, **options: Any) -> MapView:
+def view_of(grid: OccupancyGrid, **options: Any) -> maps.MapView:
     options = {"robot_class": "P3AT", "title": "A map", **options}
-    return MapView(grid, PATH, **options)
+    return maps.MapView(grid, PATH, **options)
 
 
 def legend(figure: Figure) -> set[str]:
@@ -95,15 +65,16 @@ def legend(figure: Figure) -> set[str]:
 
 
 def test_legend_lists_what_is_there() -> None:
-    known = legend(map_figure([view_of(grid_of(5.0), outlines=PLAN)]))
+    known = legend(maps.map_figure([view_of(grid_of(5.0), outlines=PLAN)]))
     assert known == {"not sensed", "free", "solid", "path", "what is truly there"}
-    empty = legend(map_figure([view_of(grid_of(2.0, ends=False))]))
+    empty = legend(maps.map_figure([view_of(grid_of(2.0, ends=False))]))
     assert empty == {"not sensed", "free", "path"}
 
 
 def test_foliage_of_the_map_is_green() -> None:
-    grid = grid_of_foliage()
-    figure = map_figure([view_of(grid)])
+    grid = OccupancyGrid()
+    grid.add(Pose2(0, 0), look_through(2.0, 3.0, 5.0))
+    figure = maps.map_figure([view_of(grid)])
     assert "foliage" in legend(figure)
     cells = np.asarray(image_of(figure).get_array())[:, :, :3]
     green = (cells == shade_of(CellClass.FOLIAGE)).all(axis=2)
@@ -112,7 +83,7 @@ def test_foliage_of_the_map_is_green() -> None:
 
 def test_cells_are_drawn_where_they_are() -> None:
     grid = grid_of(5.0)
-    image = image_of(map_figure([view_of(grid)]))
+    image = image_of(maps.map_figure([view_of(grid)]))
     west, east, south, north = image.get_extent()
     cells = np.asarray(image.get_array())
     rows, columns = cells.shape[:2]
@@ -127,9 +98,9 @@ def test_cells_are_drawn_where_they_are() -> None:
 
 def test_picture_is_the_same_again_and_known_as_the_programs() -> None:
     view = view_of(grid_of(5.0), outlines=PLAN, subtitle="of a room")
-    once, again = draw_map_view(view), draw_map_view(view)
+    once, again = maps.draw_map_view(view), maps.draw_map_view(view)
     assert once == again
-    assert is_radarsim_map(once)
+    assert export.is_radarsim_map(once)
     with Image.open(io.BytesIO(once)) as image:
         assert 600 < image.width < 1200
 
@@ -142,7 +113,7 @@ def test_scene_is_shown_whole_unless_it_is_much_larger() -> None:
 
 
 def test_robot_stands_at_the_end_of_its_path() -> None:
-    (axes,) = map_figure([view_of(grid_of(5.0))]).axes
+    (axes,) = maps.map_figure([view_of(grid_of(5.0))]).axes
     corners = [np.asarray(patch.get_path().vertices)[:4] for patch in axes.patches]
     hull = max(corners, key=lambda points: float(np.ptp(points[:, 0])))
     assert hull.mean(axis=0) == pytest.approx(PATH[-1, :2])
@@ -152,30 +123,32 @@ def test_robot_stands_at_the_end_of_its_path() -> None:
 def test_label_of_the_start_is_beside_the_path(north: float, below: bool) -> None:
     away = np.linspace(0.0, 3.0 * north, 60)
     path = np.column_stack([np.zeros(60), away, np.zeros(60)])
-    view = MapView(grid_of(5.0), path, "P3AT", "A map")
-    (axes,) = map_figure([view]).axes
+    view = maps.MapView(grid_of(5.0), path, "P3AT", "A map")
+    (axes,) = maps.map_figure([view]).axes
     (label,) = (text for text in axes.texts if text.get_text() == "start")
     assert (label.get_verticalalignment() == "top") == below
 
 
 def test_objects_of_the_scene_are_named() -> None:
     parts = tuple(load_map("foliage_room").parts)
-    figure = map_figure([view_of(grid_of(9.0), parts=parts, height=0.3)])
+    figure = maps.map_figure([view_of(grid_of(9.0), parts=parts, height=0.3)])
     texts = {text.get_text() for text in figure.axes[0].texts}
     assert {"bushes", "cabinet"} <= texts
 
 
 def test_cells_have_a_whole_number_of_pixels() -> None:
     for side in (3.0, 11.0, 35.0):
-        scale = pixels_per_metre(Bbox.from_extents(0, 0, side, side), 0.05)
+        scale = maps.pixels_per_metre(Bbox.from_extents(0, 0, side, side), 0.05)
         assert scale * 0.05 == round(scale * 0.05)
         assert scale * side < 1000
-    assert pixels_per_metre(Bbox.from_extents(0, 0, 300, 300), 0.05) * 300 < 1000
+    assert maps.pixels_per_metre(Bbox.from_extents(0, 0, 300, 300), 0.05) * 300 < 1000
 
 
 def test_film_shows_more_when_the_map_outgrows_it() -> None:
     grid = grid_of(5.0)
-    frames = MapFrames(first_map_extent((), grid), 0.05, "A map grows", "P3AT")
+    frames = maps.MapFrames(
+        maps.first_map_extent((), grid), 0.05, "A map grows", "P3AT"
+    )
     path = np.array([[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
     small, large = (frames.draw(each, path, "2 s") for each in (grid, grid_of(15.0)))
     assert small.shape == large.shape
@@ -187,9 +160,9 @@ def test_film_shows_more_when_the_map_outgrows_it() -> None:
 
 def test_legend_of_a_film_lists_what_the_scene_has() -> None:
     grid, bush = grid_of(2.0), Outline("foliage", (ROOM / 4,))
-    shown, scene = first_map_extent(PLAN, grid), (*PLAN, bush)
-    known = MapFrames(shown, 0.05, "A map", "P3AT", scene)
-    unknown = MapFrames(first_map_extent((), grid), 0.05, "A map", "P3AT")
+    shown, scene = maps.first_map_extent(PLAN, grid), (*PLAN, bush)
+    known = maps.MapFrames(shown, 0.05, "A map", "P3AT", scene)
+    unknown = maps.MapFrames(maps.first_map_extent((), grid), 0.05, "A map", "P3AT")
     always = {"not sensed", "free", "solid", "path"}
     assert legend(known.figure) == {*always, "foliage", "what is truly there"}
     assert legend(unknown.figure) == {*always, "foliage", "smoke or dust"}
@@ -197,19 +170,8 @@ def test_legend_of_a_film_lists_what_the_scene_has() -> None:
 
 def test_film_begins_with_a_scene_that_is_not_too_large() -> None:
     grid = grid_of(2.0)
-    assert first_map_extent(PLAN, grid).width == pytest.approx(9)
+    assert maps.first_map_extent(PLAN, grid).width == pytest.approx(9)
     large = (Outline("solid", (ROOM * 20,)),)
-    around_map = first_map_extent((), grid)
-    assert first_map_extent(large, grid).bounds == around_map.bounds
+    around_map = maps.first_map_extent((), grid)
+    assert maps.first_map_extent(large, grid).bounds == around_map.bounds
     assert 4 < around_map.width < 7
-
-
-def test_commander_colours_are_by_cell() -> None:
-    grid = grid_of(5.0)
-    cells = commander_pixels(grid)
-    row, column = grid.frame.cell(4.0, 0.0) or (0, 0)
-    assert tuple(cells[row, column]) == WHITE
-    row, column = grid.frame.cell(2.0, 0.0) or (0, 0)
-    assert tuple(cells[row, column]) == GREY
-    row, column = grid.frame.cell(5.0, 0.0) or (0, 0)
-    assert tuple(cells[row, column]) == BLACK

@@ -6,33 +6,22 @@ import shapely
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from parts import STONE, slab
 
-from radarsim.autonomy.plotting.outlines import (
-    area_rows,
-    draw_areas,
-    kind_of,
-    outlines_extent,
-    outlines_of,
-)
+from radarsim.autonomy.plotting import outlines
 from radarsim.plotting.palette import FAMILY_COLOURS, Family
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
-from radarsim.scene.shapes import box, sphere
+from radarsim.scene.shapes import sphere
 
-STONE = Material("stone")
 LEAF = Material("leaf", 0.7)
 SMOKE = Material("smoke", 0.0, 0.5, solid=False)
 
 
-def block(x: float, y: float, size: tuple[float, float], *, high: float = 1.0) -> Part:
-    vertices, faces = box(*size, high)
-    return Part("block", STONE, vertices + np.array([x, y, high / 2]), faces)
-
-
 def test_overlapping_things_have_one_outline_together() -> None:
     """So that the corners of a room, where two walls meet, are drawn once."""
-    scene = Scene("x", "X", (block(0, 0, (4, 1)), block(2, 1, (1, 3))))
-    (outline,) = outlines_of(scene, 0.5)
+    scene = Scene("x", "X", (slab(0, 0, (4, 1)), slab(2, 1, (1, 3))))
+    (outline,) = outlines.outlines_of(scene, 0.5)
     (line,) = outline.lines
     area = shapely.Polygon(line)
     both = shapely.union(
@@ -42,45 +31,45 @@ def test_overlapping_things_have_one_outline_together() -> None:
 
 
 def test_only_what_reaches_the_height_is_outlined() -> None:
-    scene = Scene("x", "X", (block(0, 0, (1, 1), high=0.2), block(3, 0, (1, 1))))
-    (outline,) = outlines_of(scene, 0.5)
+    scene = Scene("x", "X", (slab(0, 0, (1, 1), high=0.2), slab(3, 0, (1, 1))))
+    (outline,) = outlines.outlines_of(scene, 0.5)
     assert len(outline.lines) == 1
-    assert outlines_of(scene, 2.0) == ()
+    assert outlines.outlines_of(scene, 2.0) == ()
 
 
 def test_each_kind_has_its_outline() -> None:
     parts = (
-        block(5, 0, (1, 1)),
+        slab(5, 0, (1, 1)),
         Part("bush", LEAF, *sphere(1.0)),
         Part("cloud", SMOKE, *sphere(1.0)),
     )
-    found = outlines_of(Scene("x", "X", parts), 0.5)
+    found = outlines.outlines_of(Scene("x", "X", parts), 0.5)
     assert [outline.kind for outline in found] == ["cloud", "foliage", "solid"]
-    assert kind_of(Material("leaves", sheet_loss=0.2)) == "foliage"
-    extent = outlines_extent(found)
+    assert outlines.kind_of(Material("leaves", sheet_loss=0.2)) == "foliage"
+    extent = outlines.outlines_extent(found)
     assert extent is not None
     assert (extent.x1, extent.y1) == pytest.approx((5.5, 0.87), abs=0.02)
-    assert outlines_extent(()) is None
+    assert outlines.outlines_extent(()) is None
 
 
 def test_open_surface_is_outlined_by_its_lines() -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1.0], [1, 0, 1.0]])
     sheet = Part("sheet", STONE, vertices, np.array([[0, 1, 2], [1, 3, 2]]))
-    (outline,) = outlines_of(Scene("x", "X", (sheet,)), 0.5)
+    (outline,) = outlines.outlines_of(Scene("x", "X", (sheet,)), 0.5)
     assert sum(float(np.hypot(*(b - a))) for a, b in outline.lines) == pytest.approx(1)
 
 
 def test_each_family_of_materials_has_its_colour_and_its_row() -> None:
     parts = (
-        block(0, 0, (1, 1)),
+        slab(0, 0, (1, 1)),
         Part("crate", Material("wood"), *sphere(1.0)),
         Part("car", Material("steel"), *sphere(1.0)),
     )
-    found = outlines_of(Scene("x", "X", parts), 0.5)
+    found = outlines.outlines_of(Scene("x", "X", parts), 0.5)
     assert {outline.kind for outline in found} == {"solid"}
     axes = Figure().add_subplot()
-    drawn = draw_areas(axes, found, zorder=1.0, solid_zorder=2.0)
-    rows = {str(row.get_label()): row for row in area_rows(found)}
+    drawn = outlines.draw_areas(axes, found, zorder=1.0, solid_zorder=2.0)
+    rows = {str(row.get_label()): row for row in outlines.area_rows(found)}
     for family in (Family.STONE, Family.WOOD, Family.METAL):
         colour = to_rgba(FAMILY_COLOURS[family])
         row = rows.pop(family.value)

@@ -19,21 +19,9 @@ from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.autonomy.plotting import runs
 from radarsim.autonomy.plotting.cells import STRONGEST
 from radarsim.autonomy.plotting.outlines import Outline
-from radarsim.autonomy.plotting.runs import (
-    AROUND,
-    FOLLOWING,
-    GOING,
-    RETURNING,
-    RunFrames,
-    RunPanel,
-    RunView,
-    arrow_places,
-    draw_run,
-    first_run_extent,
-    run_figure,
-)
 from radarsim.geometry import Floats, Point, Pose2
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
@@ -51,47 +39,42 @@ ROOM = 10 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
 NO_PATH_YET = np.zeros((0, 2))
 PLAN = (Outline("solid", (WALL,)),)
 TRUE = np.array([[0.0, 0.0], [1.0, 0.2], [4.0, 0.2]])
+GOES, FOLLOWS, REACHES = Activity.GOING, Activity.FOLLOWING, Activity.REACHED
 BUG1 = [
-    *(
-        (0.0, 0.0, Activity.GOING),
-        (1.0, 0.0, Activity.ALIGNING),
-        (1.0, -1.5, Activity.FOLLOWING),
-    ),
-    *((2.5, 1.5, Activity.FOLLOWING), (1.0, 0.0, Activity.RETURNING)),
-    *((2.5, -0.2, Activity.GOING), (4.0, 0.0, Activity.REACHED)),
+    *((0.0, 0.0, GOES), (1.0, 0.0, Activity.ALIGNING), (1.0, -1.5, FOLLOWS)),
+    *((2.5, 1.5, FOLLOWS), (1.0, 0.0, Activity.RETURNING)),
+    *((2.5, -0.2, GOES), (4.0, 0.0, REACHES)),
 ]
 NO_PATH = [*BUG1[:4], (1.1, 0.0, Activity.NO_PATH)]
 NEARLY_THE_SAME = [
-    *(
-        (0.0, 0.0, Activity.GOING),
-        (1.0, 0.0, Activity.FOLLOWING),
-        (1.0, 0.1, Activity.GOING),
-    ),
-    *(
-        (1.1, 0.1, Activity.FOLLOWING),
-        (3.0, 1.0, Activity.GOING),
-        (4.0, 0.0, Activity.REACHED),
-    ),
+    *((0.0, 0.0, GOES), (1.0, 0.0, FOLLOWS), (1.0, 0.1, GOES)),
+    *((1.1, 0.1, FOLLOWS), (3.0, 1.0, GOES), (4.0, 0.0, REACHES)),
 ]
+RANGES = (1.0, 2.0, 60.0, math.inf)
 
 
-def record_of(*rows: tuple[float, float, Activity], goal: Point = (4.0, 0.0)) -> RunLog:
-    run_log = RunLog()
+def record_of(
+    *rows: tuple[float, float, Activity],
+    goal: Point = (4.0, 0.0),
+    ranges: tuple[float, ...] = RANGES,
+    run_log: RunLog | None = None,
+) -> RunLog:
+    run_log = run_log or RunLog()
     for time, (x, y, activity) in enumerate(rows):
-        ranges = np.array([1.0, 2.0, 60.0, math.inf])
-        observation = Observation(float(time), Pose2(x, y), np.arange(4.0), ranges)
-        next_goal = None if activity is Activity.REACHED else goal
+        bearings = np.arange(float(len(ranges)))
+        observation = Observation(float(time), Pose2(x, y), bearings, np.array(ranges))
+        next_goal = None if activity is REACHES else goal
         run_log.add(NavigationStep(observation, activity, STOP, (), next_goal))
     return run_log
 
 
-def view_of(run_log: RunLog, title: str = "title", **options: Any) -> RunView:
+def view_of(run_log: RunLog, title: str = "title", **options: Any) -> runs.RunView:
     options = {"robot_class": "P3AT_Radar360", **options}
-    return RunView(run_log, title, **options)
+    return runs.RunView(run_log, title, **options)
 
 
 def figure_of(run_log: RunLog, **options: Any) -> Figure:
-    return run_figure([view_of(run_log, **options)])
+    return runs.run_figure([view_of(run_log, **options)])
 
 
 def labels(figure: Figure) -> set[str]:
@@ -125,9 +108,9 @@ def drawn(figure: Figure) -> dict[str, float]:
 def test_path_is_coloured_by_activity() -> None:
     shown = drawn(figure_of(record_of(*BUG1), outlines=PLAN))
     assert shown == {
-        GOING.colour: pytest.approx(1.0 + math.hypot(1.5, 0.2)),
-        FOLLOWING.colour: pytest.approx(1.5 * (1 + math.sqrt(5) + math.sqrt(2))),
-        RETURNING.colour: pytest.approx(math.hypot(1.5, 0.2)),
+        runs.GOING.colour: pytest.approx(1.0 + math.hypot(1.5, 0.2)),
+        runs.FOLLOWING.colour: pytest.approx(1.5 * (1 + math.sqrt(5) + math.sqrt(2))),
+        runs.RETURNING.colour: pytest.approx(math.hypot(1.5, 0.2)),
     }
 
 
@@ -151,7 +134,7 @@ def test_goal_that_is_not_reached_is_crossed_out() -> None:
 def test_goal_of_a_run_that_goes_on_is_not_crossed_out_in_a_film() -> None:
     for rows, crossed in ((BUG1[:3], False), (NO_PATH, True)):
         figure = Figure()
-        panel = RunPanel(figure.add_subplot(), "P3AT", "")
+        panel = runs.RunPanel(figure.add_subplot(), "P3AT", "")
         panel.update(record_of(*rows), TRUE, text=10.0, is_over=False)
         markers = {line.get_marker() for line in figure.axes[0].lines}
         assert ("X" in markers) == crossed
@@ -160,19 +143,15 @@ def test_goal_of_a_run_that_goes_on_is_not_crossed_out_in_a_film() -> None:
 def test_hit_and_leave_points_have_the_colours_of_the_paths_that_begin_there() -> None:
     (axes,) = figure_of(record_of(*BUG1)).axes
     colours = {line.get_marker(): line.get_color() for line in axes.lines}
-    assert (colours["v"], colours["^"]) == (FOLLOWING.colour, GOING.colour)
+    assert (colours["v"], colours["^"]) == (runs.FOLLOWING.colour, runs.GOING.colour)
 
 
 def test_what_is_sensed_does_not_cover_the_walls() -> None:
-    run_log = record_of(*((x, 0.0, Activity.GOING) for x in (0.55, 0.65, 0.75, 0.85)))
-    blind, areas = RunLog(), []
-    for row in run_log.rows:
-        pose, nothing = Pose2(row.x, row.y), np.zeros(0)
-        observation = Observation(row.time, pose, nothing, nothing)
-        blind.add(NavigationStep(observation, row.activity, STOP, (), row.goal))
+    rows = [(x, 0.0, GOES) for x in (0.55, 0.65, 0.75, 0.85)]
+    areas = []
     extent = Bbox.from_extents(-2.0, -3.0, 6.0, 3.0)
-    for each in (run_log, blind):
-        frames = RunFrames(extent, "title", "P3AT", "", PLAN)
+    for each in (record_of(*rows), record_of(*rows, ranges=())):
+        frames = runs.RunFrames(extent, "title", "P3AT", "", PLAN)
         frame = frames.draw(each, TRUE[:1], "status")
         grey = np.round(255 * np.array(to_rgb(FAMILY_COLOURS[Family.STONE])))
         areas.append(int((frame == grey).all(axis=2).sum()))
@@ -180,12 +159,8 @@ def test_what_is_sensed_does_not_cover_the_walls() -> None:
 
 
 def test_several_goals_are_numbered() -> None:
-    run_log = record_of((0.0, 0.0, Activity.GOING), goal=(1.0, 0.0))
-    for row in record_of(*BUG1).rows:
-        observation = Observation(
-            row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0)
-        )
-        run_log.add(NavigationStep(observation, row.activity, STOP, (), row.goal))
+    run_log = record_of((0.0, 0.0, GOES), goal=(1.0, 0.0))
+    record_of(*BUG1, run_log=run_log)
     assert {"goal 1", "goal 2"} <= labels(figure_of(run_log))
 
 
@@ -199,9 +174,7 @@ def test_legend_lists_exactly_what_is_drawn() -> None:
     assert not absent & {*failed}
     assert "hit point" in failed
     assert "sensed" in failed
-    blind = RunLog()
-    nothing = Observation(0.0, Pose2(0, 0), np.zeros(0), np.zeros(0))
-    blind.add(NavigationStep(nothing, Activity.GOING, STOP, (), (1.0, 0.0)))
+    blind = record_of(BUG1[0], ranges=())
     assert "sensed" not in legend(figure_of(blind))
 
 
@@ -218,7 +191,7 @@ def test_axes_have_equal_scale_and_the_legend_is_outside() -> None:
 
 
 def test_narrow_pictures_show_all_texts_apart() -> None:
-    poses = [(0.0, float(y), Activity.GOING) for y in range(12)]
+    poses = [(0.0, float(y), GOES) for y in range(12)]
     figure = figure_of(
         record_of(*poses, goal=(0.0, 12.0)),
         outlines=PLAN,
@@ -244,9 +217,9 @@ def test_narrow_pictures_show_all_texts_apart() -> None:
 
 
 def test_runs_beside_each_other_have_one_scale() -> None:
-    near = record_of((0.0, 0.0, Activity.GOING), goal=(1.0, 0.0))
+    near = record_of((0.0, 0.0, GOES), goal=(1.0, 0.0))
     views = [view_of(record_of(*BUG1)), view_of(near)]
-    one, other = run_figure(views).axes
+    one, other = runs.run_figure(views).axes
     assert one.viewLim.bounds == other.viewLim.bounds
     assert one.get_window_extent().size == pytest.approx(other.get_window_extent().size)
 
@@ -269,11 +242,11 @@ def test_sensed_points_have_the_colour_of_the_sensor(medium: str, colour: str) -
 
 def test_far_points_do_not_enlarge_the_extent() -> None:
     (axes,) = figure_of(record_of(*BUG1)).axes
-    assert np.ptp(axes.get_xlim()) < 4.0 + 2 * AROUND + 2
+    assert np.ptp(axes.get_xlim()) < 4.0 + 2 * runs.AROUND + 2
 
 
 def test_cells_with_more_beam_ends_are_more_opaque() -> None:
-    image = image_of(figure_of(record_of(*[(0.0, 0.0, Activity.GOING)] * 5, *BUG1)))
+    image = image_of(figure_of(record_of(*[(0.0, 0.0, GOES)] * 5, *BUG1)))
     west, _, south, _ = image.get_extent()
     shades = np.asarray(image.get_array())[:, :, 3]
     ahead = shades[int((0.0 - south) / CELL), int((1.0 - west) / CELL)]
@@ -285,7 +258,7 @@ def log_of_ends(ends: Floats) -> RunLog:
     angles, ranges = np.arctan2(*ends.T[::-1]), np.hypot(*ends.T)
     run_log = RunLog()
     observation = Observation(0.0, Pose2(0.0, 0.0), angles, ranges)
-    run_log.add(NavigationStep(observation, Activity.GOING, STOP, (), (-1.0, 0.0)))
+    run_log.add(NavigationStep(observation, GOES, STOP, (), (-1.0, 0.0)))
     return run_log
 
 
@@ -294,7 +267,7 @@ def test_no_seam_is_left_between_sensed_cells(width: float) -> None:
     middles = (np.arange(40) + 0.5) * CELL
     ends = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
     extent = Bbox.from_extents(-2.0, -1.0, width - 2.0, 3.0)
-    frames = RunFrames(extent, "title", "P3AT", "")
+    frames = runs.RunFrames(extent, "title", "P3AT", "")
     frame = frames.draw(log_of_ends(ends + np.array([1.0, 0.5])), TRUE[:0], "status")
     colour = np.array(to_rgb(UNKNOWN_SENSOR)) * 255 * STRONGEST + 255 * (1 - STRONGEST)
     painted = np.all(np.abs(frame - colour) < 3, axis=2).astype(np.int64)
@@ -308,7 +281,7 @@ def test_foliage_stays_green_where_it_is_sensed() -> None:
     middles = (np.arange(20) + 0.5) * CELL
     ends = np.stack(np.meshgrid(middles + 1.5, middles - 0.5), axis=-1).reshape(-1, 2)
     bush = (Outline("foliage", (WALL,), Family.FOLIAGE),)
-    figure = run_figure([view_of(log_of_ends(ends), outlines=bush)])
+    figure = runs.run_figure([view_of(log_of_ends(ends), outlines=bush)])
     cells = np.asarray(image_of(figure).get_array())
     west, east, *_ = image_of(figure).get_extent()
     assert (cells[:, :, 3] > 0).any()
@@ -322,8 +295,8 @@ def test_foliage_stays_green_where_it_is_sensed() -> None:
 
 def test_film_of_a_robot_that_goes_round_a_thing_keeps_its_frame() -> None:
     box = Outline("solid", (WALL * 2,))
-    extent = first_run_extent((box,), (0.0, 0.0), [(6.0, 0.0)])
-    frames = RunFrames(extent, "title", "P3AT", "", (box,))
+    extent = runs.first_run_extent((box,), (0.0, 0.0), [(6.0, 0.0)])
+    frames = runs.RunFrames(extent, "title", "P3AT", "", (box,))
     around = [(2.0, -3.3), (5.2, -3.3), (5.2, 3.3), (2.0, 3.3)]
     places = [(0.0, 0.0), *around, (6.0, 0.0)]
     shown = []
@@ -333,11 +306,13 @@ def test_film_of_a_robot_that_goes_round_a_thing_keeps_its_frame() -> None:
         shown.append(frames.axes.viewLim.bounds)
     assert {*shown} == {extent.bounds}
     room = Outline("solid", (ROOM,))
-    assert first_run_extent((room,), (0.0, 0.0), [(6.0, 0.0)]).width < 20 + 2
+    assert runs.first_run_extent((room,), (0.0, 0.0), [(6.0, 0.0)]).width < 20 + 2
 
 
 def test_film_may_change_its_title() -> None:
-    frames = RunFrames(Bbox.from_extents(-1.0, -2.0, 5.0, 2.0), "drives", "P3AT", "")
+    frames = runs.RunFrames(
+        Bbox.from_extents(-1.0, -2.0, 5.0, 2.0), "drives", "P3AT", ""
+    )
     run_log = record_of(*BUG1)
     before, after, again = (
         frames.draw(run_log, NO_PATH_YET, "status", title)
@@ -349,7 +324,7 @@ def test_film_may_change_its_title() -> None:
 
 def test_arrows_follow_the_path_at_equal_distances() -> None:
     square = np.array([[0, 0], [4, 0], [4, 4], [0, 4], [0, 0.0]])
-    places = arrow_places(square, 4.0)
+    places = runs.arrow_places(square, 4.0)
     assert places[:, :2] == pytest.approx(
         np.array([[2, 0], [4, 2], [2, 4], [0, 2]], dtype=float)
     )
@@ -357,8 +332,8 @@ def test_arrows_follow_the_path_at_equal_distances() -> None:
     assert np.column_stack(turns) == pytest.approx(
         np.array([[1, 0], [0, 1], [-1, 0], [0, -1]], dtype=float)
     )
-    assert not len(arrow_places(square[:1], 4.0))
-    assert not len(arrow_places(square[[0, 0]], 4.0))
+    assert not len(runs.arrow_places(square[:1], 4.0))
+    assert not len(runs.arrow_places(square[[0, 0]], 4.0))
 
 
 def test_things_at_the_edge_are_shown_whole_unless_they_are_large() -> None:
@@ -382,14 +357,15 @@ def test_things_at_the_edge_are_shown_whole_unless_they_are_large() -> None:
 def test_the_same_run_gives_the_same_file(form: str, begins: bytes) -> None:
     assert form in FORMS
     once, again = (
-        draw_run(view_of(record_of(*NO_PATH), outlines=PLAN), form=form) for _ in "ab"
+        runs.draw_run(view_of(record_of(*NO_PATH), outlines=PLAN), form=form)
+        for _ in "ab"
     )
     assert once == again
     assert once.startswith(begins)
 
 
 def test_run_without_motion_can_be_drawn() -> None:
-    run_log = record_of((0.0, 0.0, Activity.GOING), goal=(0.0, 0.0))
-    data = draw_run(view_of(run_log))
+    run_log = record_of((0.0, 0.0, GOES), goal=(0.0, 0.0))
+    data = runs.draw_run(view_of(run_log))
     with Image.open(io.BytesIO(data)) as image:
         assert min(image.size) > 300

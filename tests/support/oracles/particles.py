@@ -17,8 +17,9 @@ Source: any book on scattering by small particles.
 
 import math
 
-from oracles.hydrometeors import DECIBEL
 from oracles.permittivity import SPEED_OF_LIGHT
+
+DECIBEL = 10 / math.log(10)  # dB of power for a factor of e
 
 
 def extinction_in_db(m2_per_g: float) -> float:

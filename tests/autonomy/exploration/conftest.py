@@ -1,5 +1,0 @@
-"""Fixtures of a flat world for the tests of exploration."""
-
-from flat_world import corridor, look, nowhere, room
-
-__all__ = ["corridor", "look", "nowhere", "room"]
