@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from flat_world import cast
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -62,22 +63,8 @@ class Flatland:
 
     def scan(self) -> Observation:
         """Return an exact scan from the robot's centre."""
-        angles = self.bearings + self.pose.yaw
-        directions = np.column_stack([np.cos(angles), np.sin(angles)])
-        starts = self.walls[:, 0] - (self.pose.x, self.pose.y)
-        sides = self.walls[:, 1] - self.walls[:, 0]
-        across = np.outer(directions[:, 0], sides[:, 1]) - np.outer(
-            directions[:, 1], sides[:, 0]
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ranges = _cross(starts, sides) / across
-            along = (
-                np.outer(directions[:, 1], -starts[:, 0])
-                + np.outer(directions[:, 0], starts[:, 1])
-            ) / across
-        met = (ranges > 0) & (along <= 0) & (along >= -1)
-        nearest = np.where(met, ranges, math.inf).min(axis=1, initial=math.inf)
-        return Observation(self.time, self.pose, self.bearings.copy(), nearest)
+        ranges = cast(self.walls, self.pose, self.bearings)
+        return Observation(self.time, self.pose, self.bearings.copy(), ranges)
 
     def move(self, twist: Twist) -> None:
         """Move the robot for one step."""
@@ -93,11 +80,6 @@ class Flatland:
             if bug.is_done:
                 return
         raise AssertionError(f"{bug.activity} after {steps} steps at {self.pose}")
-
-
-def _cross(starts: Floats, sides: Floats) -> Floats:
-    crossed: Floats = starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]
-    return crossed
 
 
 def outline(shape: shapely.Polygon) -> Floats:
