@@ -36,18 +36,10 @@ CORRIDOR: Floats = np.array([[[-99, -1], [99, -1]], [[-99, 1], [99, 1]]], np.flo
 NOWHERE: Floats = np.zeros((0, 2, 2))
 
 
-<<<<<<< HEAD
-def ranges_of(
-    walls: Floats, pose: Pose2, angles: Floats = ANGLES, missed: float = MAX_RANGE
-) -> Floats:
-    """Return the ranges of beams at angles, m."""
-    directions = np.column_stack([np.cos(angles + pose.yaw), np.sin(angles + pose.yaw)])
-=======
 def cast(walls: Floats, pose: Pose2, bearings: Floats) -> Floats:
     """Return the exact ranges of beams from a pose, m; infinite for a miss."""
     angles = bearings + pose.yaw
     directions = np.column_stack([np.cos(angles), np.sin(angles)])
->>>>>>> t-sim
     starts = walls[:, 0] - (pose.x, pose.y)
     sides = walls[:, 1] - walls[:, 0]
     across = np.outer(directions[:, 0], sides[:, 1]) - np.outer(
@@ -60,11 +52,7 @@ def cast(walls: Floats, pose: Pose2, bearings: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         ranges, along = wide / across, beside / across
     is_hit = (ranges > 0) & (along >= 0) & (along <= 1)
-<<<<<<< HEAD
-    nearest: Floats = np.where(is_hit, ranges, missed).min(axis=1, initial=missed)
-=======
     nearest: Floats = np.where(is_hit, ranges, math.inf).min(axis=1, initial=math.inf)
->>>>>>> t-sim
     return nearest
 
 

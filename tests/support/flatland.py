@@ -6,11 +6,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-<<<<<<< HEAD
-from flat_world import ranges_of
-=======
 from flat_world import cast
->>>>>>> t-sim
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -67,13 +63,8 @@ class Flatland:
 
     def scan(self) -> Observation:
         """Return an exact scan from the robot's centre."""
-<<<<<<< HEAD
-        nearest = ranges_of(self.walls, self.pose, self.bearings, math.inf)
-        return Observation(self.time, self.pose, self.bearings.copy(), nearest)
-=======
         ranges = cast(self.walls, self.pose, self.bearings)
         return Observation(self.time, self.pose, self.bearings.copy(), ranges)
->>>>>>> t-sim
 
     def move(self, twist: Twist) -> None:
         """Move the robot for one step."""

@@ -71,6 +71,7 @@ def test_goal_too_far_for_a_grid_is_refused() -> None:
 def test_way_around_a_wall_longer_than_the_grid_is_found() -> None:
     wall = shapely.box(1.5, -9.5, 1.7, 30)
     world = flatland(wall, at=Pose2(0.0, 0.0))
+    world.bearings = np.radians(np.arange(360.0) - 180)  # the wall is long
     planned = navigator(Algorithm.PLANNED, (3.2, 0.0))
     world.run(planned, steps=3000)
     assert planned.activity is Activity.REACHED
