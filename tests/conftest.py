@@ -34,7 +34,7 @@ MEASURED = (
     "tests/dialogues",
     "tests/server/host",
     "tests/protocol",
-    "tests/simulation/test_antennas",
+    "tests/addons/fmcw/test_rotation_schedule",
     "tests/test_exports",
 )
 

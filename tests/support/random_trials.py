@@ -11,16 +11,23 @@ shared with navigators, nor with the free space of scenes: a truth of its own.
 """
 
 import math
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, run_plan
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.algorithms import (
+    ROBOT_RADIUS,
+    Algorithm,
+)
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.generators.random_maps import (
     SAFETY_DISTANCE,
@@ -37,9 +44,13 @@ CELL: Final = 0.05  # m
 ROBOT_HALF_WIDTH: Final = 0.248  # m; of a P3AT
 HALF_PASSAGE: Final = 0.2  # m beyond the safety distance: half of what passages need
 _MARGIN: Final = 3.0  # m of floor around everything
+# Moves to neighbours and knight's moves: a path is at most 2.8 % longer than the exact.
+_MOVES: Final = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 SIDE_OFFSETS: Final = (0, 25, 50)  # UU
 UU: Final = 0.004  # m
 TIME_LIMIT: Final = 1800.0  # s of simulated time
+
+_Cell = TypeVar("_Cell", bound=np.generic)
 
 
 class Expectation(StrEnum):
@@ -51,7 +62,21 @@ class Expectation(StrEnum):
     TOO_NEAR = "too_near"  # the start or the goal is inside the safety distance
 
 
-def raster_truth(map_: RandomMap, safety_distance: float, reach: float) -> Expectation:
+@dataclass(frozen=True, slots=True)
+class RasterTruth:
+    """The truth about a map.
+
+    Attributes:
+        expectation: What a navigator has to tell.
+        shortest: Length of the shortest path of a disc of ``ROBOT_RADIUS``, m; None if
+            there is none.
+    """
+
+    expectation: Expectation
+    shortest: float | None
+
+
+def raster_truth(map_: RandomMap, safety_distance: float, reach: float) -> RasterTruth:
     """Compute what a navigator has to tell of a map.
 
     Args:
@@ -65,11 +90,14 @@ def raster_truth(map_: RandomMap, safety_distance: float, reach: float) -> Expec
     wide = raster.connects(safety_distance + HALF_PASSAGE + reach)
     narrow = raster.connects(ROBOT_HALF_WIDTH)
     near = min(raster.clearance(map_.start), raster.clearance(map_.goal))
+    expectation = Expectation.EITHER
     if near < safety_distance:
-        return Expectation.TOO_NEAR
-    if wide:
-        return Expectation.REACHED
-    return Expectation.EITHER if narrow else Expectation.NO_PATH
+        expectation = Expectation.TOO_NEAR
+    elif wide:
+        expectation = Expectation.REACHED
+    elif not narrow:
+        expectation = Expectation.NO_PATH
+    return RasterTruth(expectation, raster.shortest_path(ROBOT_RADIUS))
 
 
 class _Raster:
@@ -102,9 +130,35 @@ class _Raster:
         start, goal = labels[self._cell(self._map.start)], self._cell(self._map.goal)
         return bool(start and start == labels[goal])
 
+    def shortest_path(self, distance: float) -> float | None:
+        """Return the length of the shortest path that far from everything, m."""
+        free = self._distances >= distance
+        numbers = np.arange(free.size).reshape(free.shape)
+        rows, columns, lengths = [], [], []
+        # each pair of neighbours once, as the graph is not directed
+        for dx, dy in _MOVES:
+            here, there = _shifted(free, dx, dy), _shifted(free, -dx, -dy)
+            both = here & there
+            rows.append(_shifted(numbers, dx, dy)[both])
+            columns.append(_shifted(numbers, -dx, -dy)[both])
+            lengths.append(np.full(both.sum(), CELL * math.hypot(dx, dy)))
+        edges = (np.concatenate(rows), np.concatenate(columns))
+        graph = coo_array((np.concatenate(lengths), edges), shape=(free.size,) * 2)
+        start, goal = (
+            numbers[self._cell(p)] for p in (self._map.start, self._map.goal)
+        )
+        found = dijkstra(graph.tocsr(), directed=False, indices=start)[goal]
+        return float(found) if np.isfinite(found) else None
+
     def _cell(self, place: Point) -> tuple[int, int]:
         column, row = np.floor((np.array(place) - self._low) / CELL).astype(int)
         return int(column), int(row)
+
+
+def _shifted(cells: NDArray[_Cell], dx: int, dy: int) -> NDArray[_Cell]:
+    """Return the cells that have a neighbour at a shift, in the same order."""
+    columns, rows = cells.shape
+    return cells[max(-dx, 0) : columns - max(dx, 0), max(-dy, 0) : rows - max(dy, 0)]
 
 
 def mission_to(goal: Point, algorithm: str, **more: Any) -> Mission:
@@ -125,14 +179,14 @@ def random_trial_errors(number: int, algorithm: str) -> list[str]:
     reach = 0.0
     if settings["sensor"] == "radar":
         settings["side_offset_uu"], reach = offset, offset * UU
-    expectation = raster_truth(map_, SAFETY_DISTANCE, reach)
+    truth = raster_truth(map_, SAFETY_DISTANCE, reach)
     settings |= {"fov_deg": 359, "resolution_deg": 1}
     config = SimulationConfig(item_settings={SCANNER: settings})
     mission = mission_to(map_.goal, algorithm, time_limit=TIME_LIMIT)
     row = run_plan(mission, Host(load_random_map(map_), config=config, seed=number))
     verdicts = {Expectation.REACHED, Expectation.NO_PATH}
-    allowed = {expectation}
-    if expectation not in verdicts:
+    allowed = {truth.expectation}
+    if truth.expectation not in verdicts:
         allowed |= verdicts
     errors = [f"{row.collisions} collisions"] if row.collisions else []
     if row.outcome not in allowed:

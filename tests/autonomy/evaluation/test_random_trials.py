@@ -23,7 +23,7 @@ def test_what_is_expected_follows_from_the_gap(gap: float, expected: str) -> Non
     sides = [Block(0.0, y, 10.2, 0.2) for y in (-10.0, 10.0)]
     solids = (*walls, *ends, *sides)
     map_ = RandomMap(0, "boxes", solids, math.inf, (-3.0, 0.0), (3.0, 0.0))
-    assert raster_truth(map_, SAFETY_DISTANCE, 0.0) == expected
+    assert raster_truth(map_, SAFETY_DISTANCE, 0.0).expectation == expected
 
 
 @pytest.mark.slow
