@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from radarsim.autonomy.evaluation.task_runner import TaskResult
     from radarsim.scene.scene import Scene
     from radarsim.sweep.file import Parameters, SweepFile
-    from radarsim.sweep.folder import SweepFolder
+    from radarsim.sweep.results import SweepFolder
 
 _BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that are worth a process
 
@@ -51,7 +51,7 @@ def sweep(
     from radarsim.errors import import_optional
     from radarsim.sweep.cluster import run_on_cluster
     from radarsim.sweep.file import read_sweep
-    from radarsim.sweep.folder import (
+    from radarsim.sweep.results import (
         ABOUT,
         EXTRA,
         FIGURE,

@@ -22,7 +22,7 @@ import radarsim
 from radarsim.errors import SweepError
 from radarsim.sweep.cluster import run_batches
 from radarsim.sweep.file import read_sweep, shipped_sweeps
-from radarsim.sweep.folder import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
+from radarsim.sweep.results import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
 from radarsim.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -194,7 +194,7 @@ def test_stopped_sweep_says_what_it_was(
     def fail(*_: object) -> None:
         raise SweepError("no table today")
 
-    monkeypatch.setattr("radarsim.sweep.folder._schema", fail)
+    monkeypatch.setattr("radarsim.sweep.results._schema", fail)
     assert sweep(small, "-o", out, "--workers", 1).code == 1
     assert json.loads((out / ABOUT).read_text())["file"] == "small.yaml"
 
