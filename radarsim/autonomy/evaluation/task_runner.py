@@ -49,23 +49,24 @@ def run_tasks(
         return
     groups = [dict(enumerate(tasks))]
     suspects: set[int] = set()
-    with _processes(workers, prepare) as parallel:
-        while groups:
-            left = groups.pop()
-            begun: list[int] = []
-            try:
+    while groups:
+        left = groups.pop()
+        begun: list[int] = []
+        try:
+            # What broke would keep tasks that it had not sent, and start processes that
+            # are not prepared.
+            with _processes(workers, prepare) as parallel:
                 for result in _run_together(parallel, function, left, begun):
                     del left[result[0]]
                     yield result
-            except BrokenProcessPool:
-                if suspects.issuperset(left):  # it ran alone
-                    yield from ((number, None, LOST) for number in left)
-                    continue
-                # Nobody knows whose process crashed: what had begun runs again, each
-                # alone.
-                suspects.update(left.keys() & begun)
-                groups.append({key: left[key] for key in left if key not in suspects})
-                groups.extend({key: left[key]} for key in left if key in suspects)
+        except BrokenProcessPool:
+            if suspects.issuperset(left):  # it ran alone
+                yield from ((number, None, LOST) for number in left)
+                continue
+            # Nobody knows whose process crashed: what had begun runs again, each alone.
+            suspects.update(left.keys() & begun)
+            groups.append({key: left[key] for key in left if key not in suspects})
+            groups.extend({key: left[key]} for key in left if key in suspects)
 
 
 def _run_together(
@@ -90,7 +91,7 @@ def _run_together(
 
 @contextmanager
 def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel]:
-    """Open processes, which start with the first tasks, and again if one crashes."""
+    """Open processes, which start with the first tasks."""
     # joblib warns of runs that are ended early, and of workers that it starts again as
     # they use much memory.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")

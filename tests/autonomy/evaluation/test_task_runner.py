@@ -72,6 +72,27 @@ def test_task_that_kills_its_process_fails_alone() -> None:
     assert "killed or crashed" in done[2][2]
 
 
+def prepare_process() -> None:
+    os.environ["IS_PREPARED"] = "yes"
+
+
+def die_once(number: int, first: Path) -> str:
+    """Return whether the process was prepared; the first of one number dies."""
+    time.sleep(0.1)
+    if number == 4 and not first.exists():
+        first.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return os.environ.get("IS_PREPARED", "no")
+
+
+def test_all_tasks_run_in_prepared_processes_after_one_was_killed(
+    tmp_path: Path,
+) -> None:
+    tasks = [(number, tmp_path / "died") for number in range(12)]
+    done = run_tasks(die_once, tasks, workers=2, prepare=prepare_process)
+    assert sorted(done) == [(number, "yes", "") for number in range(12)]
+
+
 def test_results_are_put_in_order() -> None:
     assert in_order([(1, 10, ""), (0, 5, ""), (2, 0, "")]) == [5, 10, 0]
 
