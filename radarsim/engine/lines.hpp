@@ -94,13 +94,12 @@ inline uint8_t* write_truth(bool value, uint8_t* at) {
     return at;
 }
 
-// Write lines after each other; returns their bytes. Numbers are in the order of their marks; those of series follow
-// all others, from first_entry on. One pass over the templates of all robots, as a tick can have hundreds of lines.
-inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> numbers, int64_t first_entry,
+// Write lines after each other; returns their bytes. Numbers and entries of series are in the order of their marks. One
+// pass over the templates of all robots, as a tick can have hundreds of lines.
+inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> numbers, Array<const double> series,
                            Array<uint8_t> out) {
-    if (first_entry < 0 || first_entry > numbers.size()) return MISFIT;
-    if (out.size() < 2 * templates.size() + LONGEST_NUMBER * numbers.size()) return MISFIT;
-    const double *number = numbers.begin(), *entry = number + first_entry, *first = entry;
+    if (out.size() < 2 * templates.size() + LONGEST_NUMBER * (numbers.size() + series.size())) return MISFIT;
+    const double *number = numbers.begin(), *entry = series.begin();
     uint8_t* at = out.begin();
     int changes = 0;
     for (uint8_t code : templates) {
@@ -109,7 +108,7 @@ inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> n
         else if (code == LINE_END) *at++ = '\r', *at++ = '\n';
         else {
             bool in_series = code & IN_SERIES;
-            if (in_series ? entry == numbers.end() : number == first) return MISFIT;
+            if (in_series ? entry == series.end() : number == numbers.end()) return MISFIT;
             double value = in_series ? *entry++ : *number++;
             if (!(fabs(value) < LARGEST_WRITTEN)) return TOO_LARGE; // NaN too
             if (changes) value = change_number(value, changes);
@@ -117,9 +116,9 @@ inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> n
             at = code == TRUTH ? write_truth(value != 0.0, at) : write_number(value, code, at);
         }
     }
-    return number == first && entry == numbers.end() ? at - out.begin() : MISFIT;
+    return number == numbers.end() && entry == series.end() ? at - out.begin() : MISFIT;
 }
-BIND(write_lines, "t n o")
+BIND(write_lines, "t n s o")
 
 struct WrittenEcho {
     double beam, range, power, strength; // m; shares from 0 to 1

@@ -166,7 +166,8 @@ def encode_blocks(blocks: Sequence[Block]) -> list[bytes]:
             if its_series is not NO_SERIES:
                 series.append(its_series)
         templates.append(_BLOCK_END)
-    return _write(templates, numbers, series).split(_BLOCK_END)[:-1]
+    lines = fill_lines(templates, numbers, np.concatenate(series))
+    return lines.split(_BLOCK_END)[:-1]
 
 
 def fill_lines(
@@ -179,27 +180,24 @@ def fill_lines(
         numbers: Numbers of all lines, in the order of their marks.
         series: Series of all lines, in the order of their marks.
     """
-    return _write(templates, numbers, [series])
-
-
-def _write(
-    templates: Sequence[bytes], numbers: Sequence[float], series: Sequence[Floats]
-) -> bytes:
     from radarsim.engine import engine
 
     marked = np.frombuffer(bytearray().join(templates), np.uint8)
-    values = np.concatenate([np.array(numbers, np.float64), *series])
+    values = np.array(numbers, np.float64)
     # An upper bound, as counting exactly would mean to format all numbers twice. The
     # end of a line has two bytes for one mark.
-    out = np.zeros(2 * len(marked) + _LONGEST_NUMBER * len(values), np.uint8)
-    size = engine.write_lines(marked, values, len(numbers), out)
+    most = 2 * len(marked) + _LONGEST_NUMBER * (len(values) + len(series))
+    out = np.zeros(most, np.uint8)
+    size = engine.write_lines(marked, values, series, out)
     if size == _TOO_LARGE:
-        values = clip_numbers(values)
-        size = engine.write_lines(marked, values, len(numbers), out)
+        values, series = clip_numbers(values), clip_numbers(series)
+        size = engine.write_lines(marked, values, series, out)
     if size < 0:
-        counts = f"{len(numbers)} numbers and {len(values) - len(numbers)} in series"
         text = marked.tobytes().decode("latin-1")
-        raise EngineError(f"{counts}, expected one for each mark of {text!r}")
+        raise EngineError(
+            f"{len(values)} numbers and {len(series)} in series,"
+            f" expected one for each mark of {text!r}"
+        )
     return out[:size].tobytes()
 
 

@@ -6,6 +6,7 @@ echoes of a scan by object, and another one writes all its lines.
 """
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -26,7 +27,6 @@ from radarsim.protocol.line_template import fill_lines
 from radarsim.protocol.reports import to_bytes
 from radarsim.sensors.scan import KINDS, ROBOT, Echoes, Target
 
-KIND_NAMES: Final = {int(kind): name for kind, name in KINDS.items()}
 MOST_SENSORS: Final = 100  # that are kept; clients can change their settings
 MOST_HEADS: Final = 2000  # of a sensor; robots come and go
 
@@ -61,6 +61,12 @@ def describe_target(
         power=nothing,
         strength=nothing,
     )
+
+
+@lru_cache
+def _find_marks(dialect: Dialect) -> dict[int, bytes]:
+    """Return the template of an echo of each kind."""
+    return {int(kind): find_mark(dialect, name) for kind, name in KINDS.items()}
 
 
 class EchoWriter:
@@ -102,7 +108,7 @@ class EchoWriter:
         )
         if not count:
             return to_bytes([EchoLine(time, scanner, 0, 0, None).encode(dialect)])
-        marks = {kind: find_mark(dialect, name) for kind, name in KIND_NAMES.items()}
+        marks = _find_marks(dialect)
         texts = [marks[kind] for kind in echoes.kinds[rows["before"]].tolist()]
         heads = self._heads_of(dialect, scanner, echoes.settings)
         templates: list[bytes] = []
