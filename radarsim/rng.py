@@ -88,21 +88,24 @@ class NumberedStreams:
             rng: It is not drawn from, but spawns a child.
         """
         (child,) = rng.spawn(1)
-        seed: Any = child.bit_generator.seed_seq
-        self._bits = np.random.PCG64(seed)
-        self._start = self._bits.state
+        self._seed: Any = child.bit_generator.seed_seq
 
     def fill_normal(self, number: int, out: NDArray[np.float32]) -> None:
-        """Fill an array with the first standard normal numbers of a stream.
+        """Fill rows with the first standard normal numbers of neighbouring streams.
+
+        Threads may do so at once.
 
         Args:
-            number: Number of the stream, at least 0.
-            out: Contiguous array.
+            number: Number of the stream of the first row, at least 0.
+            out: (N, S), each row contiguous.
         """
-        self._bits.state = self._start
-        self._bits.advance(number * _STRIDE % _PERIOD)
-        # Each word of 64 bits makes two numbers.
-        words = self._bits.random_raw(-(-out.size // 2))
-        ones = np.bitwise_count(words.view(np.uint32)[: out.size])
-        np.subtract(ones, np.float32(_BITS / 2), out=out)
-        out *= np.float32(2 / math.sqrt(_BITS))
+        bits = np.random.PCG64(self._seed)
+        start = bits.state
+        for number, row in enumerate(out, number):
+            bits.state = start
+            bits.advance(number * _STRIDE % _PERIOD)
+            # Each word of 64 bits makes two numbers.
+            words = bits.random_raw(-(-row.size // 2))
+            ones = np.bitwise_count(words.view(np.uint32)[: row.size])
+            np.subtract(ones, np.float32(_BITS / 2), out=row)
+            row *= np.float32(2 / math.sqrt(_BITS))

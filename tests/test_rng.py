@@ -34,7 +34,7 @@ def test_fixed_number_is_that_of_the_seed_whatever_is_drawn() -> None:
 
 def drawn(streams: NumberedStreams, number: int, count: int) -> np.ndarray:
     numbers = np.zeros(count, np.float32)
-    streams.fill_normal(number, numbers)
+    streams.fill_normal(number, numbers[None])
     return numbers
 
 

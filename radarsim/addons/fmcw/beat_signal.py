@@ -23,6 +23,7 @@ Amplitudes are in units of the noise in a bin.
 
 import math
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -41,6 +42,7 @@ from radarsim.addons.fmcw.radar_equation import (
 from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.processes import thread_count
 from radarsim.rng import NumberedStreams
 
 ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
@@ -97,38 +99,56 @@ def beat_rows(
         tones: Echoes of points, in any directions.
         streams: Source of noise: a stream for each direction.
     """
+    power = np.zeros((len(field), settings.bins), np.float32)
+    starts = range(0, len(field), ROWS_AT_ONCE)
+
+    def fill(start: int) -> None:
+        rows = slice(start, start + ROWS_AT_ONCE)
+        _fill_power(settings, first + start, field[rows], tones, streams, power[rows])
+
+    if len(starts) == 1:
+        fill(0)
+    else:
+        with ThreadPoolExecutor(min(thread_count(), len(starts))) as pool:
+            list(pool.map(fill, starts))
+    return power
+
+
+def _fill_power(
+    settings: FmcwSettings,
+    first: int,
+    field: Power,
+    tones: Tones,
+    streams: NumberedStreams,
+    power: Power,
+) -> None:
+    """Fill the power in each bin of directions; arguments as of ``beat_rows``."""
     samples, length = sample_count(settings), fft_length(settings)
     shape, window = noise_shape(settings), window_of(settings).astype(np.float32)
     leakage, full_scale = _leakage(settings), watts(settings.full_scale_dbm)
     # The least and the greatest sample that the converter knows.
     limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
     limits = np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
-    per_noise = 1 / np.sqrt(shape)
-    power = np.zeros((len(field), settings.bins), np.float32)
-    for start in range(0, len(field), ROWS_AT_ONCE):
-        rows, row = slice(start, start + ROWS_AT_ONCE), first + start
-        amplitudes: Signal = field[rows].view(np.complex64)
-        sweeps: Signal = np.zeros((len(amplitudes), length // 2 + 1), np.complex64)
-        np.multiply(amplitudes, per_noise, out=sweeps[:, : settings.bins])
-        random = np.zeros((len(sweeps), samples + 2 * len(leakage)), np.float32)
-        for number, line in enumerate(random, row):
-            streams.fill_normal(number, line)
-        ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
-        sweeps[:, : len(leakage)] += leakage * ways
-        # Twice the real part of the tones: the FFT finds their amplitudes again.
-        sweep = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
-        sweep[:, samples:] = 0  # a sweep has no more samples; the rest is padding
-        signal = sweep[:, :samples]
-        _add_tones(settings, sweep, row, tones)
-        _add_noise(settings, signal, random[:, :samples])
-        # What the converter clips spreads over the whole sweep.
-        if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
-            np.clip(signal, *limits, out=signal)
-        signal *= window
-        spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
-        fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
-        engine.square_spectra(fields, shape, power[rows])
-    return power
+    amplitudes: Signal = field.view(np.complex64)
+    sweeps: Signal = np.zeros((len(amplitudes), length // 2 + 1), np.complex64)
+    np.multiply(amplitudes, 1 / np.sqrt(shape), out=sweeps[:, : settings.bins])
+    random = np.zeros((len(sweeps), samples + 2 * len(leakage)), np.float32)
+    streams.fill_normal(first, random)
+    ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
+    sweeps[:, : len(leakage)] += leakage * ways
+    # Twice the real part of the tones: the FFT finds their amplitudes again.
+    sweep = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
+    sweep[:, samples:] = 0  # a sweep has no more samples; the rest is padding
+    signal = sweep[:, :samples]
+    _add_tones(settings, sweep, first, tones)
+    _add_noise(settings, signal, random[:, :samples])
+    # What the converter clips spreads over the whole sweep.
+    if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
+        np.clip(signal, *limits, out=signal)
+    signal *= window
+    spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
+    fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
+    engine.square_spectra(fields, shape, power)
 
 
 def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
