@@ -110,20 +110,20 @@ inline double wrapped(double angle) {
     return (rest < 0.0 ? rest + TURN : rest) - M_PI;
 }
 
-// Measure what directions bounding boxes take up, by lower and upper corners; see Extents.
+// Measure what directions bounding boxes take up, by lower and upper corners; see ray_fan.py.
 inline void measure_extents(Array<const double[2][3]> bounds, Array<const double> position,
                             Array<const Vector> rotation, Array<double, 2> extents) {
     double *azimuth = &extents(0, 0), *width = &extents(1, 0), *low = &extents(2, 0), *high = &extents(3, 0);
     for (int64_t i = 0; i < bounds.size(); i++) {
-        double seen[8][3] = {}, middle[3] = {};
-        for (int corner = 0; corner < 8; corner++)
-            for (int k = 0; k < 3; k++) {
+        double seen[8][3] = {}, ahead = 0.0, left = 0.0;
+        for (Vector& corner : seen) {
+            int64_t number = &corner - seen;
+            for (int k = 0; k < 3; k++)
                 for (int axis = 0; axis < 3; axis++)
-                    seen[corner][k] += (bounds[i][corner >> axis & 1][axis] - position[axis]) * rotation[axis][k];
-                middle[k] += seen[corner][k];
-            }
-        for (double& coordinate : middle) coordinate /= 8.0;
-        double centre = -atan2(middle[1], middle[0]), first = INFINITE, last = -INFINITE;
+                    corner[k] += (bounds[i][number >> axis & 1][axis] - position[axis]) * rotation[axis][k];
+            ahead += corner[0], left += corner[1];
+        }
+        double centre = -atan2(left / 8.0, ahead / 8.0), first = INFINITE, last = -INFINITE;
         low[i] = INFINITE, high[i] = -INFINITE;
         for (const Vector& corner : seen) {
             double turned = wrapped(-atan2(corner[1], corner[0]) - centre);
@@ -132,10 +132,9 @@ inline void measure_extents(Array<const double[2][3]> bounds, Array<const double
             low[i] = minimum(low[i], up), high[i] = maximum(high[i], up);
         }
         azimuth[i] = centre + first, width[i] = last - first;
-        extents(4, i) = sqrt(middle[0] * middle[0] + middle[1] * middle[1] + middle[2] * middle[2]);
     }
 }
-BIND(measure_extents, "n 3 3 5n")
+BIND(measure_extents, "n 3 3 4n")
 
 // Turn unit vectors of a sensor to the map frame, each by one of some rotations. Returns whether all of these exist.
 inline bool turn_directions(Array<const Vector> directions, Array<const double[3][3]> rotations,

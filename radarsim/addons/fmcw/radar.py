@@ -242,9 +242,8 @@ class FmcwRadar:
         if bounds is None:
             boxes = [part.bounds for part in scene.parts if part.faces.size]
             bounds = _bounds[scene] = np.array(boxes, np.float64).reshape(-1, 2, 3)
-        extents = np.zeros((5, len(bounds)))
-        engine.measure_extents(bounds, view.positions[0], view.rotations[0], extents)
-        fan = refined_fan(self.settings, extents, rows)
+        place = view.positions[0], view.rotations[0]
+        fan = refined_fan(self.settings, bounds, *place, rows)
         row = fan.column // self.settings.rays_across - rows.start
         directions = np.empty_like(fan.directions)
         # Not a product of matrices, which rounds by how many rows there are.

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antenna import elevation_limits, elevation_pattern
+from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 
@@ -40,6 +41,11 @@ RAYS_ACROSS: Final = 10  # on the bounding box of a thing that has fewer
 RAYS_UP: Final = 8
 MOST_PARTS: Final = 40  # of a cell, in each angle
 MOST_RAYS: Final = 100_000  # that are added; the nearest things come first
+THINGS_AT_ONCE: Final = 256
+
+# (6, K) of things: the first and last column, the lowest row of cells and that above
+# the highest, and into how many parts these cells are divided across and up.
+Divisions = NDArray[np.int64]
 
 
 class RayFan(NamedTuple):
@@ -81,24 +87,30 @@ def plain_fan(settings: FmcwSettings) -> RayFan:
     return _fill_cells(settings, np.arange(len(ones)), ones, ones)
 
 
-def refined_fan(settings: FmcwSettings, extents: Floats, rows: range) -> RayFan:
+def refined_fan(
+    settings: FmcwSettings,
+    bounds: Floats,
+    position: Floats,
+    rotation: Floats,
+    rows: range,
+) -> RayFan:
     """Return the rays of directions, more where things are thinner than a few cells.
 
     They are the same rays as those of a whole turn.
 
     Args:
         settings: The radar.
-        extents: (5, N) what directions things take up, seen from the antenna, as the
-            engine measures them: the azimuth of the right edge, clockwise from straight
-            ahead, the width, and the elevations of the lower and the upper edge, rad;
-            the distance to the middle, m.
+        bounds: (N, 2, 3) m, the bounding boxes of things, map frame.
+        position: (3,) m, the antenna, map frame.
+        rotation: (3, 3) from its frame to that of the map.
         rows: The directions.
     """
     columns = range(rows.start * settings.rays_across, rows.stop * settings.rays_across)
     first, last = columns.start * settings.rays_up, columns.stop * settings.rays_up
     # Most turns meet nothing thin: then the fan is that of all turns, not a copy.
     fan = RayFan._make(column[first:last] for column in plain_fan(settings))
-    across, up = _divisions(settings, extents, columns)
+    things = _thin_things(settings, bounds, position, rotation)
+    across, up = _divisions(settings, things, columns)
     divided = np.flatnonzero((across > 1) | (up > 1))
     if not len(divided):
         return fan
@@ -147,44 +159,78 @@ def _fill_cells(
     return RayFan(directions, column, beside, weights, spread)
 
 
-def _divisions(
-    settings: FmcwSettings, extents: Floats, columns: range
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return into how many parts cells of some columns are divided, across and up.
+def _thin_things(
+    settings: FmcwSettings, bounds: Floats, position: Floats, rotation: Floats
+) -> Divisions:
+    """Return the things that few rays would meet, the nearest first.
 
-    A thing that few rays would meet divides the rectangle of cells around it, as far
-    as ``MOST_RAYS`` permits.
+    There are as many as ``MOST_RAYS`` permits. Arguments are those of ``refined_fan``.
     """
-    count, height = settings.azimuths * settings.rays_across, settings.rays_up
-    width = 2 * math.pi / count
+    distances = np.linalg.norm(bounds.mean(axis=1) - position, axis=1)
+    nearest = np.argsort(distances, kind="stable")
+    found, added = [np.zeros((6, 0), np.int64)], [0]
+    for start in range(0, len(nearest), THINGS_AT_ONCE):
+        boxes = bounds[nearest[start : start + THINGS_AT_ONCE]]
+        extents = np.zeros((4, len(boxes)))
+        engine.measure_extents(boxes, position, rotation, extents)
+        thin = _divide_around(settings, extents)
+        first, last, bottom, top, across, up = thin
+        sums = added[-1] + np.cumsum((last - first + 1) * (top - bottom) * across * up)
+        found.append(thin[:, sums <= MOST_RAYS])
+        added += sums.tolist()
+        if added[-1] > MOST_RAYS:
+            break
+    return np.concatenate(found, axis=1)
+
+
+def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
+    """Return the cells around the thin ones of things, and how these are divided.
+
+    Args:
+        settings: The radar.
+        extents: (4, N) rad, what directions things take up, seen from the antenna: the
+            azimuth of the right edge, clockwise from straight ahead, the width, and the
+            elevations of the lower and the upper edge.
+    """
+    width = 2 * math.pi / (settings.azimuths * settings.rays_across)
     in_beam = math.radians(settings.beamwidth_az_deg) / width
-    azimuths, widths, lowest, highest, distances = extents
-    edges, rows = cell_edges(settings), np.arange(height + 1)
+    azimuths, widths, lowest, highest = extents
+    edges, rows = cell_edges(settings), np.arange(settings.rays_up + 1)
     low, high = (np.interp(edge, edges, rows) for edge in (lowest, highest))
     wide, tall = widths / width, high - low
     # A thing that is wider than the beam has the rays of one beam in each direction.
     few = np.minimum(wide, in_beam) * tall < ENOUGH_RAYS
-    thin = few & (tall > 0) & (widths < math.pi) & np.isfinite(wide)
-    some = np.flatnonzero(thin)[np.argsort(distances[thin])]
+    some = few & (tall > 0) & (widths < math.pi) & np.isfinite(wide)
     sides = azimuths[some], azimuths[some] + widths[some]
-    # The first column may lie in the turn before, the last one in the turn after.
-    first, last = (np.floor(each / width).astype(np.int64) for each in sides)
-    bottom, top = low[some].astype(np.int64), np.ceil(high[some]).astype(np.int64)
-    across, up = (
-        np.minimum(np.ceil(wanted / np.maximum(size[some], 1e-9)), MOST_PARTS).astype(
-            np.int64
-        )
-        for wanted, size in ((RAYS_ACROSS, wide), (RAYS_UP, tall))
+    found = (
+        # The first column may lie in the turn before, the last one in the turn after.
+        *(np.floor(each / width) for each in sides),
+        np.floor(low[some]),
+        np.ceil(high[some]),
+        *(
+            np.minimum(np.ceil(wanted / np.maximum(size[some], 1e-9)), MOST_PARTS)
+            for wanted, size in ((RAYS_ACROSS, wide), (RAYS_UP, tall))
+        ),
     )
-    added = np.cumsum((last - first + 1) * (top - bottom) * across * up)
-    within = np.arange(len(some)) < np.searchsorted(added, MOST_RAYS, side="right")
-    divided_across = np.ones((len(columns), height), np.int64)
+    return np.array(found).astype(np.int64)
+
+
+def _divisions(
+    settings: FmcwSettings, things: Divisions, columns: range
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return into how many parts the cells of some columns are divided, across and up.
+
+    Things divide the rectangles of cells around them.
+    """
+    count = settings.azimuths * settings.rays_across
+    first, last, bottom, top, across, up = things
+    divided_across = np.ones((len(columns), settings.rays_up), np.int64)
     divided_up = np.ones_like(divided_across)
     # Where each rectangle begins, counted from the first of these columns.
     begin = (first - columns.start) % count
     reach = begin + last - first
     seen = (begin < len(columns)) | (reach >= count)
-    for i in np.flatnonzero(within & seen).tolist():
+    for i in np.flatnonzero(seen).tolist():
         places = np.arange(begin[i], reach[i] + 1) % count
         places = places[places < len(columns)]
         patch = np.ix_(places, np.arange(bottom[i], top[i]))
