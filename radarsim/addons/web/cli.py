@@ -34,7 +34,7 @@ from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
-    from radarsim.server.pace import Pace
+    from radarsim.server.tcp_server import Pace
     from radarsim.simulation.config import SimulationConfig
 
 END_TIMEOUT: Final = 5.0  # s that it has to end by itself
@@ -337,14 +337,8 @@ class CommanderExtension(ServeExtension):
 
     def _change_pace(self, request: str) -> None:
         """Do what a browser asks for, in the event loop of the server."""
-        asked, pace = json.loads(request), self._pace
-        assert pace is not None  # the server is there before its page
-        if asked["speed"] is not None:
-            pace.set_speed(asked["speed"])
-        if asked["step"] is not None:
-            pace.step(asked["step"])
-        elif asked["paused"] is not None:
-            (pace.pause if asked["paused"] else pace.resume)()
+        assert self._pace is not None  # the server is there before its page
+        self._pace.change(**json.loads(request))
 
     def close(self) -> None:
         """End it."""

@@ -79,7 +79,7 @@ class ServerTime(TimeControl):
 
     def change(self, request: Pace) -> None:
         """See ``TimeControl.change``."""
-        sys.stdout.write(f"{request.model_dump_json()}\n")
+        sys.stdout.write(f"{request.model_dump_json(exclude={'op'})}\n")
         sys.stdout.flush()
 
     def take(self, state: Pace) -> None:
