@@ -6,11 +6,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEvent
+from radarsim.client import session as questions
 from radarsim.client.transport import SocketTransport
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import Init
+from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.message import LineBuffer, decode_message
+from radarsim.protocol.reports import Report, RobotJoined, RobotLeft, WatchedLine
 
 FIRST: Final = 1  # number of the only client of a transport
 UNNAMED: Final = "robot"  # one whose name no client has sent
@@ -140,6 +143,64 @@ class WireRecorder:
             self._record(event)
         else:
             self._early.append(event)
+
+
+class WatchRecorder(WireRecorder):
+    """Turns what a server tells who watches its robots into calls as of a host.
+
+    Each robot is a client that is sent its lines.
+
+    Attributes:
+        numbers: Numbers of the clients, by the names of robots that are there.
+    """
+
+    def __init__(self, record: Callable[[RunEvent], None]) -> None:
+        """Begin with no robots; see ``WireRecorder``."""
+        super().__init__(record)
+        self.numbers: dict[str, int] = {}
+        self._last_number = 0
+
+    def take(self, report: Report) -> bytes:
+        """Record what a report tells of a robot.
+
+        Returns:
+            Questions about a robot that is new: its own client need not ask them, and a
+            recording cannot be read without the answers.
+        """
+        asked = b""
+        match report:
+            case RobotJoined(robot, class_name):
+                asked = self._join(robot)
+                # Of which class it is, is told nowhere else.
+                spawn = questions.spawn(class_name, name=robot)
+                self.sent(self.numbers[robot], spawn.data)
+            case RobotLeft(robot):
+                self._leave(robot)
+            case WatchedLine(robot, line):
+                if robot not in self.numbers:  # not every news has come
+                    asked = self._join(robot)
+                data = f"{line}\r\n".encode("latin-1", "replace")
+                self.received(self.numbers[robot], data)
+            case _:
+                pass
+        return asked
+
+    def _join(self, robot: str) -> bytes:
+        self._leave(robot)  # one of the same name, whose leaving was not told
+        self._last_number += 1
+        self.numbers[robot] = self._last_number
+        self.begin(self._last_number, robot)
+        name = printable_name(robot)
+        return b"".join(
+            ask(kind, robot=name).data
+            for ask in (questions.geometry, questions.configuration)
+            for kind in DESCRIBED
+        )
+
+    def _leave(self, robot: str) -> None:
+        number = self.numbers.pop(robot, None)
+        if number is not None:
+            self.end_one(number)
 
 
 class RecordedTransport(SocketTransport):
