@@ -18,7 +18,7 @@ from radarsim.plans import RARE, Option, Sets
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
-    from radarsim.addons.ros.board import Board
+    from radarsim.addons.ros.board import BoardClient
     from radarsim.addons.ros.bridge import RosSide
 
 
@@ -157,19 +157,21 @@ def _make_side(options: BridgeOptions) -> RosSide:
         return side
     if options.web_host not in ("127.0.0.1", "localhost", "::1"):
         print_message(f"whoever reaches {options.web_host} can drive the robot")
+    from radarsim.addons.ros.board import Board
     from radarsim.addons.ros.websocket_side import WebSocketSide
 
     port = PORTS[options.bridge] if options.web is None else options.web
-    board: Board
+    protocol: type[BoardClient]
     if options.bridge == "foxglove":
         import_optional("rosbags.typesys", "record")
-        from radarsim.addons.ros.foxglove import FoxgloveBoard
+        from radarsim.addons.ros.foxglove import FoxgloveClient
 
-        board = FoxgloveBoard()
+        protocol = FoxgloveClient
     else:
-        from radarsim.addons.ros.rosbridge import TopicBoard
+        from radarsim.addons.ros.rosbridge import RosbridgeClient
 
-        board = TopicBoard()
+        protocol = RosbridgeClient
+    board = Board(protocol)
     return WebSocketSide(board, options.web_host, port, announce, options.origin)
 
 

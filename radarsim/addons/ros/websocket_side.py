@@ -32,7 +32,7 @@ class WebSocketSide:
         """Create a server that does not listen yet.
 
         Args:
-            board: The protocol.
+            board: The topics for the clients of a protocol.
             address: Address to listen on.
             port: Port to listen on; 0 for a free one.
             announce: Called with the name of the protocol and the address as soon as
@@ -75,7 +75,7 @@ class WebSocketSide:
             app = Starlette(routes=[WebSocketRoute("/{path:path}", self._serve)])
             server = WebServer(
                 app,
-                lambda: self._announce(self._board.name, place),
+                lambda: self._announce(self._board.protocol.name, place),
                 longest_message=LONGEST_MESSAGE,
             )
             serving = asyncio.ensure_future(server.serve([listening]))
@@ -89,14 +89,14 @@ class WebSocketSide:
     async def _serve(self, socket: WebSocket) -> None:
         # A page of another site may connect only if its site is named.
         origin = socket.headers.get("origin", "").lower()
-        is_named = origin in self._origins or self._board.trusts(origin)
+        is_named = origin in self._origins or self._board.protocol.trusts(origin)
         if not is_named and not self._allowed.admit(socket.headers, needs_origin=False):
             await socket.close()
             return
         asked = socket.scope["subprotocols"]
-        common = [each for each in self._board.subprotocols if each in asked]
+        common = [each for each in self._board.protocol.subprotocols if each in asked]
         await socket.accept(common[0] if common else None)
-        client, news = self._board.new_client(), asyncio.Event()
+        client, news = self._board.protocol(self._board), asyncio.Event()
         self._clients[client] = news
         news.set()
         sending = asyncio.ensure_future(_send(socket, client, news))

@@ -12,7 +12,7 @@ from collections.abc import Callable, Set
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from radarsim.addons.web.own_robot import OwnRobot, RobotClient, Tell, Work
+from radarsim.addons.web.own_robot import OwnRobot, RobotClient, TaskClock, Tell, Work
 from radarsim.addons.web.requests import (
     BadRequest,
     Cancel,
@@ -22,7 +22,6 @@ from radarsim.addons.web.requests import (
     Map,
 )
 from radarsim.addons.web.robots import Robots
-from radarsim.addons.web.time_control import TaskClock
 from radarsim.addons.web.viewers import Viewers, encode_json
 from radarsim.autonomy.navigation.mission import safety_distance_for
 from radarsim.autonomy.navigation.runner import least_clearance

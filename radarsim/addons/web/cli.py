@@ -137,39 +137,42 @@ def commander(
         return serve(
             server.map, Listener(port=0), server, log_options=log, extensions=(page,)
         )
-    from radarsim.listening import check_port
+    from radarsim.listening import check_port, exit_code_of_signal
 
     if page.record_to.is_file():
         text = f"{page.record_to} is a file, expected a folder"
         raise click.BadParameter(text, param_hint="--record-to")
     with cure_of_port({OPTION: page.web}):  # before imports that take long
         check_port(page.web_host, page.web)
-    from radarsim.addons.web.program import CommanderSettings, run_commander
+    from radarsim.addons.web.program import serve_page
 
     config, drawn = server.config(), server.map or server.draw
     if server.recording is not None:
         config, drawn = conditions_of(server.recording, drawn)
-    address = _read_address() if child else server.connect
+    shown = _read_address() if child else server.connect or server.recording
+    assert shown is not None  # one of them is required
     if not child:  # else the parent says what is wrong with them, and ends
         check_item_settings(config)
     token = _find_token(page)
-    settings = CommanderSettings(
-        server=address,
-        web_host=page.web_host,
-        web_port=page.web,
-        token=token,
-        config=config,
-        map=drawn,
-        record_to=page.record_to,
-        is_child=child,
-        recording=server.recording,
-    )
+
+    async def run() -> int:
+        with exit_code_of_signal() as end:
+            await serve_page(
+                shown,
+                page,
+                config,
+                token=token,
+                map_=drawn,
+                end=end,
+                announce=lambda at: announce_commander(at, token),
+                is_child=child,
+            )
+            return end.result() if end.done() else 0
+
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
     with cure_of_port({OPTION: page.web}):
-        code = asyncio.run(
-            run_commander(settings, lambda at: announce_commander(at, token))
-        )
+        code = asyncio.run(run())
     return exit_immediately(code)  # threads may still import or compute
 
 

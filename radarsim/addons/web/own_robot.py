@@ -11,12 +11,12 @@ passes commands to its connection.
 import asyncio
 import math
 import queue
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final, NoReturn, TypeAlias
 
 from radarsim.addons.web.requests import FIRST_CLASS
-from radarsim.addons.web.time_control import TaskClock
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.client import AsyncClient, Client, ClientTimeout, DriveUnit, RobotInfo
 from radarsim.client import session as questions
@@ -200,6 +200,27 @@ def find_hindrance(robot: RobotInfo) -> str | None:
         seen = f"{scanner.name} sees {math.degrees(scanner.fov):.0f}\N{DEGREE SIGN}"
         return f"{seen}, not all around as that of a {FIRST_CLASS}"
     return None
+
+
+class TaskClock:
+    """The clock of what robots do by themselves.
+
+    It follows simulated time, so that nothing that waits for a scan gives up while the
+    simulation is paused. Threads may read it at any time.
+    """
+
+    def __init__(self) -> None:
+        """Begin at 0 s."""
+        self._since = (time.monotonic(), 0.0, 1.0)  # s of the wall, own time, and rate
+
+    def time(self) -> float:
+        """Return the time, s."""
+        wall, began, rate = self._since
+        return began + rate * (time.monotonic() - wall)
+
+    def set_rate(self, rate: float) -> None:
+        """Change how many seconds pass in one of the wall clock."""
+        self._since = (time.monotonic(), self.time(), rate)
 
 
 class RobotClient(Client):
