@@ -9,9 +9,9 @@ import math
 import select
 import sys
 from collections.abc import Callable, Collection, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
-from radarsim.listening import exit_code_of_signal, log_refused_accepts
+from radarsim.listening import exit_code_of_signal, first_of, log_refused_accepts
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.peer_connections import (
     PeerConnection,
@@ -407,17 +407,11 @@ async def serve(
         ServerError: If it cannot listen.
     """
     with exit_code_of_signal() as exit_code:
-        running = asyncio.ensure_future(
-            _run(server, address, port, announce, companions)
-        )
-        pending: set[asyncio.Future[Any]] = {exit_code, running}
+        running = _run(server, address, port, announce, companions)
         try:
-            await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
-            if running.done():
-                running.result()  # raises the error that ended it
-            return await exit_code
+            code: int = await first_of(running, exit_code)
+            return code
         finally:
-            running.cancel()
             for companion in companions:
                 await companion.stop()
             await server.stop()

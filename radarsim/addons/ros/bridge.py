@@ -38,7 +38,7 @@ from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client.robot_info import same_name
 from radarsim.errors import ClientError, describe_os_error
-from radarsim.listening import in_daemon_thread
+from radarsim.listening import first_of, in_daemon_thread
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.images import ImageType
 from radarsim.protocol.reports import ClockTick, CommandError, Report
@@ -196,16 +196,12 @@ class Driver:
         Raises:
             ClientError: When it is lost.
         """
-        reading = asyncio.ensure_future(self._read())
-        try:
-            while not reading.done():
-                await self._drive()
-                # Wakes at once when the connection is lost, which a plain sleep would
-                # not.
-                await asyncio.wait({reading}, timeout=CHECK_INTERVAL)
-            reading.result()
-        finally:
-            reading.cancel()
+        await first_of(self._read(), self._drive_on())
+
+    async def _drive_on(self) -> None:
+        while True:
+            await self._drive()
+            await asyncio.sleep(CHECK_INTERVAL)
 
     async def _drive(self) -> None:
         # Who has lost the connection sends no stop: silence is one.
@@ -360,17 +356,8 @@ async def run_bridge(
             images = server[0], options.image_port
             interval = 1 / options.image_rate
             working.append(read_pictures(images, interval, topics.take_picture))
-        tasks = [asyncio.ensure_future(each) for each in working]
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            # Each has to end before the connections that it uses are closed.
-            await asyncio.wait(tasks)
-        # Whatever ended first says why by its exception.
-        for task in done:
-            task.result()
+        # Each has to end before the connections that it uses are closed.
+        await first_of(*working)
 
 
 async def _watch(client: AsyncClient, topics: LiveTopics) -> None:

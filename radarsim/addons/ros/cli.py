@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
@@ -110,7 +109,7 @@ def ros(
         The exit code.
     """
     from radarsim.addons.ros.bridge import run_bridge
-    from radarsim.listening import exit_code_of_signal
+    from radarsim.listening import exit_code_of_signal, first_of
 
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
@@ -127,12 +126,8 @@ def ros(
                 start=start,
                 drive_unit=drive_unit,
             )
-            running = asyncio.ensure_future(bridge)
-            exit_code.add_done_callback(lambda _: running.cancel())
-            with suppress(asyncio.CancelledError):
-                await running  # raises what ended it
-                return 1
-            return exit_code.result()
+            code: int | None = await first_of(bridge, exit_code)
+            return 1 if code is None else code
 
     port = PORTS.get(options.bridge) if options.web is None else options.web
     with cure_of_port({"--web": port}):

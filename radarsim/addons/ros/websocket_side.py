@@ -2,16 +2,17 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Final
 
 from starlette.applications import Starlette
 from starlette.routing import WebSocketRoute
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.board import Board, BoardClient
 from radarsim.addons.ros.bridge import DriveCallback
-from radarsim.listening import bind
+from radarsim.listening import bind, first_of
 from radarsim.server.web_server import AllowedHosts, WebServer
 
 LONGEST_MESSAGE: Final = 65536  # bytes of what a client sends
@@ -99,8 +100,8 @@ class WebSocketSide:
         client, news = self._board.protocol(self._board), asyncio.Event()
         self._clients[client] = news
         news.set()
-        sending = asyncio.ensure_future(_send(socket, client, news))
-        try:
+
+        async def hear() -> None:
             # Topics are limited in the queue; answers to calls are not, but end the
             # connection.
             while len(client.waiting) < MOST_ANSWERS:
@@ -109,11 +110,12 @@ class WebSocketSide:
                     break
                 client.receive(message.get("text") or message.get("bytes") or b"")
                 news.set()
-        except RuntimeError:
-            pass  # it is gone
+
+        try:
+            with suppress(RuntimeError, WebSocketDisconnect):  # it is gone
+                await first_of(hear(), _send(socket, client, news))
         finally:
             del self._clients[client]
-            sending.cancel()
 
 
 async def _send(socket: WebSocket, client: BoardClient, news: asyncio.Event) -> None:

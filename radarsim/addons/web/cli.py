@@ -29,7 +29,13 @@ from radarsim.cli.server_options import (
     check_item_settings,
     cure_of_port,
 )
-from radarsim.errors import MapError, ServerError, describe_os_error, join_address
+from radarsim.errors import (
+    MapError,
+    RecordingError,
+    ServerError,
+    describe_os_error,
+    join_address,
+)
 from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
 
@@ -206,22 +212,16 @@ def conditions_of(
     Raises:
         RecordingError: If there is none.
     """
-    from radarsim.addons.recording.bag_folder import digest_of, open_bag
-    from radarsim.scene.map_file import find_map
+    from radarsim.addons.recording.bag_folder import check_map, open_bag
 
     info = open_bag(folder).info
     name = info.map or info.drawn_map
     if drawn is None and name:
         try:
-            path, _ = find_map(name)
-            same = info.map_digest in ("", digest_of(path))
-            problem = "" if same else f"{path} is not as it was"
-        except (MapError, OSError) as error:
-            problem = str(error)
-        if problem:
-            print_message(f"no map is drawn: {problem}; --draw names one")
-        else:
+            check_map(info, name)
             drawn = name
+        except (MapError, OSError, RecordingError) as error:
+            print_message(f"no map is drawn: {error}; --draw names one")
     return info.config(), drawn
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.addons.web.activities import Activities
-from radarsim.addons.web.frame import encode_frame
 from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
     BadRequest,
@@ -22,6 +21,7 @@ from radarsim.addons.web.requests import (
     Stop,
     make_offers,
 )
+from radarsim.addons.web.robot_view import encode_frame
 from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.server_link import Link
 from radarsim.addons.web.viewers import Viewer, Viewers
@@ -151,8 +151,8 @@ class Commander:
         robots = [*self._robots.own.values()]
         if request.robot is not None:
             robots = [self._robots.find_own(request.robot)]
-        self._activities.stop(request.robot)
         for robot in robots:
+            self._activities.stop(robot.name)
             robot.release()
 
     def _select(self, viewer: Viewer, request: Select) -> None:
@@ -203,7 +203,7 @@ class Commander:
 
     def _time_changed(self) -> None:
         link = self._link
-        self._activities.follow_time(0.0 if link.is_paused else link.speed)
+        self._activities.clock.set_rate(0.0 if link.is_paused else link.speed)
         self._viewers.broadcast(link.time_message(), "time")
 
     def _tell_error(self, text: str) -> None:
@@ -259,7 +259,7 @@ class Commander:
     def _frame(self, selected: str | None) -> bytes:
         owners = {}
         for name, robot in self._robots.own.items():
-            work = "task" if self._activities.is_at_work(name) else None
+            work = "task" if name in self._activities.running else None
             safety = self._activities.safety_distance(robot)
             owners[name] = {
                 "mine": True,

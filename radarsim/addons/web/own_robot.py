@@ -21,6 +21,7 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.client import AsyncClient, Client, ClientTimeout, DriveUnit, RobotInfo
 from radarsim.client import session as questions
 from radarsim.errors import ClientError
+from radarsim.listening import first_of
 from radarsim.protocol.reports import Report
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
@@ -78,17 +79,7 @@ class OwnRobot:
             ClientError: If the server ends it, or reads no more.
         """
         # Who sends notices a server that reads no more, who reads one that is gone.
-        tasks = {
-            asyncio.ensure_future(self._read()),
-            asyncio.ensure_future(self._send()),
-        }
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-        for task in done:
-            task.result()
+        await first_of(self._read(), self._send())
 
     def leave_sensors(self, on: bool) -> None:
         """Read no sensors, since all robots are watched, while it is read by nobody."""

@@ -33,7 +33,7 @@ from radarsim.addons.web.requests import (
 from radarsim.addons.web.server_link import Link, ParentLink, ServerLink
 from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
-from radarsim.listening import bind, in_daemon_thread
+from radarsim.listening import bind, first_of, in_daemon_thread
 from radarsim.plotting.palette import PAGE_COLOURS
 from radarsim.server.web_server import AllowedHosts, HostCheck, WebServer, is_token
 from radarsim.simulation.config import SimulationConfig
@@ -234,7 +234,7 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
     """Pass on what a browser says and is told, until either side ends it."""
     viewer = commander.join()
 
-    async def hear() -> None:
+    async def hear() -> int:
         """Act upon messages until there are too many of them."""
         clock = asyncio.get_running_loop().time
         newest: deque[float] = deque(maxlen=MESSAGES_PER_SECOND)
@@ -245,8 +245,9 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
                 commander.act(viewer, parse_request(text))
             except RadarsimError as error:
                 viewer.send({"op": "error", "text": str(error)})
+        return TOO_FAST
 
-    async def send() -> None:
+    async def send() -> int:
         """Send what there is to send until the browser is too slow."""
         with suppress(SlowViewer):
             async for data in viewer.outgoing():
@@ -254,17 +255,13 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
                     await socket.send_text(data)
                 else:
                     await socket.send_bytes(data)
+        return SLOW
 
-    sending, hearing = asyncio.ensure_future(send()), asyncio.ensure_future(hear())
-    try:
-        await asyncio.wait({sending, hearing}, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        commander.leave(viewer)  # at once: it may be driving
-        sending.cancel()
-        hearing.cancel()
-    await asyncio.gather(sending, hearing, return_exceptions=True)
-    code = SLOW if sending.done() and not sending.cancelled() else TOO_FAST
     with suppress(RuntimeError):  # it is closed already
+        try:
+            code: int = await first_of(send(), hear())
+        finally:
+            commander.leave(viewer)
         await socket.close(code)
 
 
