@@ -56,17 +56,15 @@ class PictureProcess:
         self._setting = scene, image_type
         self._until_stop = ExitStack()
         self._pool: ProcessPoolExecutor | None = None
-        self._starting: asyncio.Future[None] | None = None
+        self._starting: asyncio.Future[ProcessPoolExecutor] | None = None
 
     async def start(self) -> None:
         """Start the process, which takes a second until it draws."""
         # The scene is handed over as fast as the process starts to read it.
-        self._starting = asyncio.ensure_future(asyncio.to_thread(self._start))
-        await asyncio.shield(self._starting)
-
-    def _start(self) -> None:
         process = worker_process(partial(_Painter.prepare, *self._setting))
-        self._pool = self._until_stop.enter_context(process)
+        starting = asyncio.to_thread(self._until_stop.enter_context, process)
+        self._starting = asyncio.ensure_future(starting)
+        self._pool = await asyncio.shield(self._starting)
 
     async def draw(
         self, tiles: Tiles, regions: AbstractSet[Region]

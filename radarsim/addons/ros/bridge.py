@@ -24,15 +24,14 @@ from radarsim.addons.recording.call_converter import (
     TO_SERVER,
     CallConverter,
 )
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.messages import TopicMessage, clock
+from radarsim.addons.recording.recorders import EventType, RunEvent, WatchRecorder
 from radarsim.addons.recording.robot_topics import (
     below,
     map_topic,
     sensed_map,
     topic_name,
 )
-from radarsim.addons.recording.wire_recorder import WatchRecorder
 from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo

@@ -22,8 +22,12 @@ from radarsim.addons.recording.bag import (
 )
 from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import TICK, TO_CLIENT, TO_SERVER
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
-from radarsim.addons.recording.wire_recorder import UNNAMED, spawned_robot
+from radarsim.addons.recording.recorders import (
+    UNNAMED,
+    EventType,
+    RunEvent,
+    spawned_robot,
+)
 from radarsim.addons.web.requests import BadRequest, Pace, Seek
 from radarsim.addons.web.server_link import Link, ServerState
 from radarsim.errors import MalformedMessage, RecordingError, describe_os_error

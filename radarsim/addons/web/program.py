@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
 
 PAGE: Final = Path(__file__).parent / "page"
-# Files of another version would not understand this program.
-_FRESH: Final = {"Cache-Control": "no-cache"}
 HELLO_TIMEOUT: Final = 5.0  # s
 # Why a WebSocket was closed, beside the codes of the protocol.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
@@ -161,16 +159,6 @@ def _load_scene(map_: str | None) -> "SceneMessages | None":
     return SceneMessages(load_map(map_))
 
 
-class _Files(StaticFiles):
-    """The files of the page."""
-
-    def file_response(self, *args: Any, **kwargs: Any) -> Response:
-        """Return a file that browsers ask for again each time."""
-        response = super().file_response(*args, **kwargs)
-        response.headers.update(_FRESH)
-        return response
-
-
 def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starlette:
     """Create the web application.
 
@@ -181,7 +169,7 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
     """
 
     def send_index(_: Request) -> Response:
-        return FileResponse(PAGE / "index.html", headers=_FRESH)
+        return FileResponse(PAGE / "index.html")
 
     def send_palette(_: Request) -> Response:
         return Response(palette_style(), media_type="text/css")
@@ -198,7 +186,7 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
     routes = [
         Route("/", send_index),
         Route("/static/palette.css", send_palette),
-        Mount("/static", _Files(directory=PAGE)),
+        Mount("/static", StaticFiles(directory=PAGE)),
         WebSocketRoute("/ws", talk),
     ]
     return Starlette(routes=routes, middleware=[Middleware(HostCheck, allowed=allowed)])

@@ -136,13 +136,13 @@ async def record(
         RecordingError: If the recording cannot be written.
     """
     # Before the server sends anything, as this takes seconds.
-    for name in ("recording_process", "wire_recorder"):
+    for name in ("recording_process", "recorders"):
         module = f"radarsim.addons.recording.{name}"
         await asyncio.to_thread(import_module, module)
+    from radarsim.addons.recording.recorders import WatchRecorder  # noqa: PLC0415
     from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
         RecordingProcess,
     )
-    from radarsim.addons.recording.wire_recorder import WatchRecorder  # noqa: PLC0415
 
     async with AsyncClient.connect(*server) as client:
         client.session.reads_copies = False  # another process reads them

@@ -6,7 +6,7 @@ import pytest
 import recorded_runs
 from recorded_runs import RecordedRun
 
-from radarsim.addons.recording.host_recorder import EventType
+from radarsim.addons.recording.recorders import EventType
 from radarsim.addons.web.playback import RecordedLines
 from radarsim.errors import RecordingError
 from radarsim.protocol.reports import RangeScan
