@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
+from radarsim.server.views import FOV_DEG
 
 NANOSECONDS: Final = 1_000_000_000
 LATEST: Final = 2.0**31 - 1  # s that a time can tell
@@ -163,9 +164,7 @@ def compressed_image(time: float, frame: str, jpeg: bytes) -> RosMessage:
 
 def camera_info(time: float, frame: str, width: int, height: int) -> RosMessage:
     """Return the intrinsics of the camera: a pinhole without distortion."""
-    from radarsim.server.camera import FIELD_OF_VIEW  # noqa: PLC0415 - imports much
-
-    focal = width / 2 / math.tan(FIELD_OF_VIEW / 2)
+    focal = width / 2 / math.tan(math.radians(FOV_DEG) / 2)
     x, y = width / 2 - 0.5, height / 2 - 0.5  # pixels have their middles at integers
     k = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1]])
     region = Fields(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
