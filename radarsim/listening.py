@@ -8,7 +8,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -291,6 +291,22 @@ def raise_file_limit(count: int) -> int:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, ceiling))
             limit = wanted
     return min(count, limit)
+
+
+async def first_of(*work: Awaitable[Any]) -> Any:
+    """Run all until one ends, and return or raise what that does.
+
+    The others are cancelled, and have ended as well when this does. Of several that end
+    at once, the first one in order counts.
+    """
+    tasks = [asyncio.ensure_future(each) for each in work]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    return next(task for task in tasks if task in done).result()
 
 
 async def in_daemon_thread(

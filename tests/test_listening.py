@@ -16,6 +16,7 @@ from radarsim.errors import ServerError
 from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
+    first_of,
     listen,
     log_refused_accepts,
 )
@@ -104,3 +105,28 @@ async def test_lack_of_files_is_logged_in_one_line(
     assert record.exc_info is None
     loop.call_exception_handler({"message": "other", "exception": ValueError("bug")})
     assert "ValueError: bug" in caplog.text
+
+
+async def test_the_first_of_several_ends_the_others_before_it_is_returned() -> None:
+    ended = []
+
+    async def wait() -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            ended.append("waiting")
+
+    async def work(result: int) -> int:
+        await asyncio.sleep(0)
+        return result
+
+    assert await first_of(wait(), work(1), work(2)) == 1
+    assert ended == ["waiting"]
+
+
+async def test_the_error_of_the_first_is_raised() -> None:
+    async def fail() -> None:
+        raise ServerError("no")
+
+    with pytest.raises(ServerError, match="no"):
+        await first_of(asyncio.Event().wait(), fail())

@@ -33,7 +33,7 @@ from radarsim.protocol.dialect import DriveUnit
 if TYPE_CHECKING:
     from radarsim.presets.robots import RobotModel
     from radarsim.server.host import Host
-    from radarsim.server.pace import Pace
+    from radarsim.server.tcp_server import Pace
     from radarsim.simulation.config import SimulationConfig
 
 EXTENSIONS: Final = "radarsim.serve"  # group of entries

@@ -113,6 +113,8 @@ class Session(Readings):
         watched: Latest readings of robots that are watched, by name; at most
             ``MOST_WATCHED``.
         ignored: Beginnings of lines that are passed over, so that they take no time.
+        reads_copies: Whether the reports in copies of robots' lines are wanted, which
+            take most of the time.
         unread: Number of skipped lines.
         last: Last line of any kind; empty before the first.
     """
@@ -123,6 +125,7 @@ class Session(Readings):
         self.newest: dict[type, Report] = {}
         self.watched: dict[str, Readings] = {}
         self.ignored: tuple[str, ...] = ()
+        self.reads_copies = True
         self.unread = 0
         self.last = ""
         self._lines = LineBuffer()
@@ -151,7 +154,7 @@ class Session(Readings):
                 if line.startswith(self.ignored):
                     continue
                 try:
-                    report = decode_report(line)
+                    report = decode_report(line, reads_copies=self.reads_copies)
                 except MalformedMessage:
                     report = None
                 if report is not None:

@@ -54,7 +54,7 @@ from radarsim.client.teleop_view import (
     panel_lines,
 )
 from radarsim.errors import RadarsimError
-from radarsim.listening import signal_callbacks
+from radarsim.listening import first_of, signal_callbacks
 
 FIRST_HOLD: Final = 0.7  # s; bridges the pause before a held key repeats
 REPEAT_HOLD: Final = 0.3  # s; some repeats may come late over a network
@@ -311,26 +311,17 @@ class Teleop:
             ClientError: If the server falls silent, or is gone.
             RadarsimError: If the keyboard is closed.
         """
-        # The handler of prompt_toolkit would show an error and wait for Enter, while
-        # the robot drives on.
-        screen = asyncio.create_task(self._app.run_async(set_exception_handler=False))
-        tasks: list[asyncio.Task[int]] = [
-            screen,
-            asyncio.create_task(self._listen()),
-            asyncio.create_task(self._steer()),
-        ]
         with signal_callbacks(SIGNALS, lambda _: self._leave(0)):
             try:
-                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for task in tasks:
-                    task.cancel()
-                await asyncio.gather(*tasks, return_exceptions=True)
-        # A key that ends it takes precedence over an error at the same moment.
-        try:
-            return (screen if screen in done else done.pop()).result()
-        except EOFError:
-            raise RadarsimError("the keyboard is gone, expected a key") from None
+                # A key that ends it takes precedence over an error at the same moment.
+                # The handler of prompt_toolkit would show that error and wait for
+                # Enter, while the robot drives on.
+                screen = self._app.run_async(set_exception_handler=False)
+                code: int = await first_of(screen, self._listen(), self._steer())
+            except EOFError:
+                text = "the keyboard is gone, expected a key"
+                raise RadarsimError(text) from None
+        return code
 
     async def _listen(self) -> int:
         while True:

@@ -588,7 +588,8 @@ class WatchedLine:
     Attributes:
         robot: Name of the robot.
         line: The line, without its end.
-        report: What the line reports; None for an unknown kind of report.
+        report: What the line reports; None for an unknown kind of report, or if it is
+            not wanted.
     """
 
     robot: str
@@ -596,14 +597,15 @@ class WatchedLine:
     report: "Report | None"
 
     @classmethod
-    def decode(cls, text: str) -> Self:
-        """Read a copy, and the report in it.
+    def decode(cls, text: str, *, reads_report: bool = True) -> Self:
+        """Read a copy, and the report in it if that is wanted.
 
         Raises:
             MalformedMessage: If it is not a copy, or the report is not readable.
         """
         robot, line = split_seen(text)
-        report = None if is_seen(line) else decode_report(line)
+        is_read = reads_report and not is_seen(line)
+        report = decode_report(line) if is_read else None
         return cls(robot, line, report)
 
     def encode(self, _: Dialect) -> str:
@@ -658,8 +660,12 @@ _SENSOR_REPORTS: Final[dict[str, type[SensorReading]]] = {
 }
 
 
-def decode_report(line: str) -> Report | None:
+def decode_report(line: str, *, reads_copies: bool = True) -> Report | None:
     """Read one line of a server; return None for an unknown kind of report.
+
+    Args:
+        line: The line.
+        reads_copies: Whether the reports in copies of robots' lines are wanted.
 
     >>> decode_report("NFO {Gametype BotDeathMatch} {Level DM-Yard} {TimeLimit 0}")
     Greeting(level='DM-Yard')
@@ -669,7 +675,7 @@ def decode_report(line: str) -> Report | None:
             missing or not readable.
     """
     if is_seen(line):
-        return WatchedLine.decode(line)
+        return WatchedLine.decode(line, reads_report=reads_copies)
     message = decode_message(line)
     decode = _DECODERS.get(message.verb.upper())
     return decode(message) if decode else None

@@ -34,10 +34,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import ServerError
-from radarsim.listening import has_hung_up, waiting_bytes
 from radarsim.processes import worker_process
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
-from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
+from radarsim.server.peer_connections import PeerConnection, PeerServer
 from radarsim.server.views import Shown, Tiles, assign, tiles_of
 
 if TYPE_CHECKING:
@@ -57,17 +56,15 @@ class PictureProcess:
         self._setting = scene, image_type
         self._until_stop = ExitStack()
         self._pool: ProcessPoolExecutor | None = None
-        self._starting: asyncio.Future[None] | None = None
+        self._starting: asyncio.Future[ProcessPoolExecutor] | None = None
 
     async def start(self) -> None:
         """Start the process, which takes a second until it draws."""
         # The scene is handed over as fast as the process starts to read it.
-        self._starting = asyncio.ensure_future(asyncio.to_thread(self._start))
-        await asyncio.shield(self._starting)
-
-    def _start(self) -> None:
         process = worker_process(partial(_Painter.prepare, *self._setting))
-        self._pool = self._until_stop.enter_context(process)
+        starting = asyncio.to_thread(self._until_stop.enter_context, process)
+        self._starting = asyncio.ensure_future(starting)
+        self._pool = await asyncio.shield(self._starting)
 
     async def draw(
         self, tiles: Tiles, regions: AbstractSet[Region]
@@ -120,15 +117,15 @@ log = logging.getLogger("radarsim.server")
 INTERVAL: Final = 0.2  # s of the wall clock between two pictures
 SILENCE: Final = 1.0  # s
 MAX_VIEWERS: Final = 64
-READ_PAUSE: Final = 0.01  # s
-CLOSE_GRACE: Final = 0.8  # s for a viewer that has closed its side to read a picture
 LOOK_INTERVAL: Final = 0.1  # s between two looks at a viewer that is not read
-MOST_UNREAD: Final = 32_768  # bytes of requests, which hide that a viewer has gone
-FLOOD_LOOKS: Final = 8  # in succession that found more
 
 
 class ImageServer(PeerServer):
-    """Serves pictures of a simulation."""
+    """Serves pictures of a simulation.
+
+    Attributes:
+        requested: Set when a viewer waits for a picture.
+    """
 
     def __init__(
         self, simulation: Simulation, pictures: PictureProcess, *, port: int = 5003
@@ -140,17 +137,15 @@ class ImageServer(PeerServer):
             pictures: Draws the pictures; started and stopped by the server.
             port: Port to listen on; 0 for a free one.
         """
-        super().__init__(port)
+        super().__init__(port, "viewers")
+        self.requested = asyncio.Event()
         self._simulation, self._pictures = simulation, pictures
-        self._viewers: set[Viewer] = set()
-        self._requested, self._connected = asyncio.Event(), 0
-        self._refusals = RefusalLog("viewers")
+        self._connected = 0
         self._drawing: asyncio.Task[None] | None = None
 
     def _accept(self) -> Viewer:
         self._connected += 1
-        shared = self._viewers, self._requested, self._refusals
-        return Viewer(*shared, self._connected)
+        return Viewer(self, self._connected)
 
     async def start(self, address: str = "127.0.0.1") -> None:
         """Listen, and draw pictures for viewers that wait."""
@@ -159,29 +154,28 @@ class ImageServer(PeerServer):
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        self._close(self._viewers)
+        await super().stop()
         if self._drawing is not None:
             self._drawing.cancel()
             await asyncio.wait({self._drawing})
         await self._pictures.stop()
-        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
     async def _draw_forever(self) -> None:
         """Draw while viewers wait; close the port if that is not possible any more."""
         loop = asyncio.get_running_loop()
         await self._pictures.start()
         while True:
-            await self._requested.wait()
-            self._requested.clear()
+            await self.requested.wait()
+            self.requested.clear()
             due = loop.time() + INTERVAL
-            waiting = [viewer for viewer in self._viewers if viewer.waits]
+            waiting = [viewer for viewer in self.peers if viewer.waits]
             if not waiting:
                 continue
             try:
                 await self._answer(waiting)
             except ServerError as error:
                 log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
-                self._close(self._viewers)
+                self._close()
                 return
             # From the beginning of the picture, so that the rate does not depend on how
             # long it takes to draw.
@@ -193,7 +187,7 @@ class ImageServer(PeerServer):
         Raises:
             ServerError: If no more pictures can be drawn.
         """
-        viewers = sorted(self._viewers, key=lambda viewer: viewer.number)
+        viewers = sorted(self.peers, key=lambda viewer: viewer.number)
         seen = dict(zip(viewers, assign(self._simulation, viewers), strict=True))
         groups: dict[Shown, list[Viewer]] = {}
         for viewer in waiting:
@@ -220,30 +214,15 @@ class Viewer(PeerConnection):
     KIND = "viewer"
     MOST = MAX_VIEWERS
 
-    def __init__(
-        self,
-        viewers: set[Viewer],
-        requested: asyncio.Event,
-        refusals: RefusalLog,
-        number: int,
-    ) -> None:
-        """Create the protocol of a connection.
-
-        Args:
-            viewers: All viewers, to which this one adds itself.
-            requested: Set when the viewer waits for a picture.
-            refusals: The log of viewers that are refused.
-            number: Counts the viewers in the order of connecting.
-        """
-        super().__init__(viewers, refusals)
+    def __init__(self, server: ImageServer, number: int) -> None:
+        """Create the protocol of a connection; the number is that of the viewer."""
+        super().__init__(server)
         self.region: Region | None = None
         self.robot, self.number = 0, number
-        self._requested = requested
+        self._requested = server.requested
         self._requests = RequestBuffer()
         self._can_write = True
         self._silence: asyncio.TimerHandle | None = None
-        self._grace: asyncio.TimerHandle | None = None  # aborts after eof
-        self._looks = 0  # in succession that found too many requests
 
     @property
     def address(self) -> str:
@@ -261,20 +240,13 @@ class Viewer(PeerConnection):
         transport.set_write_buffer_limits(high=0)
         loop = asyncio.get_running_loop()
         self._silence = loop.call_later(SILENCE, self._request, WHOLE)
-        loop.call_later(LOOK_INTERVAL, self._look)
+        loop.call_later(LOOK_INTERVAL, self.look)
 
-    def _look(self) -> None:
-        """Close in time if the viewer has gone while it waits for a picture."""
-        transport = self._transport
-        if transport is None:
-            return
-        self._looks = self._looks + 1 if waiting_bytes(transport) >= MOST_UNREAD else 0
-        if self._looks >= FLOOD_LOOKS:
-            log.warning("%s: closed: a flood of requests", self.peer)
-            self.close()
-        elif has_hung_up(transport):
-            self.eof_received()
-        asyncio.get_running_loop().call_later(LOOK_INTERVAL, self._look)
+    def look(self) -> None:
+        """Look again and again, as a viewer that waits is not read."""
+        if self._transport is not None:
+            super().look()
+            asyncio.get_running_loop().call_later(LOOK_INTERVAL, self.look)
 
     def buffer_updated(self, nbytes: int) -> None:
         """Look for a request in received bytes."""
@@ -283,9 +255,8 @@ class Viewer(PeerConnection):
         region = self._requests.take()
         if region is not None:
             self._request(region)
-        elif self._transport is not None:
-            self._transport.pause_reading()
-            asyncio.get_running_loop().call_later(READ_PAUSE, self._read_on)
+        else:
+            self._rest()  # rule 3
 
     def pause_writing(self) -> None:
         """Note that a picture is still to be sent."""
@@ -301,15 +272,7 @@ class Viewer(PeerConnection):
 
         Reading is paused while a request waits, so there is none.
         """
-        if self._transport is not None and self._grace is None:
-            loop = asyncio.get_running_loop()
-            self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
-
-    def connection_lost(self, error: Exception | None) -> None:
-        """Forget the viewer."""
-        if self._grace is not None:
-            self._grace.cancel()  # a transport that is lost fails to abort
-        super().connection_lost(error)
+        self._end_in_time()
 
     def send(self, picture: bytes) -> None:
         """Answer the request that waits, and read the next one."""
@@ -324,8 +287,8 @@ class Viewer(PeerConnection):
 
     def _read_on(self) -> None:
         """Look for the next request, unless one waits."""
-        if self._transport is not None and self.region is None:
-            self._transport.resume_reading()
+        if self.region is None:
+            super()._read_on()
 
     def _request(self, region: Region) -> None:
         """Wait for a picture, and read nothing meanwhile."""

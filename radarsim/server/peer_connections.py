@@ -17,14 +17,22 @@ from typing import Any, Final
 
 from radarsim.listening import (
     configure_socket,
+    has_hung_up,
     listen,
     peer_name,
     raise_file_limit,
+    waiting_bytes,
 )
 
 log = logging.getLogger("radarsim.server")
 
 LOG_INTERVAL: Final = 10.0  # s between two lines, as thousands may come in a second
+CLOSE_GRACE = 0.8  # s from when a peer has closed its side until it is closed
+READ_PAUSE: Final = 0.01  # s
+# A peer whose socket holds so much for so long sends more than is read. The end of its
+# connection comes after all that: nothing shows whether it is still there.
+FLOOD_BYTES: Final = 32_768
+FLOOD_LOOKS: Final = 8  # in succession
 
 
 class RefusalLog:
@@ -66,11 +74,20 @@ class PeerServer(ABC):
 
     Attributes:
         address: Host and port that it listens on, once started.
+        peers: The connections.
+        refusals: The log of peers that are refused.
     """
 
-    def __init__(self, port: int) -> None:
-        """Create a server that does not listen yet; port 0 is a free one."""
+    def __init__(self, port: int, kind: str) -> None:
+        """Create a server that does not listen yet.
+
+        Args:
+            port: Port to listen on; 0 for a free one.
+            kind: What the peers are, in plural, for the log.
+        """
         self.address = ("", 0)
+        self.peers: set[Any] = set()
+        self.refusals = RefusalLog(kind)
         self._port = port
         self._listener: asyncio.Server | None = None
 
@@ -96,14 +113,15 @@ class PeerServer(ABC):
     def _accept(self) -> PeerConnection:
         """Return the protocol of a new connection."""
 
-    def _close(self, peers: set[Any]) -> None:
-        """Close the port and all connections at once; never raises.
+    async def stop(self) -> None:
+        """Close the port and all connections at once; never raises."""
+        self._close()
+        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
-        Sockets are closed in the next round of the event loop.
-        """
+    def _close(self) -> None:
         if self._listener is not None:
             self._listener.close()
-        for peer in list(peers):
+        for peer in list(self.peers):
             peer.close()
 
 
@@ -113,25 +131,24 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
     Attributes:
         peer: Address and port of the peer, for the log.
         KIND: What the peer is, for the log.
+        SENT: What it sends, for the log.
         MOST: How many such peers may be connected at a time.
         READ_BYTES: How many bytes are read at a time.
     """
 
     KIND = "peer"
+    SENT = "requests"
     MOST = 1
     READ_BYTES = 4096
 
-    def __init__(self, peers: set[Any], refusals: RefusalLog) -> None:
-        """Create the protocol of a connection.
-
-        Args:
-            peers: All connections of this kind, to which this one adds itself.
-            refusals: The log of peers that are refused.
-        """
+    def __init__(self, server: PeerServer) -> None:
+        """Create the protocol of a connection, which adds itself to the server."""
         self.peer = "?"
-        self._peers, self._refusals = peers, refusals
+        self._peers, self._refusals = server.peers, server.refusals
         self._buffer = bytearray(self.READ_BYTES)
         self._transport: asyncio.Transport | None = None
+        self._grace: asyncio.TimerHandle | None = None  # aborts after eof
+        self._looks = 0  # in succession that found a flood
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin, or refuse the peer if there are too many."""
@@ -154,6 +171,8 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
 
     def connection_lost(self, error: Exception | None) -> None:
         """Forget the peer."""
+        if self._grace is not None:
+            self._grace.cancel()  # a transport that is lost fails to abort
         if self._transport is not None:
             self._end(str(error or "closed"))
 
@@ -168,6 +187,38 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         if transport is not None:
             self._forget()
             transport.abort()
+
+    def look(self) -> None:
+        """End the connection of a peer that is not read, and has gone or floods."""
+        if self._transport is None:
+            return
+        if has_hung_up(self._transport):
+            self._end_in_time()
+        self._looks = self._looks + 1 if self._floods() else 0
+        if self._looks >= FLOOD_LOOKS:
+            log.warning("%s: closed: a flood of %s", self.peer, self.SENT)
+            self.close()
+
+    def _floods(self) -> bool:
+        """Return whether more waits to be read than an honest peer sends."""
+        assert self._transport is not None  # ``look`` needs one
+        return waiting_bytes(self._transport) >= FLOOD_BYTES
+
+    def _end_in_time(self) -> None:
+        """Abort after ``CLOSE_GRACE``, whatever waits then."""
+        if self._grace is None and self._transport is not None:
+            loop = asyncio.get_running_loop()
+            self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
+
+    def _rest(self) -> None:
+        """Read nothing for a while: the system's buffers hold back who sends more."""
+        if self._transport is not None:
+            self._transport.pause_reading()
+            asyncio.get_running_loop().call_later(READ_PAUSE, self._read_on)
+
+    def _read_on(self) -> None:
+        if self._transport is not None:
+            self._transport.resume_reading()
 
     def _most(self) -> int:
         """Return how many such peers the system permits."""

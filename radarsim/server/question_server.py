@@ -29,7 +29,7 @@ from radarsim.protocol.wireless import answer_wireless
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
-from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
+from radarsim.server.peer_connections import PeerConnection, PeerServer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,9 +65,7 @@ class QuestionServer(PeerServer):
             port: Port to listen on; 0 for a free one.
             kind: What the clients are, for the log.
         """
-        super().__init__(port)
-        self.clients: set[QuestionClient] = set()
-        self.refusals = RefusalLog(kind)
+        super().__init__(port, kind)
         self._answer = answer
         self._turns: deque[QuestionClient] = deque()
         self._timer: asyncio.TimerHandle | None = None
@@ -79,8 +77,7 @@ class QuestionServer(PeerServer):
         """Close the port and all connections at once; never raises."""
         if self._timer is not None:
             self._timer.cancel()
-        self._close(self.clients)
-        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
+        await super().stop()
 
     def add_turn(self, client: QuestionClient) -> None:
         """Let a client go on when it is its turn."""
@@ -114,11 +111,11 @@ class QuestionClient(PeerConnection):
         """Create the protocol of a connection.
 
         Args:
-            server: The server, to whose clients this one adds itself.
+            server: The server.
             answer: Returns the answer to a question.
             keeps_blank: Whether blank lines are questions, too.
         """
-        super().__init__(server.clients, server.refusals)
+        super().__init__(server)
         self._server, self._answer = server, answer
         self._lines = LineBuffer(LONGEST_QUESTION, keeps_blank=keeps_blank)
         self._questions: deque[str] = deque()

@@ -5,26 +5,21 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import math
 import select
 import sys
 from collections.abc import Callable, Collection, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
-from radarsim.listening import (
-    exit_code_of_signal,
-    has_hung_up,
-    log_refused_accepts,
-    waiting_bytes,
-)
+from radarsim.listening import exit_code_of_signal, first_of, log_refused_accepts
 from radarsim.server.host import Diagnostic, Host
-from radarsim.server.pace import Pace
 from radarsim.server.peer_connections import (
     PeerConnection,
     PeerServer,
     ReadAllowance,
     ReadTurns,
-    RefusalLog,
 )
+from radarsim.simulation.clock import TICK, ticks_of
 
 log = logging.getLogger("radarsim.server")
 
@@ -32,14 +27,75 @@ MAX_CLIENTS = 1024
 MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
 WATCHER_TICKS = 3  # between two writes to a client that only watches: each costs time
-CLOSE_GRACE = 0.8  # s from when a client has closed its side until it is closed
-# A client without a robot whose socket holds so much for so long sends more than is
-# executed. The end of its connection comes after all that: nothing shows whether it is
-# still there. A robot's client gets readings, which one that has gone rejects.
-FLOOD_BYTES = 32_768
-FLOOD_LOOKS = 8
 LOOK_TICKS = 10  # between two looks
 MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
+
+
+class Pace:
+    """Says whether simulated time passes in the next tick of a server, and how soon.
+
+    While it is paused a server goes on with its ticks, in which it executes commands
+    and answers them, but no time passes in them. Steps let some time pass meanwhile.
+
+    Attributes:
+        speed: Simulated seconds in one second of the wall clock.
+        is_paused: Whether time passes only by steps.
+        observers: Called when it is paused or not any more, and when the speed changes.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        """Let time pass at a speed."""
+        self.speed = speed
+        self.is_paused = False
+        self.observers: list[Callable[[], None]] = []
+        self._steps = 0  # ticks in which time still passes while it is paused
+
+    @property
+    def interval(self) -> float:
+        """Time from one tick to the next, s of the wall clock."""
+        return TICK / self.speed if self._passes else TICK
+
+    def change(
+        self,
+        *,
+        speed: float | None = None,
+        paused: bool | None = None,
+        step: float | None = None,
+    ) -> None:
+        """Change the speed, pause or go on, or let a duration pass.
+
+        Args:
+            speed: Simulated seconds in one second of the wall clock.
+            paused: Whether time passes only by steps; those that are not over end.
+            step: Duration that passes, s, rounded to ticks and one of them at least,
+                until it is paused. It follows a step that is not over.
+
+        Raises:
+            ValueError: If the speed is not above 0, or not finite.
+        """
+        before = self.speed, self.is_paused
+        if speed is not None:
+            if not (speed > 0 and math.isfinite(speed)):
+                raise ValueError(f"speed {speed}, expected a finite number above 0")
+            self.speed = speed
+        if step is not None:
+            self.is_paused = True
+            self._steps += ticks_of(step)
+        elif paused is not None:
+            self.is_paused, self._steps = paused, 0
+        if before != (self.speed, self.is_paused):
+            for observer in self.observers:
+                observer()
+
+    def take_tick(self) -> bool:
+        """Count a tick, and return whether time passes in it."""
+        passes = self._passes
+        self._steps = max(0, self._steps - 1)
+        return passes
+
+    @property
+    def _passes(self) -> bool:
+        return not self.is_paused or self._steps > 0
 
 
 class Server(PeerServer):
@@ -65,16 +121,14 @@ class Server(PeerServer):
             max_clients: Number of clients beyond which others are refused.
             after_tick: Called after each tick, when its clients are sent what is due.
         """
-        super().__init__(0)
+        super().__init__(0, "clients")
         self.host = host
         self.pace = Pace(speed)
         self.max_clients = max_clients
-        self.connections: set[Connection] = set()
         self.by_number: dict[int, Connection] = {}
         # Those that are not read at present, or that end. In a tick only these are
         # looked at, and those for which bytes wait.
         self.held: set[Connection] = set()
-        self.refusals = RefusalLog("clients")
         self.turns = ReadTurns()
         self._after_tick = after_tick
         self._ticking: asyncio.Task[None] | None = None
@@ -97,11 +151,10 @@ class Server(PeerServer):
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        self._close(self.connections)
+        await super().stop()
         if self._ticking is not None:
             self._ticking.cancel()
             await asyncio.wait({self._ticking})
-        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
     def _accept(self) -> Connection:
         return Connection(self)
@@ -186,16 +239,15 @@ class Connection(PeerConnection):
     """One TCP connection: passes bytes between a client and the host."""
 
     KIND = "client"
+    SENT = "commands"
     READ_BYTES = 2048  # before others are served
 
     def __init__(self, server: Server) -> None:
-        super().__init__(server.connections, server.refusals)
+        super().__init__(server)
         self._server, self._host = server, server.host
         self._allowance = ReadAllowance(server.turns)
         self._number = 0
         self._sends_no_more = False
-        self._grace: asyncio.TimerHandle | None = None  # aborts after eof
-        self._looks = 0  # in succession that found a flood
         self._logged_kinds: set[str] = set()
 
     @property
@@ -234,12 +286,6 @@ class Connection(PeerConnection):
         self.flush(only_replies=True)
         return True  # the transport stays open for the replies
 
-    def _end_in_time(self) -> None:
-        """Abort after ``CLOSE_GRACE``, whatever waits then."""
-        if self._grace is None and self._transport is not None:
-            loop = asyncio.get_running_loop()
-            self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
-
     def hang_up(self, *, is_gone: bool) -> None:
         """Close if nothing that waits is of use to a peer that has closed its side.
 
@@ -254,23 +300,9 @@ class Connection(PeerConnection):
         else:
             self._end_in_time()
 
-    def look(self) -> None:
-        """End the connection of a client that has gone, or floods without a robot."""
-        assert self._transport is not None
-        if has_hung_up(self._transport):
-            self._end_in_time()
-        has_robot = self._host.has_robot(self._number)
-        floods = not has_robot and waiting_bytes(self._transport) >= FLOOD_BYTES
-        self._looks = self._looks + 1 if floods else 0
-        if self._looks >= FLOOD_LOOKS:
-            log.warning("%s: closed: a flood of commands", self.peer)
-            self.close()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        """Despawn the client's robot."""
-        if self._grace is not None:
-            self._grace.cancel()  # a transport that is lost fails to abort
-        super().connection_lost(error)
+    def _floods(self) -> bool:
+        # A robot's client gets readings, which one that has gone rejects.
+        return not self._host.has_robot(self._number) and super()._floods()
 
     def log_diagnostics(self, diagnostics: list[Diagnostic]) -> None:
         """Log commands without effect, once for each kind."""
@@ -375,17 +407,11 @@ async def serve(
         ServerError: If it cannot listen.
     """
     with exit_code_of_signal() as exit_code:
-        running = asyncio.ensure_future(
-            _run(server, address, port, announce, companions)
-        )
-        pending: set[asyncio.Future[Any]] = {exit_code, running}
+        running = _run(server, address, port, announce, companions)
         try:
-            await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
-            if running.done():
-                running.result()  # raises the error that ended it
-            return await exit_code
+            code: int = await first_of(running, exit_code)
+            return code
         finally:
-            running.cancel()
             for companion in companions:
                 await companion.stop()
             await server.stop()

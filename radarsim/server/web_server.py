@@ -29,7 +29,9 @@ log = logging.getLogger("radarsim.server")
 ANY_ADDRESS: Final = ("0.0.0.0", "::")  # compared, not bound
 HTTP_PORT: Final = 80
 LOOPBACK: Final = ("127.0.0.1", "localhost", "[::1]")
-SECURITY_HEADERS: Final[Mapping[str, str]] = {
+HEADERS: Final[Mapping[str, str]] = {
+    # Files of another version would not understand this program.
+    "Cache-Control": "no-cache",
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self';"
         " img-src 'self' data:; connect-src 'self'; base-uri 'none';"
@@ -95,7 +97,7 @@ class HostCheck:
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(SECURITY_HEADERS)
+                MutableHeaders(scope=message).update(HEADERS)
             await send(message)
 
         if self._allowed.admit(Headers(scope=scope), needs_origin=is_socket):

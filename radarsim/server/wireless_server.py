@@ -33,6 +33,7 @@ from radarsim.listening import (
     MAX_WAITING,
     bind,
     configure_socket,
+    first_of,
 )
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.wireless import (
@@ -353,23 +354,18 @@ class RelayPort:
         link, writers = asyncio.current_task(), [writer]
         assert link is not None
         self.links[link] = 0
-        passing: list[asyncio.Task[None]] = []
         try:
             async with asyncio.timeout(CONNECT_TIMEOUT):
                 his_reader, his_writer = await asyncio.open_connection(*place)
             writers.append(his_writer)
             configure_socket(his_writer.transport)
             self.links[link] = his_writer.get_extra_info("sockname")[1]
-            passing = [
-                asyncio.ensure_future(self._pass_on(reader, his_writer)),
-                asyncio.ensure_future(self._pass_on(his_reader, writer)),
-            ]
-            await asyncio.wait(passing, return_when=asyncio.FIRST_COMPLETED)
+            await first_of(
+                self._pass_on(reader, his_writer), self._pass_on(his_reader, writer)
+            )
         except OSError as error:
             log.info("no connection to %s port %d: %s", *place, error)
         finally:
-            for each in passing:
-                each.cancel()
             await _close_soon(writers)
             del self.links[link]
 

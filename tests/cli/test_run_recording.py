@@ -16,7 +16,7 @@ from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMess
 import radarsim
 from radarsim.addons.recording.bag import BagReader
 from radarsim.addons.recording.cdr import decode
-from radarsim.addons.recording.host_recorder import EventType
+from radarsim.addons.recording.recorders import EventType
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
 

@@ -115,6 +115,15 @@ def test_copy_without_a_time_gets_the_latest_of_its_robot() -> None:
     assert session.time == 9.0
 
 
+def test_copies_come_without_reports_where_these_are_not_wanted() -> None:
+    session = Session()
+    session.reads_copies = False
+    line = "STA {Type GroundVehicle} {Time 5.00} {Battery 9}"
+    copies = session.receive(f"SEE {{Robot A}} {line}\r\n{line}\r\n".encode())
+    assert copies[0] == WatchedLine("A", line, None)
+    assert isinstance(copies[1], Status)
+
+
 def test_copy_of_an_unknown_line_has_no_report() -> None:
     session = Session()
     copies = session.receive(

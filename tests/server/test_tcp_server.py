@@ -130,7 +130,7 @@ async def test_client_that_reads_the_rest_late_is_not_closed_twice(
     empty_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What waits when it closes its side is still sent; then the connection is lost."""
-    monkeypatch.setattr("radarsim.server.tcp_server.CLOSE_GRACE", 1.0)
+    monkeypatch.setattr("radarsim.server.peer_connections.CLOSE_GRACE", 1.0)
     errors: list[dict[str, object]] = []
     loop = asyncio.get_running_loop()
     loop.set_exception_handler(lambda _, context: errors.append(context))

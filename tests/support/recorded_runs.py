@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from rosbags.highlevel import AnyReader
 
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
-from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
+from radarsim.addons.recording.recorders import HostRecorder, RunEvent
 from radarsim.addons.recording.recording_process import write_recording
 from radarsim.protocol.dialect import UDK, get_dialect
 from radarsim.scene.scene import Scene

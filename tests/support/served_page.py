@@ -5,14 +5,15 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from queue import Queue
 from threading import Thread
 from typing import Any
 
 from processes import start_radarsim
 
-from radarsim.addons.web.program import CommanderSettings, serve_page
-from radarsim.addons.web.time_control import TimeControl
+from radarsim.addons.web.cli import PageOptions
+from radarsim.addons.web.program import serve_page
 from radarsim.simulation.config import SimulationConfig
 
 # Tests may run as root, where there is no sandbox; 3D is drawn without a graphics card.
@@ -71,26 +72,35 @@ def serve(*words: str) -> Iterator[Served]:
 
 
 @contextmanager
-def run_commander(server: tuple[str, int] | None, **settings: Any) -> Iterator[Served]:
-    """Run a commander.
-
-    Args:
-        server: Host and port of the server; None of a recording.
-        settings: Of ``CommanderSettings``.
-    """
-    usual: dict[str, Any] = {"web_host": "127.0.0.1", "web_port": 0, "token": TOKEN}
-    usual |= {"config": SimulationConfig()}
-    wanted = CommanderSettings(server=server, **usual | settings)
+def run_commander(
+    server: tuple[str, int] | Path,
+    *,
+    config: SimulationConfig | None = None,
+    map_: str | None = None,
+    record_to: Path = Path(),
+) -> Iterator[Served]:
+    """Run a commander; arguments as of ``serve_page``."""
+    page = PageOptions(web=0, record_to=record_to)
     begun: Queue[Any] = Queue()
 
     async def run() -> None:
         end = asyncio.get_running_loop().create_future()
-        await serve_page(wanted, lambda at: begun.put((at, end)), end, TimeControl())
+        await serve_page(
+            server,
+            page,
+            config or SimulationConfig(),
+            token=TOKEN,
+            map_=map_,
+            end=end,
+            announce=lambda at: begun.put((at, end)),
+        )
 
     thread = Thread(target=asyncio.run, args=[run()], daemon=True)
     thread.start()
     (host, port), end = begun.get(timeout=240)
-    yield Served(f"{host}:{port}", TOKEN, server or ("", 0))
+    yield Served(
+        f"{host}:{port}", TOKEN, ("", 0) if isinstance(server, Path) else server
+    )
     end.get_loop().call_soon_threadsafe(end.set_result, None)
     thread.join(240)
     assert not thread.is_alive()

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
@@ -30,7 +29,7 @@ from radarsim.addons.fmcw.navtech_messages import (
 )
 from radarsim.addons.fmcw.rotation_schedule import antennas_of
 from radarsim.server.host import HostObserver
-from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
+from radarsim.server.peer_connections import PeerConnection, PeerServer
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.rotation import Sector
@@ -42,7 +41,6 @@ log = logging.getLogger("radarsim.server")
 
 PORT: Final = 6317  # of the real radars
 MAX_CLIENTS: Final = 8
-READ_PAUSE: Final = 0.01  # s
 MOST_UNSENT: Final = 262_144  # bytes; some 60 directions
 PATIENCE: Final = 10.0  # s
 
@@ -58,16 +56,14 @@ class NavtechServer(PeerServer, HostObserver):
             robot: Name of the robot, in any case; None for the first one that carries
                 such a radar.
         """
-        super().__init__(port)
+        super().__init__(port, "radar clients")
         self._robot = robot
-        self._clients: set[RadarClient] = set()
-        self._refusals = RefusalLog("radar clients")
         self._simulation: Simulation
         self._antenna: Antenna | None = None
         self._configuration = b""
 
     def _accept(self) -> RadarClient:
-        return RadarClient(self._clients, self._refusals, self._tell)
+        return RadarClient(self)
 
     def begin(self, simulation: Simulation) -> None:
         """Serve a radar of a simulation from now on."""
@@ -75,9 +71,8 @@ class NavtechServer(PeerServer, HostObserver):
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        self._close(self._clients)
         self._listen_to(None)
-        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
+        await super().stop()
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
         """Follow the robot, which can come or leave, and listen while clients do."""
@@ -102,9 +97,9 @@ class NavtechServer(PeerServer, HostObserver):
                     settings.rotation_hz,
                     round(settings.rotation_hz * settings.azimuths),
                 )
-            for client in self._clients:
-                self._tell(client)
-        is_wanted = any(client.wants_data for client in self._clients)
+            for client in self.peers:
+                self.tell(client)
+        is_wanted = any(client.wants_data for client in self.peers)
         self._listen_to(antenna if is_wanted else None)
 
     def _listen_to(self, antenna: Antenna | None) -> None:
@@ -117,7 +112,7 @@ class NavtechServer(PeerServer, HostObserver):
         elif antenna is not None and self._hear not in listeners:
             listeners.append(self._hear)
 
-    def _tell(self, client: RadarClient) -> None:
+    def tell(self, client: RadarClient) -> None:
         """Send the configuration, if there is a radar."""
         client.send(self._configuration)
 
@@ -134,7 +129,7 @@ class NavtechServer(PeerServer, HostObserver):
             for k, row in enumerate(sector.rows)
         )
         # A copy, as a client that is closed leaves the set.
-        for client in list(self._clients):
+        for client in list(self.peers):
             if client.wants_data:
                 client.send(data)
 
@@ -149,44 +144,31 @@ class RadarClient(PeerConnection):
     KIND = "radar client"
     MOST = MAX_CLIENTS
 
-    def __init__(
-        self,
-        clients: set[RadarClient],
-        refusals: RefusalLog,
-        tell: Callable[[RadarClient], None],
-    ) -> None:
-        """Create the protocol of a connection.
-
-        Args:
-            clients: All clients, to which this one adds itself.
-            refusals: The log of clients that are refused.
-            tell: Sends it the configuration.
-        """
-        super().__init__(clients, refusals)
+    def __init__(self, server: NavtechServer) -> None:
+        """Create the protocol of a connection, which adds itself to the server."""
+        super().__init__(server)
         self.wants_data = False
-        self._tell = tell
+        self._server = server
         self._messages = MessageBuffer()
         self._read_at = 0.0  # when all that was sent had left last
 
     def _begin(self, transport: asyncio.Transport) -> None:  # noqa: ARG002 - not needed
-        self._tell(self)
+        self._server.tell(self)
 
     def buffer_updated(self, nbytes: int) -> None:
         """Act on received messages, and read no more for a while."""
         messages = self._messages.feed(bytes(self._buffer[:nbytes]))
         types = [kind for kind, _ in messages]
         if MessageType.CONFIGURATION_REQUEST in types:
-            self._tell(self)
+            self._server.tell(self)
         for kind in types:
             if kind in (MessageType.START, MessageType.STOP):
                 self.wants_data = kind == MessageType.START
         if self._messages.problem:
             log.warning("%s: closed: %s", self.peer, self._messages.problem)
             self.close()
-        elif self._transport is not None:
-            # Rule 2: the system's buffers hold back whoever sends more.
-            self._transport.pause_reading()
-            asyncio.get_running_loop().call_later(READ_PAUSE, self._read_on)
+        else:
+            self._rest()  # rule 2
 
     def send(self, data: bytes) -> None:
         """Send whole messages, or none of them if too many still wait."""
@@ -202,10 +184,6 @@ class RadarClient(PeerConnection):
         elif now - self._read_at > PATIENCE:
             log.warning("%s: closed: it reads nothing", self.peer)
             self.close()
-
-    def _read_on(self) -> None:
-        if self._transport is not None:
-            self._transport.resume_reading()
 
     def _forget(self) -> None:
         super()._forget()

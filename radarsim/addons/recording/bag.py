@@ -37,7 +37,7 @@ from radarsim.addons.recording.cdr import (
     definition_of,
     typestore,
 )
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.recorders import EventType, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 from radarsim.files import write_atomically
 

@@ -146,15 +146,28 @@ class RecordingInfo(BaseModel):
             raise RecordingError(f"{text}, expected those of radarsim") from error
 
 
+def check_map(info: RecordingInfo, name: str) -> None:
+    """Check that a map is as it was when a recording was made, as far as that is known.
+
+    Raises:
+        MapError: If there is no such map.
+        OSError: If it cannot be read.
+        RecordingError: If it has changed.
+    """
+    from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
+
+    path, _ = find_map(name)
+    if info.map_digest not in ("", digest_of(path)):
+        raise RecordingError(f"{path} is not as it was, expected the map recorded")
+
+
 def recorded_scene(info: RecordingInfo) -> "Scene | None":
     """Load the map of a recording; None if it has none, or that is not as it was."""
-    from radarsim.scene.map_file import find_map, load_map  # noqa: PLC0415
+    from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
-    if not info.map:
-        return None
-    with suppress(MapError, OSError):
-        path, _ = find_map(info.map)
-        if digest_of(path) == info.map_digest:
+    if info.map:
+        with suppress(MapError, OSError, RecordingError):
+            check_map(info, info.map)
             return load_map(info.map)
     return None
 

@@ -10,7 +10,6 @@ from contextlib import suppress
 from typing import Final
 
 from radarsim.addons.recording.bag_folder import RecordingInfo
-from radarsim.addons.recording.host_recorder import EventType, RunEvent, unpack
 from radarsim.addons.recording.messages import (
     Fields,
     TopicMessage,
@@ -18,6 +17,7 @@ from radarsim.addons.recording.messages import (
     octets,
     transforms,
 )
+from radarsim.addons.recording.recorders import EventType, RunEvent, unpack
 from radarsim.addons.recording.robot_model import body_of
 from radarsim.addons.recording.robot_topics import (
     Legend,

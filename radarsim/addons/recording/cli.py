@@ -73,25 +73,23 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     Raises:
         RecordingError: If there is no map, or it has changed.
     """
-    from radarsim.addons.recording.bag_folder import digest_of
+    from radarsim.addons.recording.bag_folder import check_map
     from radarsim.addons.recording.replay import repeat_run
     from radarsim.presets.fmcw_settings import RADAR_MODEL
-    from radarsim.scene.map_file import find_map, load_map
+    from radarsim.scene.map_file import load_map
     from radarsim.server.host import Host
 
     info = bag.info
     if info.version != __version__:
         print_message(f"recorded by version {info.version}, this is {__version__}")
-    name = map_ or info.map
-    if not name:
+    if not info.map:
         raise RecordingError(
             f"{bag.folder} is of a client alone, expected one of a server to verify"
         )
-    path, _ = find_map(name)
+    name = map_ or info.map
     # Another map would differ at the first scan, and that would tell nothing about the
     # program.
-    if digest_of(path) != info.map_digest:
-        raise RecordingError(f"{path} is not as it was, expected the map recorded")
+    check_map(info, name)
     host = Host(load_map(name), config=info.config(), seed=info.seed)
     result = repeat_run(host, bag.calls())
     if result.difference:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
+from radarsim.server.views import FOV_DEG
 
 NANOSECONDS: Final = 1_000_000_000
 LATEST: Final = 2.0**31 - 1  # s that a time can tell
@@ -70,6 +71,10 @@ class TopicMessage(NamedTuple):
     latched: bool = False
 
 
+def _message(type_: str, **fields: object) -> RosMessage:
+    return RosMessage(type_, Fields(**fields))
+
+
 def laser_scan(
     time: float,
     frame: str,
@@ -95,20 +100,18 @@ def laser_scan(
         scan_time: Time between scans, s.
     """
     first = -fov / 2
-    return RosMessage(
+    return _message(
         "sensor_msgs/msg/LaserScan",
-        Fields(
-            header=header_of(time, frame),
-            angle_min=float32(first),
-            angle_max=float32(first + resolution * (len(ranges) - 1)),
-            angle_increment=float32(resolution),
-            time_increment=0.0,
-            scan_time=float32(scan_time),
-            range_min=float32(min_range),
-            range_max=float32(max_range),
-            ranges=np.where(ranges >= max_range, np.inf, ranges).astype("<f4"),
-            intensities=np.zeros(0, "<f4"),
-        ),
+        header=header_of(time, frame),
+        angle_min=float32(first),
+        angle_max=float32(first + resolution * (len(ranges) - 1)),
+        angle_increment=float32(resolution),
+        time_increment=0.0,
+        scan_time=float32(scan_time),
+        range_min=float32(min_range),
+        range_max=float32(max_range),
+        ranges=np.where(ranges >= max_range, np.inf, ranges).astype("<f4"),
+        intensities=np.zeros(0, "<f4"),
     )
 
 
@@ -116,58 +119,57 @@ def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
     """Return echoes or targets, rows of ``ECHO`` or ``TARGET``."""
     fields = points.dtype.fields
     assert fields is not None  # they have columns
-    return RosMessage(
+    return _message(
         "sensor_msgs/msg/PointCloud2",
-        Fields(
-            header=header_of(time, frame),
-            height=1,
-            width=len(points),
-            fields=[
-                Fields(name=name, offset=at, datatype=_POINT_TYPES[kind.str], count=1)
-                for name, (kind, at, *_) in fields.items()
-            ],
-            is_bigendian=False,
-            point_step=points.itemsize,
-            row_step=points.nbytes,
-            data=np.frombuffer(points.tobytes(), np.uint8),
-            is_dense=True,  # all points are valid
-        ),
+        header=header_of(time, frame),
+        height=1,
+        width=len(points),
+        fields=[
+            Fields(name=name, offset=at, datatype=_POINT_TYPES[kind.str], count=1)
+            for name, (kind, at, *_) in fields.items()
+        ],
+        is_bigendian=False,
+        point_step=points.itemsize,
+        row_step=points.nbytes,
+        data=np.frombuffer(points.tobytes(), np.uint8),
+        is_dense=True,  # all points are valid
     )
 
 
 def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage:
     """Return a grey picture, (H, W)."""
     height, width = pixels.shape
-    return RosMessage(
+    return _message(
         "sensor_msgs/msg/Image",
-        Fields(
-            header=header_of(time, frame),
-            height=height,
-            width=width,
-            encoding="mono8",
-            is_bigendian=0,
-            step=width,  # bytes of a row
-            data=pixels.ravel(),
-        ),
+        header=header_of(time, frame),
+        height=height,
+        width=width,
+        encoding="mono8",
+        is_bigendian=0,
+        step=width,  # bytes of a row
+        data=pixels.ravel(),
     )
 
 
 def compressed_image(time: float, frame: str, jpeg: bytes) -> RosMessage:
     """Return a picture that is a file of JPEG."""
     data = np.frombuffer(jpeg, np.uint8)
-    fields = Fields(header=header_of(time, frame), format="jpeg", data=data)
-    return RosMessage("sensor_msgs/msg/CompressedImage", fields)
+    return _message(
+        "sensor_msgs/msg/CompressedImage",
+        header=header_of(time, frame),
+        format="jpeg",
+        data=data,
+    )
 
 
 def camera_info(time: float, frame: str, width: int, height: int) -> RosMessage:
     """Return the intrinsics of the camera: a pinhole without distortion."""
-    from radarsim.server.camera import FIELD_OF_VIEW  # noqa: PLC0415 - imports much
-
-    focal = width / 2 / math.tan(FIELD_OF_VIEW / 2)
+    focal = width / 2 / math.tan(math.radians(FOV_DEG) / 2)
     x, y = width / 2 - 0.5, height / 2 - 0.5  # pixels have their middles at integers
     k = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1]])
     region = Fields(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    fields = Fields(
+    return _message(
+        "sensor_msgs/msg/CameraInfo",
         header=header_of(time, frame),
         height=height,
         width=width,
@@ -180,7 +182,6 @@ def camera_info(time: float, frame: str, width: int, height: int) -> RosMessage:
         binning_y=0,
         roi=region,
     )
-    return RosMessage("sensor_msgs/msg/CameraInfo", fields)
 
 
 def odometry(
@@ -196,14 +197,12 @@ def odometry(
         speed: Speed ahead, m/s.
         turn: Counter-clockwise turn rate, rad/s.
     """
-    return RosMessage(
+    return _message(
         "nav_msgs/msg/Odometry",
-        Fields(
-            header=header_of(time, frame),
-            child_frame_id=child,
-            pose=Fields(pose=pose_fields(pose), covariance=ODOMETRY_COVARIANCE),
-            twist=Fields(twist=_twist(speed, turn), covariance=ODOMETRY_COVARIANCE),
-        ),
+        header=header_of(time, frame),
+        child_frame_id=child,
+        pose=Fields(pose=pose_fields(pose), covariance=ODOMETRY_COVARIANCE),
+        twist=Fields(twist=_twist(speed, turn), covariance=ODOMETRY_COVARIANCE),
     )
 
 
@@ -230,7 +229,7 @@ def transform(time: float, parent: str, child: str, pose: Pose3) -> Fields:
 
 def transforms(each: Sequence[Fields]) -> RosMessage:
     """Return where frames are."""
-    return RosMessage("tf2_msgs/msg/TFMessage", Fields(transforms=each))
+    return _message("tf2_msgs/msg/TFMessage", transforms=each)
 
 
 def occupancy_grid(
@@ -247,41 +246,37 @@ def occupancy_grid(
         resolution: Side of a cell, m.
     """
     rows, columns = cells.shape
-    return RosMessage(
+    return _message(
         "nav_msgs/msg/OccupancyGrid",
-        Fields(
-            header=header_of(time, frame),
-            info=Fields(
-                map_load_time=_stamp(time),
-                resolution=float32(resolution),
-                width=columns,
-                height=rows,
-                origin=pose_fields(corner),
-            ),
-            data=cells.ravel(),
+        header=header_of(time, frame),
+        info=Fields(
+            map_load_time=_stamp(time),
+            resolution=float32(resolution),
+            width=columns,
+            height=rows,
+            origin=pose_fields(corner),
         ),
+        data=cells.ravel(),
     )
 
 
 def clock(time: float) -> RosMessage:
     """Return simulated time."""
-    return RosMessage("rosgraph_msgs/msg/Clock", Fields(clock=_stamp(time)))
+    return _message("rosgraph_msgs/msg/Clock", clock=_stamp(time))
 
 
 def string(text: str) -> RosMessage:
     """Return a text."""
-    return RosMessage("std_msgs/msg/String", Fields(data=text))
+    return _message("std_msgs/msg/String", data=text)
 
 
 def octets(label: str, data: bytes) -> RosMessage:
     """Return bytes, with a label on their only dimension."""
     dimension = Fields(label=label, size=len(data), stride=len(data))
-    return RosMessage(
+    return _message(
         "std_msgs/msg/UInt8MultiArray",
-        Fields(
-            layout=Fields(dim=[dimension], data_offset=0),
-            data=np.frombuffer(data, np.uint8),
-        ),
+        layout=Fields(dim=[dimension], data_offset=0),
+        data=np.frombuffer(data, np.uint8),
     )
 
 

@@ -27,7 +27,7 @@ from radarsim.addons.recording.bag_folder import (
     create_folder,
     recorded_scene,
 )
-from radarsim.addons.recording.host_recorder import EventType, HostRecorder, RunEvent
+from radarsim.addons.recording.recorders import EventType, HostRecorder, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import NamedTuple, TypeAlias
 
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.recorders import EventType, RunEvent
 from radarsim.errors import RecordingError
 from radarsim.listening import exit_code_of_signal, listen, peer_name
 from radarsim.server.host.host import Host

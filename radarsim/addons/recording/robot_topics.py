@@ -67,11 +67,8 @@ class Legend:
     """Numbers names in the order in which they occur, from 0."""
 
     def __init__(self) -> None:
-        self._names: dict[str, dict[str, int]] = {
-            "kind": {},
-            "object": {},
-            "material": {},
-        }
+        keys = ("kind", "object", "material")
+        self._names: dict[str, dict[str, int]] = {key: {} for key in keys}
         self._published = -1  # number of names
 
     def number(self, field: Literal["kind", "object", "material"], name: str) -> int:
@@ -341,8 +338,8 @@ class RobotTopics:
         return self._lines.pop(key) if line.line >= line.lines else []
 
     def _scanner(self, name: str) -> ScannerInfo | None:
-        found = [each for each in self._scanners if same_name(each.name, name)]
-        return found[0] if found else None
+        found = (each for each in self._scanners if same_name(each.name, name))
+        return next(found, None)
 
     def _topic(self, *names: str) -> str:
         return "/" + below(self._name, *names)

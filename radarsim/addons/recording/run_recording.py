@@ -19,8 +19,8 @@ from radarsim.plans import Option
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
+    from radarsim.addons.recording.recorders import WireRecorder
     from radarsim.addons.recording.recording_process import RecordingProcess
-    from radarsim.addons.recording.wire_recorder import WireRecorder
     from radarsim.autonomy.mapping.mapper import Mapper
     from radarsim.autonomy.watching import DataCallback, Side
     from radarsim.client import Client
@@ -150,7 +150,7 @@ class RunRecording(Recording):
 
     def connect(self, host: str, port: int) -> Client:
         """See ``Recording.connect``."""
-        from radarsim.addons.recording.wire_recorder import RecordedTransport
+        from radarsim.addons.recording.recorders import RecordedTransport
         from radarsim.client import Client
 
         assert self._wire is not None  # nobody connects to a host in this process
@@ -158,7 +158,7 @@ class RunRecording(Recording):
 
     def follow(self, robot: str) -> DataCallback:
         """See ``Recording.follow``."""
-        from radarsim.addons.recording.wire_recorder import FIRST
+        from radarsim.addons.recording.recorders import FIRST
 
         wire = self._wire
         assert wire is not None
@@ -178,7 +178,7 @@ class RunRecording(Recording):
         # case.
         if time < self._map_due and not last:
             return
-        from radarsim.addons.recording.host_recorder import EventType, RunEvent, pack
+        from radarsim.addons.recording.recorders import EventType, RunEvent, pack
         from radarsim.addons.recording.robot_topics import sensed_map
 
         self._map_due = time + MAP_INTERVAL
@@ -188,8 +188,8 @@ class RunRecording(Recording):
     def __enter__(self) -> Self:
         """Create the folder, and begin to record."""
         from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+        from radarsim.addons.recording.recorders import WireRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
-        from radarsim.addons.recording.wire_recorder import WireRecorder
 
         create_folder(self._folder)
         if self._hosted is None:

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from radarsim.addons.recording.host_recorder import EventType, RunEvent, unpack
 from radarsim.addons.recording.messages import (
     Fields,
     RosMessage,
@@ -19,6 +18,7 @@ from radarsim.addons.recording.messages import (
     pose_fields,
     vector,
 )
+from radarsim.addons.recording.recorders import EventType, RunEvent, unpack
 from radarsim.addons.recording.robot_topics import FREE, MAP, OCCUPIED, map_topic
 from radarsim.autonomy.evaluation.map_score import Truth
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, GridFrame

@@ -1,7 +1,7 @@
 """Topics for clients of WebSockets, without I/O: what the protocols have in common.
 
-A board has the topics for all clients. Each protocol has its own board, which encodes
-messages, and its own clients, which ask for topics and send velocity commands.
+A board has the topics for all clients. Each protocol is a class of clients, which ask
+for topics and send velocity commands.
 """
 
 import json
@@ -31,17 +31,15 @@ class Board:
     """The topics there are.
 
     Attributes:
-        name: Name of the protocol, for people.
-        subprotocols: Names of WebSocket subprotocols, of which clients ask for one.
+        protocol: Class of its clients.
         types: Types of topics, by name.
         drivers: Where velocity commands go, by topic.
         now: Simulated time, in the fields of ROS 2; 0 before ``/clock``.
     """
 
-    name: str
-    subprotocols: tuple[str, ...] = ()
-
-    def __init__(self) -> None:
+    def __init__(self, protocol: "type[BoardClient]") -> None:
+        """Begin without topics."""
+        self.protocol = protocol
         self.types: dict[str, str] = {}
         self.drivers: dict[str, DriveCallback] = {}
         self.now = Fields(sec=0, nanosec=0)
@@ -58,12 +56,12 @@ class Board:
             self._latched[topic] = content
             self._encoded.pop(topic, None)
         # Once for all clients, as arrays of scans take long to write.
-        return self.encode(content) if wanted else None
+        return self.protocol.encode(content) if wanted else None
 
     def latched(self, topic: str) -> Any:
         """Return the last message of a latched topic, encoded; None without one."""
         if topic in self._latched and topic not in self._encoded:
-            self._encoded[topic] = self.encode(self._latched[topic])
+            self._encoded[topic] = self.protocol.encode(self._latched[topic])
         return self._encoded.get(topic)
 
     def driver(self, topic: str) -> DriveCallback:
@@ -77,34 +75,41 @@ class Board:
             raise ValueError(f"{topic[:80]!r}, expected a topic of: {known}")
         return self.drivers[topic]
 
-    def encode(self, message: RosMessage) -> Any:
-        """Return a message as its clients are sent it."""
-        raise NotImplementedError
-
-    def new_client(self) -> "BoardClient":
-        """Return a new client, for which all there is to know waits."""
-        raise NotImplementedError
-
-    def trusts(self, origin: str) -> bool:  # noqa: ARG002
-        """Return whether a program of this origin may connect, in lower case."""
-        return False
-
 
 class BoardClient:
     """One client: what it wants, and what waits for it.
 
     Attributes:
+        name: Name of the protocol, for people.
+        subprotocols: Names of WebSocket subprotocols, of which clients ask for one.
         waiting: Texts or bytes to send, oldest first.
         handlers: What does what the client asks for, by ``op``.
     """
 
-    def __init__(self) -> None:
+    name: str
+    subprotocols: tuple[str, ...] = ()
+
+    def __init__(self, board: Board) -> None:
+        """Begin without subscriptions; what there is to know waits."""
         self.waiting: deque[Any] = deque()
         self.handlers: Mapping[str, Callable[[Json], object]] = {}
+        self._board = board
+        # Shortest intervals, s, by topic and by what the client calls a subscription.
+        self._subscriptions: dict[str, dict[str | int, float]] = {}
+
+    @staticmethod
+    def encode(message: RosMessage) -> Any:
+        """Return a message as clients are sent it."""
+        raise NotImplementedError
+
+    @classmethod
+    def trusts(cls, origin: str) -> bool:  # noqa: ARG003
+        """Return whether a program of this origin may connect, in lower case."""
+        return False
 
     def wants(self, topic: str) -> bool:
         """Return whether it is to be offered the messages of a topic."""
-        raise NotImplementedError
+        return topic in self._subscriptions
 
     def offer(self, topic: str, data: Any, now: float) -> None:
         """Queue a message of a topic that it wants; the oldest go if too many wait.
@@ -130,6 +135,14 @@ class BoardClient:
     def complain(self, text: str) -> None:
         """Queue a status that says what is wrong."""
         raise NotImplementedError
+
+    def _add_subscription(self, topic: str, key: str | int, interval: float) -> Any:
+        """Subscribe, and return the last message of a latched topic, encoded."""
+        # All that a client can make this keep is limited.
+        if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
+            raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
+        self._subscriptions.setdefault(topic, {})[key] = interval
+        return self._board.latched(topic)
 
     def _take(self, data: str | bytes) -> None:
         message = json.loads(data)

@@ -24,33 +24,23 @@ from radarsim.addons.recording.call_converter import (
     TO_SERVER,
     CallConverter,
 )
-from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEvent
 from radarsim.addons.recording.messages import TopicMessage, clock
+from radarsim.addons.recording.recorders import EventType, RunEvent, WatchRecorder
 from radarsim.addons.recording.robot_topics import (
     below,
     map_topic,
     sensed_map,
     topic_name,
 )
-from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
-from radarsim.client import session as questions
 from radarsim.client.robot_info import same_name
 from radarsim.errors import ClientError, describe_os_error
-from radarsim.listening import in_daemon_thread
+from radarsim.listening import first_of, in_daemon_thread
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.images import ImageType
-from radarsim.protocol.line_template import printable_name
-from radarsim.protocol.reports import (
-    ClockTick,
-    CommandError,
-    Report,
-    RobotJoined,
-    RobotLeft,
-    WatchedLine,
-)
+from radarsim.protocol.reports import ClockTick, CommandError, Report
 
 # The bytes of the wire are for recordings, as nobody else can repeat a run; the server
 # tells the time even in ticks without other news.
@@ -106,52 +96,22 @@ class LiveTopics:
             no_namespace=options.no_namespace or "",
         )
         self._converter = CallConverter(info)
-        self._wire = WireRecorder(self._convert)
-        self._numbers: dict[str, int] = {}  # of robots, by their names
-        self._last_number = 0
+        self._robots = WatchRecorder(self._convert)
 
     def take(self, reports: Iterable[Report]) -> bytes:
         """Publish what reports of a watcher tell; return what is to be asked."""
-        asked = []
+        asked = b""
         for report in reports:
-            match report:
-                case RobotJoined(robot=robot):
-                    asked += self._join(robot)
-                case RobotLeft(robot=robot):
-                    self._leave(robot)
-                case ClockTick(time=time):
-                    self._publish(TopicMessage(CLOCK, clock(time)))
-                case WatchedLine(robot=robot, line=line):
-                    if robot not in self._numbers:  # not every news has come
-                        asked += self._join(robot)
-                    data = f"{line}\r\n".encode("latin-1", "replace")
-                    self._wire.received(self._numbers[robot], data)
-                case _:
-                    pass
-        return b"".join(asked)
+            if isinstance(report, ClockTick):
+                self._publish(TopicMessage(CLOCK, clock(report.time)))
+            asked += self._robots.take(report)
+        return asked
 
     def take_picture(self, jpeg: bytes) -> None:
         """Publish what the camera on the first robot sees now."""
-        first = next(iter(self._numbers.values()), None)
-        if first is not None and self._wire.tick:
-            self._convert(RunEvent(EventType.PICTURE, self._wire.tick, first, jpeg))
-
-    def _join(self, robot: str) -> list[bytes]:
-        self._leave(robot)  # one of the same name, whose leaving was not told
-        self._last_number += 1
-        self._numbers[robot] = self._last_number
-        self._wire.begin(self._last_number, robot)
-        name = printable_name(robot)
-        return [
-            ask(kind, robot=name).data
-            for ask in (questions.geometry, questions.configuration)
-            for kind in DESCRIBED
-        ]
-
-    def _leave(self, robot: str) -> None:
-        number = self._numbers.pop(robot, None)
-        if number is not None:
-            self._wire.end_one(number)
+        first, tick = next(iter(self._robots.numbers.values()), None), self._robots.tick
+        if first is not None and tick:
+            self._convert(RunEvent(EventType.PICTURE, tick, first, jpeg))
 
     def _convert(self, event: RunEvent) -> None:
         for _, message in self._converter.convert(event):
@@ -235,16 +195,12 @@ class Driver:
         Raises:
             ClientError: When it is lost.
         """
-        reading = asyncio.ensure_future(self._read())
-        try:
-            while not reading.done():
-                await self._drive()
-                # Wakes at once when the connection is lost, which a plain sleep would
-                # not.
-                await asyncio.wait({reading}, timeout=CHECK_INTERVAL)
-            reading.result()
-        finally:
-            reading.cancel()
+        await first_of(self._read(), self._drive_on())
+
+    async def _drive_on(self) -> None:
+        while True:
+            await self._drive()
+            await asyncio.sleep(CHECK_INTERVAL)
 
     async def _drive(self) -> None:
         # Who has lost the connection sends no stop: silence is one.
@@ -369,6 +325,7 @@ async def run_bridge(
     async with AsyncExitStack() as stack:
         watcher = await AsyncClient.connect(*server)
         await stack.enter_async_context(watcher)
+        watcher.session.reads_copies = False  # the converter reads them
         await watcher.greeting()
         # Echoes take several times as many bytes as scans: only if somebody wants them.
         await watcher.watch(echoes=options.echoes, clock=True)
@@ -398,17 +355,8 @@ async def run_bridge(
             images = server[0], options.image_port
             interval = 1 / options.image_rate
             working.append(read_pictures(images, interval, topics.take_picture))
-        tasks = [asyncio.ensure_future(each) for each in working]
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            # Each has to end before the connections that it uses are closed.
-            await asyncio.wait(tasks)
-        # Whatever ended first says why by its exception.
-        for task in done:
-            task.result()
+        # Each has to end before the connections that it uses are closed.
+        await first_of(*working)
 
 
 async def _watch(client: AsyncClient, topics: LiveTopics) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
@@ -18,7 +17,7 @@ from radarsim.plans import RARE, Option, Sets
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
-    from radarsim.addons.ros.board import Board
+    from radarsim.addons.ros.board import BoardClient
     from radarsim.addons.ros.bridge import RosSide
 
 
@@ -110,7 +109,7 @@ def ros(
         The exit code.
     """
     from radarsim.addons.ros.bridge import run_bridge
-    from radarsim.listening import exit_code_of_signal
+    from radarsim.listening import exit_code_of_signal, first_of
 
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
@@ -127,12 +126,8 @@ def ros(
                 start=start,
                 drive_unit=drive_unit,
             )
-            running = asyncio.ensure_future(bridge)
-            exit_code.add_done_callback(lambda _: running.cancel())
-            with suppress(asyncio.CancelledError):
-                await running  # raises what ended it
-                return 1
-            return exit_code.result()
+            code: int | None = await first_of(bridge, exit_code)
+            return 1 if code is None else code
 
     port = PORTS.get(options.bridge) if options.web is None else options.web
     with cure_of_port({"--web": port}):
@@ -157,19 +152,21 @@ def _make_side(options: BridgeOptions) -> RosSide:
         return side
     if options.web_host not in ("127.0.0.1", "localhost", "::1"):
         print_message(f"whoever reaches {options.web_host} can drive the robot")
+    from radarsim.addons.ros.board import Board
     from radarsim.addons.ros.websocket_side import WebSocketSide
 
     port = PORTS[options.bridge] if options.web is None else options.web
-    board: Board
+    protocol: type[BoardClient]
     if options.bridge == "foxglove":
         import_optional("rosbags.typesys", "record")
-        from radarsim.addons.ros.foxglove import FoxgloveBoard
+        from radarsim.addons.ros.foxglove import FoxgloveClient
 
-        board = FoxgloveBoard()
+        protocol = FoxgloveClient
     else:
-        from radarsim.addons.ros.rosbridge import TopicBoard
+        from radarsim.addons.ros.rosbridge import RosbridgeClient
 
-        board = TopicBoard()
+        protocol = RosbridgeClient
+    board = Board(protocol)
     return WebSocketSide(board, options.web_host, port, announce, options.origin)
 
 

@@ -44,55 +44,15 @@ _INFO: Final = {
 }
 
 
-class FoxgloveBoard(Board):
-    """The topics there are, for all clients; see ``Board``."""
+class FoxgloveClient(BoardClient):
+    """One client; see ``BoardClient``."""
 
     name = "Foxglove"
     subprotocols = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 
-    @property
-    def time(self) -> int:
-        """Simulated time, ns."""
-        now: int = self.now.sec * NANOSECONDS + self.now.nanosec
-        return now
-
-    def encode(self, message: RosMessage) -> bytes:
-        """See ``Board.encode``."""
-        return encode(message)
-
-    def new_client(self) -> "FoxgloveClient":
-        """See ``Board.new_client``."""
-        return FoxgloveClient(self)
-
-    def trusts(self, origin: str) -> bool:
-        """Return whether a program of an origin may connect: Foxglove, on any desktop.
-
-        Only pages of sites have http or https, and those that hide their site, null.
-        """
-        scheme, has_scheme, _ = origin.partition("://")
-        return origin == APP or bool(has_scheme and scheme not in ("http", "https"))
-
-    def channel(self, topic: str) -> Json:
-        """Return what clients are told of a topic; its number is its place."""
-        type_ = self.types[topic]
-        return {
-            "id": 1 + list(self.types).index(topic),
-            "topic": topic,
-            "encoding": "cdr",
-            "schemaName": type_,
-            "schemaEncoding": "ros2msg",
-            "schema": definition_of(type_),
-        }
-
-
-class FoxgloveClient(BoardClient):
-    """One client; see ``BoardClient``."""
-
-    def __init__(self, board: FoxgloveBoard) -> None:
-        super().__init__()
+    def __init__(self, board: Board) -> None:
+        super().__init__(board)
         self.waiting.append(json.dumps(_INFO))
-        self._board = board
-        self._subscriptions: dict[str, dict[int, None]] = {}  # their numbers, by topic
         # Topics that it writes, with their encodings and types.
         self._own: dict[int, tuple[str, str, str]] = {}
         self.handlers = {
@@ -103,16 +63,36 @@ class FoxgloveClient(BoardClient):
         }
         self._tell(list(board.types))
 
+    @staticmethod
+    def encode(message: RosMessage) -> bytes:
+        """See ``BoardClient.encode``."""
+        return encode(message)
+
+    @classmethod
+    def trusts(cls, origin: str) -> bool:
+        """Return whether a program of an origin may connect: Foxglove, on any desktop.
+
+        Only pages of sites have http or https, and those that hide their site, null.
+        """
+        scheme, has_scheme, _ = origin.partition("://")
+        return origin == APP or bool(has_scheme and scheme not in ("http", "https"))
+
+    @property
+    def _time(self) -> int:
+        """Simulated time, ns."""
+        now: int = self._board.now.sec * NANOSECONDS + self._board.now.nanosec
+        return now
+
     def wants(self, topic: str) -> bool:
         """See ``BoardClient.wants``; the clock is told in any case."""
-        return topic == CLOCK or topic in self._subscriptions
+        return topic == CLOCK or super().wants(topic)
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
         """See ``BoardClient.offer``."""
         if topic == CLOCK:
-            self._queue(_TIME.pack(TIME, self._board.time))
+            self._queue(_TIME.pack(TIME, self._time))
         for number in self._subscriptions.get(topic, ()):
-            self._queue(_MESSAGE_HEAD.pack(MESSAGE, number, self._board.time) + data)
+            self._queue(_MESSAGE_HEAD.pack(MESSAGE, number, self._time) + data)
 
     def announce(self, topic: str) -> None:
         """See ``BoardClient.announce``."""
@@ -130,7 +110,19 @@ class FoxgloveClient(BoardClient):
             super()._take(data)
 
     def _tell(self, topics: list[str]) -> None:
-        channels = [self._board.channel(topic) for topic in topics]
+        types = self._board.types
+        # The number of a topic is its place.
+        channels = [
+            {
+                "id": 1 + list(types).index(topic),
+                "topic": topic,
+                "encoding": "cdr",
+                "schemaName": types[topic],
+                "schemaEncoding": "ros2msg",
+                "schema": definition_of(types[topic]),
+            }
+            for topic in topics
+        ]
         self.waiting.append(json.dumps({"op": "advertise", "channels": channels}))
 
     def _queue(self, data: bytes) -> None:
@@ -148,19 +140,15 @@ class FoxgloveClient(BoardClient):
             number, channel = int(each["id"]), int(each["channelId"])
             if not 0 < channel <= len(topics):
                 raise ValueError(f"channel {channel}, expected 1 to {len(topics)}")
-            if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
-                raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
-            topic = topics[channel - 1]
-            head = _MESSAGE_HEAD.pack(MESSAGE, number, self._board.time)
-            self._subscriptions.setdefault(topic, {})[number] = None
-            latched = self._board.latched(topic)
+            head = _MESSAGE_HEAD.pack(MESSAGE, number, self._time)
+            latched = self._add_subscription(topics[channel - 1], number, 0.0)
             if latched:
                 self._queue(head + latched)
 
     def _unsubscribe(self, message: Json) -> None:
         gone = {int(each) for each in message["subscriptionIds"]}
         kept = {
-            topic: {number: None for number in numbers if number not in gone}
+            topic: {number: 0.0 for number in numbers if number not in gone}
             for topic, numbers in self._subscriptions.items()
         }
         self._subscriptions = {topic: each for topic, each in kept.items() if each}

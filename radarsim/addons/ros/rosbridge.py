@@ -16,7 +16,6 @@ import numpy as np
 from radarsim.addons.recording.messages import RosMessage
 from radarsim.addons.ros.board import (
     LONGEST_NAME,
-    MOST_ENTRIES,
     MOST_WAITING,
     Board,
     BoardClient,
@@ -71,39 +70,13 @@ def _cdr() -> ModuleType:
     return cdr
 
 
-class TopicBoard(Board):
-    """The topics there are, for clients of rosbridge."""
-
-    name = "rosbridge"
-
-    @property
-    def all_types(self) -> dict[str, str]:
-        """Types of topics, also of those that are only listened to."""
-        return dict.fromkeys(self.drivers, TWIST) | self.types
-
-    @property
-    def time(self) -> Json:
-        """Simulated time in the fields of ROS 2, and of ROS 1, which roslibpy reads."""
-        sec, nanosec = self.now.sec, self.now.nanosec
-        return {"sec": sec, "nanosec": nanosec, "secs": sec, "nsecs": nanosec}
-
-    def encode(self, message: RosMessage) -> str:
-        """See ``Board.encode``."""
-        return message_json(message)
-
-    def new_client(self) -> "RosbridgeClient":
-        """See ``Board.new_client``."""
-        return RosbridgeClient(self)
-
-
 class RosbridgeClient(BoardClient):
     """One client; see ``BoardClient``."""
 
-    def __init__(self, board: TopicBoard) -> None:
-        super().__init__()
-        self._board = board
-        # Shortest intervals, s, by topic and id; "null" without an id.
-        self._subscriptions: dict[str, dict[str, float]] = {}
+    name = "rosbridge"
+
+    def __init__(self, board: Board) -> None:
+        super().__init__(board)
         self._last: dict[str, float] = {}  # times of messages, by topic
         self.handlers = {
             "subscribe": self._subscribe,
@@ -119,7 +92,7 @@ class RosbridgeClient(BoardClient):
             "rosapi/topics_and_raw_types": self._topics_and_raw_types,
             "rosapi/topics_for_type": self._topics_for_type,
             "rosapi/topic_type": lambda arguments: {
-                "type": board.all_types.get(str(arguments.get("topic")), "")
+                "type": self._all_types.get(str(arguments.get("topic")), "")
             },
             "rosapi/message_details": self._message_details,
             "rosapi/nodes": lambda _: {"nodes": ["/radarsim"]},
@@ -127,13 +100,25 @@ class RosbridgeClient(BoardClient):
             "rosapi/get_param_names": lambda _: {"names": []},
             # By two names, as in the versions of rosapi.
             **dict.fromkeys(
-                ("rosapi/time", "rosapi/get_time"), lambda _: {"time": board.time}
+                ("rosapi/time", "rosapi/get_time"), lambda _: {"time": self._time}
             ),
         }
 
-    def wants(self, topic: str) -> bool:
-        """See ``BoardClient.wants``."""
-        return topic in self._subscriptions
+    @staticmethod
+    def encode(message: RosMessage) -> str:
+        """See ``BoardClient.encode``."""
+        return message_json(message)
+
+    @property
+    def _all_types(self) -> dict[str, str]:
+        """Types of topics, also of those that are only listened to."""
+        return dict.fromkeys(self._board.drivers, TWIST) | self._board.types
+
+    @property
+    def _time(self) -> Json:
+        """Simulated time in the fields of ROS 2, and of ROS 1, which roslibpy reads."""
+        sec, nanosec = self._board.now.sec, self._board.now.nanosec
+        return {"sec": sec, "nanosec": nanosec, "secs": sec, "nsecs": nanosec}
 
     def offer(self, topic: str, data: Any, now: float) -> None:
         """See ``BoardClient.offer``; no more often than its throttle rate."""
@@ -157,11 +142,7 @@ class RosbridgeClient(BoardClient):
             raise ValueError(f"a topic of {len(topic)} characters, expected a name")
         # In ms, as the protocol has it; clients send null for none.
         interval = float(message.get("throttle_rate") or 0) / 1000
-        # All that a client can make this keep is limited.
-        if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
-            raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
-        self._subscriptions.setdefault(topic, {})[_id_of(message)] = interval
-        latched = self._board.latched(topic)
+        latched = self._add_subscription(topic, _id_of(message), interval)
         if latched:  # whatever the throttle rate: there may be no other for long
             self._queue(topic, latched)
 
@@ -192,16 +173,16 @@ class RosbridgeClient(BoardClient):
         self.waiting.append(json.dumps(answer))
 
     def _topics(self, _: Json) -> Json:
-        types = self._board.all_types
+        types = self._all_types
         return {"topics": list(types), "types": list(types.values())}
 
     def _topics_and_raw_types(self, arguments: Json) -> Json:
-        types = self._board.all_types.values()
+        types = self._all_types.values()
         texts = [_cdr().definition_of(each) for each in types]
         return {**self._topics(arguments), "typedefs_full_text": texts}
 
     def _topics_for_type(self, arguments: Json) -> Json:
-        types, wanted = self._board.all_types, full_name(str(arguments.get("type")))
+        types, wanted = self._all_types, full_name(str(arguments.get("type")))
         return {"topics": [name for name in types if types[name] == wanted]}
 
     def _message_details(self, arguments: Json) -> Json:

@@ -2,16 +2,17 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Final
 
 from starlette.applications import Starlette
 from starlette.routing import WebSocketRoute
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.board import Board, BoardClient
 from radarsim.addons.ros.bridge import DriveCallback
-from radarsim.listening import bind
+from radarsim.listening import bind, first_of
 from radarsim.server.web_server import AllowedHosts, WebServer
 
 LONGEST_MESSAGE: Final = 65536  # bytes of what a client sends
@@ -32,7 +33,7 @@ class WebSocketSide:
         """Create a server that does not listen yet.
 
         Args:
-            board: The protocol.
+            board: The topics for the clients of a protocol.
             address: Address to listen on.
             port: Port to listen on; 0 for a free one.
             announce: Called with the name of the protocol and the address as soon as
@@ -75,7 +76,7 @@ class WebSocketSide:
             app = Starlette(routes=[WebSocketRoute("/{path:path}", self._serve)])
             server = WebServer(
                 app,
-                lambda: self._announce(self._board.name, place),
+                lambda: self._announce(self._board.protocol.name, place),
                 longest_message=LONGEST_MESSAGE,
             )
             serving = asyncio.ensure_future(server.serve([listening]))
@@ -89,18 +90,18 @@ class WebSocketSide:
     async def _serve(self, socket: WebSocket) -> None:
         # A page of another site may connect only if its site is named.
         origin = socket.headers.get("origin", "").lower()
-        is_named = origin in self._origins or self._board.trusts(origin)
+        is_named = origin in self._origins or self._board.protocol.trusts(origin)
         if not is_named and not self._allowed.admit(socket.headers, needs_origin=False):
             await socket.close()
             return
         asked = socket.scope["subprotocols"]
-        common = [each for each in self._board.subprotocols if each in asked]
+        common = [each for each in self._board.protocol.subprotocols if each in asked]
         await socket.accept(common[0] if common else None)
-        client, news = self._board.new_client(), asyncio.Event()
+        client, news = self._board.protocol(self._board), asyncio.Event()
         self._clients[client] = news
         news.set()
-        sending = asyncio.ensure_future(_send(socket, client, news))
-        try:
+
+        async def hear() -> None:
             # Topics are limited in the queue; answers to calls are not, but end the
             # connection.
             while len(client.waiting) < MOST_ANSWERS:
@@ -109,11 +110,12 @@ class WebSocketSide:
                     break
                 client.receive(message.get("text") or message.get("bytes") or b"")
                 news.set()
-        except RuntimeError:
-            pass  # it is gone
+
+        try:
+            with suppress(RuntimeError, WebSocketDisconnect):  # it is gone
+                await first_of(hear(), _send(socket, client, news))
         finally:
             del self._clients[client]
-            sending.cancel()
 
 
 async def _send(socket: WebSocket, client: BoardClient, news: asyncio.Event) -> None:

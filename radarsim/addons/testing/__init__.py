@@ -32,11 +32,14 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import pytest
 
 from radarsim.errors import RadarsimError
+
+if TYPE_CHECKING:
+    from radarsim.server.host import Host
 
 __all__ = [
     "UsarsimClient",
@@ -176,7 +179,6 @@ def usarsim_server(
 ) -> Iterator[UsarsimServer]:
     """A USARSim server that runs while the test does, on a free port of 127.0.0.1."""
     # Imported here, so that pytest starts fast where no test uses a server.
-    from radarsim.addons.testing.hosts import make_host  # noqa: PLC0415
     from radarsim.server.server_thread import ServerThread  # noqa: PLC0415
 
     options = _options(request.node, usarsim_map)
@@ -206,3 +208,45 @@ def _options(item: pytest.Item, map_: str | Path) -> dict[str, Any]:
             pytest.fail(f"mark usarsim({came}), {expected}", pytrace=False)
         options |= mark.kwargs
     return options
+
+
+def make_host(options: dict[str, Any]) -> "Host":
+    """Create the host for the options of a test.
+
+    Raises:
+        RadarsimError: If the map or the settings are wrong.
+        ValueError: If another option is, or is of another type.
+    """
+    # As above: they import the engine, Embree and shapely.
+    from annotated_types import Ge, Gt  # noqa: PLC0415
+    from pydantic import (  # noqa: PLC0415
+        BaseModel,
+        ConfigDict,
+        FiniteFloat,
+        ValidationError,
+    )
+
+    from radarsim.protocol.dialect import get_dialect  # noqa: PLC0415
+    from radarsim.scene.map_file import load_map  # noqa: PLC0415
+    from radarsim.server.host import Host  # noqa: PLC0415
+    from radarsim.simulation.config import SimulationConfig  # noqa: PLC0415
+    from radarsim.validation import describe_invalid  # noqa: PLC0415
+
+    class Options(BaseModel):
+        model_config = ConfigDict(strict=True)
+
+        map: str | Path
+        seed: Annotated[int, Ge(0)]
+        dialect: Literal["compat", "udk"]
+        speed: Annotated[FiniteFloat, Gt(0)]
+        settings: dict[str, dict[str, Any]]
+
+    try:
+        checked = Options.model_validate(options)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ValueError(f"{first['loc'][0]} {describe_invalid(first)}") from None
+    dialect = get_dialect(checked.dialect)
+    scene = load_map(checked.map)
+    config = SimulationConfig(dialect, item_settings=checked.settings)
+    return Host(scene, config=config, seed=checked.seed)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Set
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from radarsim.addons.web.own_robot import OwnRobot, RobotClient, Tell, Work
+from radarsim.addons.web.own_robot import OwnRobot, RobotClient, TaskClock, Work
 from radarsim.addons.web.requests import (
     BadRequest,
     Cancel,
@@ -22,7 +22,6 @@ from radarsim.addons.web.requests import (
     Map,
 )
 from radarsim.addons.web.robots import Robots
-from radarsim.addons.web.time_control import TaskClock
 from radarsim.addons.web.viewers import Viewers, encode_json
 from radarsim.autonomy.navigation.mission import safety_distance_for
 from radarsim.autonomy.navigation.runner import least_clearance
@@ -38,99 +37,15 @@ MOST_MAPS: Final = 10  # that are made at a time
 DEFAULT_COLOURS: Final[Colours] = "usarcommander"
 
 
-class TaskBoard:
-    """The tasks that run, of which a robot has at most one.
-
-    Attributes:
-        running: Tasks by the names of their robots.
-        clock: By which they wait.
-    """
-
-    def __init__(self, tell: Tell) -> None:
-        """Create an empty board; to be called in the event loop.
-
-        Args:
-            tell: Called with messages, in the event loop.
-        """
-        self.running: dict[str, RobotClient] = {}
-        self.clock = TaskClock()
-        self._tell = tell
-        self._threads = 0  # also of cancelled tasks, until they notice
-        self._loop = asyncio.get_running_loop()
-        self._count = 0
-
-    def begin(self, robot: OwnRobot, kind: str, work: Work) -> None:
-        """Begin a task, instead of the one that the robot is at.
-
-        Raises:
-            BadRequest: If there are too many tasks.
-        """
-        self.cancel(robot.name)
-        # Those of cancelled tasks count: they compute until they next read or drive.
-        if self._threads >= MOST_TASKS:
-            raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
-        self._count += 1
-        task = RobotClient(robot, kind, self._count, self.clock)
-        self.running[robot.name] = task
-        self._threads += 1
-        self._tell_state(task, "running")
-        threading.Thread(target=self._run, args=(task, work), daemon=True).start()
-
-    def cancel(self, robot: str) -> None:
-        """Cancel the task of a robot, if it has one."""
-        task = self.running.pop(robot, None)
-        if task is not None:
-            task.cancel()
-            # Servers hold the last speeds, and the thread of the task may notice late.
-            task.robot.set_wheels(0.0, 0.0)
-            self._tell_state(task, "cancelled")
-
-    def tell_threadsafe(self, message: dict[str, Any]) -> None:
-        """Tell a message from any thread."""
-        self._call(self._tell, message)
-
-    def _tell_state(self, task: RobotClient, state: str, text: str = "") -> None:
-        """Tell how a task stands; ``text`` says how it ended."""
-        self._tell(
-            {
-                "op": "task",
-                "id": task.number,
-                "robot": task.robot.name,
-                "kind": task.kind,
-                "state": state,
-                "text": text,
-            }
-        )
-
-    def _run(self, task: RobotClient, work: Work) -> None:
-        """Do the work, in its thread."""
-        state, text = "failed", "an error of the program"
-        try:
-            text = work(task, self.tell_threadsafe)
-            state = "done"
-        except RadarsimError as error:
-            text = str(error)
-        except Exception:
-            log.exception("the %s of %s failed", task.kind, task.robot.name)
-        self._call(self._end, task, state, text)
-
-    def _end(self, task: RobotClient, state: str, text: str) -> None:
-        self._threads -= 1
-        if self.running.get(task.robot.name) is task:  # else it was cancelled
-            del self.running[task.robot.name]
-            task.cancel()
-            self._tell_state(task, state, text)
-
-    def _call(self, function: Callable[..., None], *arguments: Any) -> None:
-        with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(function, *arguments)
-
-
 class Activities:
     """Tasks and maps of robots, and the newest messages about them.
 
+    A robot has at most one task.
+
     Attributes:
         scene: The map; None if it is not known.
+        clock: By which tasks wait, in simulated time.
+        running: Tasks that run, by the names of their robots.
         newest: What a new browser has to know, as JSON; by kind and robot.
     """
 
@@ -148,23 +63,19 @@ class Activities:
         self._robots = robots
         self._viewers = viewers
         self._on_change = on_change
-        self._tasks = TaskBoard(self._tell)
+        self.clock = TaskClock()
+        self.running: dict[str, RobotClient] = {}
+        self._threads = 0  # also of cancelled tasks, until they notice
+        self._count = 0  # of tasks so far
+        self._loop = asyncio.get_running_loop()
         self._makers: dict[str, MapMaker] = {}
         self._colours: dict[str, Colours] = {}
         self.newest: dict[tuple[str, str], str] = {}
-
-    def follow_time(self, rate: float) -> None:
-        """Let tasks wait by simulated time, of which so much passes in a second."""
-        self._tasks.clock.set_rate(rate)
 
     @property
     def mapped(self) -> Set[str]:
         """Names of the robots that are mapped."""
         return self._makers.keys()
-
-    def is_at_work(self, robot: str) -> bool:
-        """Return whether a robot is at a task."""
-        return robot in self._tasks.running
 
     def go(self, request: Goto) -> None:
         """Drive to a goal.
@@ -194,14 +105,18 @@ class Activities:
 
     def cancel(self, request: Cancel) -> None:
         """Cancel a task; one that has ended stays as it is."""
-        for robot, task in [*self._tasks.running.items()]:
+        for robot, task in [*self.running.items()]:
             if task.number == request.task:
-                self._tasks.cancel(robot)
+                self.stop(robot)
 
-    def stop(self, robot: str | None) -> None:
-        """Cancel the task of a robot; None for those of all robots."""
-        for name in [*self._robots.own] if robot is None else [robot]:
-            self._tasks.cancel(name)
+    def stop(self, robot: str) -> None:
+        """Cancel the task of a robot, if it has one."""
+        task = self.running.pop(robot, None)
+        if task is not None:
+            task.cancel()
+            # Servers hold the last speeds, and the thread of the task may notice late.
+            task.robot.set_wheels(0.0, 0.0)
+            self._tell_state(task, "cancelled")
 
     def switch_map(self, request: Map) -> None:
         """Make a map of a robot, or no more, or in other colours.
@@ -222,13 +137,13 @@ class Activities:
         else:
             from radarsim.addons.web.algorithms import MapMaker  # noqa: PLC0415
 
-            tell, has_echoes = self._tasks.tell_threadsafe, self._robots.is_watching
+            tell, has_echoes = self._tell_threadsafe, self._robots.is_watching
             self._makers[name] = MapMaker(view, request, tell, has_echoes=has_echoes)
             self._on_change()
 
     def forget(self, robot: str) -> None:
         """End what goes on with a robot that is gone."""
-        self._tasks.cancel(robot)
+        self.stop(robot)
         self._stop_map(robot)
         self._colours.pop(robot, None)
         for key in [key for key in self.newest if key[1] == robot]:
@@ -267,10 +182,63 @@ class Activities:
             )
 
     def _begin(self, kind: str, robot: str, work: Work) -> None:
+        """Begin a task, instead of the one that the robot is at.
+
+        Raises:
+            BadRequest: If the robot cannot, or there are too many tasks.
+        """
         own = self._robots.find_own(robot)
         if own.hindrance is not None:
             raise BadRequest(f"{robot!r} cannot go by itself: {own.hindrance}")
-        self._tasks.begin(own, kind, work)
+        self.stop(robot)
+        # Those of cancelled tasks count: they compute until they next read or drive.
+        if self._threads >= MOST_TASKS:
+            raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
+        self._count += 1
+        task = RobotClient(own, kind, self._count, self.clock)
+        self.running[robot] = task
+        self._threads += 1
+        self._tell_state(task, "running")
+        threading.Thread(target=self._run, args=(task, work), daemon=True).start()
+
+    def _tell_threadsafe(self, message: dict[str, Any]) -> None:
+        self._call(self._tell, message)
+
+    def _tell_state(self, task: RobotClient, state: str, text: str = "") -> None:
+        """Tell how a task stands; ``text`` says how it ended."""
+        self._tell(
+            {
+                "op": "task",
+                "id": task.number,
+                "robot": task.robot.name,
+                "kind": task.kind,
+                "state": state,
+                "text": text,
+            }
+        )
+
+    def _run(self, task: RobotClient, work: Work) -> None:
+        """Do the work, in its thread."""
+        state, text = "failed", "an error of the program"
+        try:
+            text = work(task, self._tell_threadsafe)
+            state = "done"
+        except RadarsimError as error:
+            text = str(error)
+        except Exception:
+            log.exception("the %s of %s failed", task.kind, task.robot.name)
+        self._call(self._end, task, state, text)
+
+    def _end(self, task: RobotClient, state: str, text: str) -> None:
+        self._threads -= 1
+        if self.running.get(task.robot.name) is task:  # else it was cancelled
+            del self.running[task.robot.name]
+            task.cancel()
+            self._tell_state(task, state, text)
+
+    def _call(self, function: Callable[..., None], *arguments: Any) -> None:
+        with suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(function, *arguments)
 
     def _stop_map(self, robot: str) -> None:
         maker = self._makers.pop(robot, None)

@@ -29,12 +29,18 @@ from radarsim.cli.server_options import (
     check_item_settings,
     cure_of_port,
 )
-from radarsim.errors import MapError, ServerError, describe_os_error, join_address
+from radarsim.errors import (
+    MapError,
+    RecordingError,
+    ServerError,
+    describe_os_error,
+    join_address,
+)
 from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
-    from radarsim.server.pace import Pace
+    from radarsim.server.tcp_server import Pace
     from radarsim.simulation.config import SimulationConfig
 
 END_TIMEOUT: Final = 5.0  # s that it has to end by itself
@@ -137,39 +143,42 @@ def commander(
         return serve(
             server.map, Listener(port=0), server, log_options=log, extensions=(page,)
         )
-    from radarsim.listening import check_port
+    from radarsim.listening import check_port, exit_code_of_signal
 
     if page.record_to.is_file():
         text = f"{page.record_to} is a file, expected a folder"
         raise click.BadParameter(text, param_hint="--record-to")
     with cure_of_port({OPTION: page.web}):  # before imports that take long
         check_port(page.web_host, page.web)
-    from radarsim.addons.web.program import CommanderSettings, run_commander
+    from radarsim.addons.web.program import serve_page
 
     config, drawn = server.config(), server.map or server.draw
     if server.recording is not None:
         config, drawn = conditions_of(server.recording, drawn)
-    address = _read_address() if child else server.connect
+    shown = _read_address() if child else server.connect or server.recording
+    assert shown is not None  # one of them is required
     if not child:  # else the parent says what is wrong with them, and ends
         check_item_settings(config)
     token = _find_token(page)
-    settings = CommanderSettings(
-        server=address,
-        web_host=page.web_host,
-        web_port=page.web,
-        token=token,
-        config=config,
-        map=drawn,
-        record_to=page.record_to,
-        is_child=child,
-        recording=server.recording,
-    )
+
+    async def run() -> int:
+        with exit_code_of_signal() as end:
+            await serve_page(
+                shown,
+                page,
+                config,
+                token=token,
+                map_=drawn,
+                end=end,
+                announce=lambda at: announce_commander(at, token),
+                is_child=child,
+            )
+            return end.result() if end.done() else 0
+
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
     with cure_of_port({OPTION: page.web}):
-        code = asyncio.run(
-            run_commander(settings, lambda at: announce_commander(at, token))
-        )
+        code = asyncio.run(run())
     return exit_immediately(code)  # threads may still import or compute
 
 
@@ -203,22 +212,16 @@ def conditions_of(
     Raises:
         RecordingError: If there is none.
     """
-    from radarsim.addons.recording.bag_folder import digest_of, open_bag
-    from radarsim.scene.map_file import find_map
+    from radarsim.addons.recording.bag_folder import check_map, open_bag
 
     info = open_bag(folder).info
     name = info.map or info.drawn_map
     if drawn is None and name:
         try:
-            path, _ = find_map(name)
-            same = info.map_digest in ("", digest_of(path))
-            problem = "" if same else f"{path} is not as it was"
-        except (MapError, OSError) as error:
-            problem = str(error)
-        if problem:
-            print_message(f"no map is drawn: {problem}; --draw names one")
-        else:
+            check_map(info, name)
             drawn = name
+        except (MapError, OSError, RecordingError) as error:
+            print_message(f"no map is drawn: {error}; --draw names one")
     return info.config(), drawn
 
 
@@ -337,14 +340,8 @@ class CommanderExtension(ServeExtension):
 
     def _change_pace(self, request: str) -> None:
         """Do what a browser asks for, in the event loop of the server."""
-        asked, pace = json.loads(request), self._pace
-        assert pace is not None  # the server is there before its page
-        if asked["speed"] is not None:
-            pace.set_speed(asked["speed"])
-        if asked["step"] is not None:
-            pace.step(asked["step"])
-        elif asked["paused"] is not None:
-            (pace.pause if asked["paused"] else pace.resume)()
+        assert self._pace is not None  # the server is there before its page
+        self._pace.change(**json.loads(request))
 
     def close(self) -> None:
         """End it."""

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.addons.web.activities import Activities
-from radarsim.addons.web.frame import encode_frame
-from radarsim.addons.web.playback import Playback
 from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
     BadRequest,
@@ -23,9 +21,9 @@ from radarsim.addons.web.requests import (
     Stop,
     make_offers,
 )
+from radarsim.addons.web.robot_view import encode_frame
 from radarsim.addons.web.robots import Robots
-from radarsim.addons.web.server_link import ServerLink
-from radarsim.addons.web.time_control import TimeControl
+from radarsim.addons.web.server_link import Link
 from radarsim.addons.web.viewers import Viewer, Viewers
 from radarsim.autonomy.navigation.runner import least_clearance
 from radarsim.protocol.reports import Report
@@ -42,10 +40,9 @@ class Commander:
 
     def __init__(
         self,
-        link: ServerLink | Playback,
+        link: Link,
         config: SimulationConfig,
         record_to: Path,
-        time: TimeControl,
         *,
         map_: str | None = None,
     ) -> None:
@@ -55,7 +52,6 @@ class Commander:
             link: To the server, or to the recording that is played.
             config: How the server was started, as far as it is known.
             record_to: Folder in which each recording gets one of its own.
-            time: What lets time pass.
             map_: The map that is shown, if one is known.
         """
         self._config = config
@@ -63,15 +59,12 @@ class Commander:
         self._loop = asyncio.get_running_loop()
         self._linger: asyncio.TimerHandle | None = None
         self._viewers = Viewers(self._frame)
-        self._time = time
-        time.on_change = self._time_changed
         self._link = link
         self._robots = Robots(link.address, config, self._viewers, self._robots_changed)
         self._activities = Activities(self._robots, self._viewers, self._robots_changed)
         self._robots.on_left = self._activities.forget
         link.on_link, link.on_reports = self._server_changed, self._show_reports
-        if isinstance(link, Playback):
-            link.on_damage = self._tell_error
+        link.on_time, link.on_damage = self._time_changed, self._tell_error
         self._recording = RecordingSwitch(
             link.address, config, record_to, self._viewers, map_=map_
         )
@@ -83,10 +76,10 @@ class Commander:
             "goto": lambda _, request: self._activities.go(request),
             "look": self._look,
             "map": lambda _, request: self._activities.switch_map(request),
-            "pace": lambda _, request: self._time.change(request),
+            "pace": lambda _, request: link.change_pace(request),
             "record": lambda _, request: self._recording.switch(request.on),
             "remove": self._robots.remove,
-            "seek": lambda _, request: self._time.seek(request),
+            "seek": lambda _, request: link.seek(request),
             "select": self._select,
             "setting": self._set,
             "spawn": self._robots.spawn,
@@ -117,7 +110,7 @@ class Commander:
         if self._activities.scene is not None:
             viewer.send(self._activities.scene.plan)
         viewer.send(self._recording.message(), "recording")
-        viewer.send(self._time.message(), "time")
+        viewer.send(self._link.time_message(), "time")
         self._tell_server(viewer)
         for text in self._activities.newest.values():
             viewer.send(text)
@@ -158,8 +151,8 @@ class Commander:
         robots = [*self._robots.own.values()]
         if request.robot is not None:
             robots = [self._robots.find_own(request.robot)]
-        self._activities.stop(request.robot)
         for robot in robots:
+            self._activities.stop(robot.name)
             robot.release()
 
     def _select(self, viewer: Viewer, request: Select) -> None:
@@ -209,9 +202,9 @@ class Commander:
         viewer.send(greeting, "hello")
 
     def _time_changed(self) -> None:
-        time = self._time
-        self._activities.follow_time(0.0 if time.is_paused else time.speed)
-        self._viewers.broadcast(time.message(), "time")
+        link = self._link
+        self._activities.clock.set_rate(0.0 if link.is_paused else link.speed)
+        self._viewers.broadcast(link.time_message(), "time")
 
     def _tell_error(self, text: str) -> None:
         self._viewers.broadcast({"op": "error", "text": text})
@@ -266,7 +259,7 @@ class Commander:
     def _frame(self, selected: str | None) -> bytes:
         owners = {}
         for name, robot in self._robots.own.items():
-            work = "task" if self._activities.is_at_work(name) else None
+            work = "task" if name in self._activities.running else None
             safety = self._activities.safety_distance(robot)
             owners[name] = {
                 "mine": True,
@@ -276,4 +269,4 @@ class Commander:
                 "clearance": None if safety is None else least_clearance(safety),
             }
         views = self._robots.views.values()
-        return encode_frame(views, owners, selected, self._time.position)
+        return encode_frame(views, owners, selected, self._link.position)

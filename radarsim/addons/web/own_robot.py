@@ -11,16 +11,17 @@ passes commands to its connection.
 import asyncio
 import math
 import queue
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final, NoReturn, TypeAlias
 
 from radarsim.addons.web.requests import FIRST_CLASS
-from radarsim.addons.web.time_control import TaskClock
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.client import AsyncClient, Client, ClientTimeout, DriveUnit, RobotInfo
 from radarsim.client import session as questions
 from radarsim.errors import ClientError
+from radarsim.listening import first_of
 from radarsim.protocol.reports import Report
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
@@ -78,17 +79,7 @@ class OwnRobot:
             ClientError: If the server ends it, or reads no more.
         """
         # Who sends notices a server that reads no more, who reads one that is gone.
-        tasks = {
-            asyncio.ensure_future(self._read()),
-            asyncio.ensure_future(self._send()),
-        }
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-        for task in done:
-            task.result()
+        await first_of(self._read(), self._send())
 
     def leave_sensors(self, on: bool) -> None:
         """Read no sensors, since all robots are watched, while it is read by nobody."""
@@ -200,6 +191,27 @@ def find_hindrance(robot: RobotInfo) -> str | None:
         seen = f"{scanner.name} sees {math.degrees(scanner.fov):.0f}\N{DEGREE SIGN}"
         return f"{seen}, not all around as that of a {FIRST_CLASS}"
     return None
+
+
+class TaskClock:
+    """The clock of what robots do by themselves.
+
+    It follows simulated time, so that nothing that waits for a scan gives up while the
+    simulation is paused. Threads may read it at any time.
+    """
+
+    def __init__(self) -> None:
+        """Begin at 0 s."""
+        self._since = (time.monotonic(), 0.0, 1.0)  # s of the wall, own time, and rate
+
+    def time(self) -> float:
+        """Return the time, s."""
+        wall, began, rate = self._since
+        return began + rate * (time.monotonic() - wall)
+
+    def set_rate(self, rate: float) -> None:
+        """Change how many seconds pass in one of the wall clock."""
+        self._since = (time.monotonic(), self.time(), rate)
 
 
 class RobotClient(Client):

@@ -1,53 +1,234 @@
 """Plays a recording to the commander, in place of a server.
 
+A bag has an index of its chunks, so that any second of it is read without the others.
 Robots are told of as a server tells of them that is watched: that they join and leave,
 and the lines that their clients were sent. Who goes back is told that all robots have
 left, and then again of those that were there, with the last second before.
 """
 
 import asyncio
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, Final, NamedTuple, Self, TypeAlias
 
+from mcap.reader import SeekingReader
+
+from radarsim.addons.recording.bag import (
+    BROKEN,
+    LARGEST_RECORD,
+    BagReader,
+    decode_call,
+)
+from radarsim.addons.recording.bag_folder import RecordingInfo
+from radarsim.addons.recording.call_converter import TICK, TO_CLIENT, TO_SERVER
+from radarsim.addons.recording.recorders import (
+    UNNAMED,
+    EventType,
+    RunEvent,
+    spawned_robot,
+)
 from radarsim.addons.web.requests import BadRequest, Pace, Seek
-from radarsim.addons.web.server_link import ServerState
-from radarsim.addons.web.time_control import TimeControl
-from radarsim.errors import RecordingError
-from radarsim.protocol.reports import Report, RobotJoined, RobotLeft, Watching
+from radarsim.addons.web.server_link import Link, ServerState
+from radarsim.errors import MalformedMessage, RecordingError, describe_os_error
+from radarsim.protocol.message import LineBuffer
+from radarsim.protocol.reports import (
+    RobotJoined,
+    RobotLeft,
+    WatchedLine,
+    Watching,
+    decode_report,
+)
 from radarsim.protocol.watch import RobotChoice
+from radarsim.simulation.clock import seconds
 
-if TYPE_CHECKING:
-    from radarsim.addons.recording.recorded_lines import RecordedLines, TimedLine
-
+SECOND: Final = 1_000_000_000  # ns
 INTERVAL: Final = 0.05  # s between two looks at what is due
 BEFORE: Final = 1.0  # s of lines that tell how everything is at a time
 KEPT: Final = 4  # seconds of lines that are remembered
 FIRST_LOOK: Final = 0.2  # s after the first robot, when it has scanned
 
 
-class Playback(TimeControl):
-    """A link to a recording, whose time is controlled.
+# A line that the client of a robot was sent, and when, s.
+TimedLine: TypeAlias = tuple[float, WatchedLine]
+
+
+class RecordedRobot(NamedTuple):
+    """A robot of a recording.
 
     Attributes:
-        address: That of no server.
-        state: What is known, as of a server.
+        client: Number of its client.
+        name: Name that no other robot of the recording has.
+        class_name: Its class, as its client spelled it; empty if that was not recorded.
+        joined: When it was spawned, s.
+        left: When its client left, or spawned another one, s.
     """
 
-    refusal = ""
-    address = None
+    client: int
+    name: str
+    class_name: str
+    joined: float
+    left: float
 
-    def __init__(self, recording: "RecordedLines") -> None:
+
+class RecordedLines:
+    """A recording that is open.
+
+    Attributes:
+        info: The conditions of the run.
+        start: Time of its beginning, s of the simulation.
+        end: Time of its end, s.
+        robots: The robots, in the order in which they were spawned.
+    """
+
+    def __init__(self, file: IO[bytes], info: RecordingInfo) -> None:
+        """Read which robots there are; ``open`` finds the file.
+
+        Args:
+            file: The file, which is closed by ``close``.
+            info: The conditions of the run.
+
+        Raises:
+            RecordingError: If it has no index, or nothing in it.
+        """
+        self.info = info
+        self._file = file
+        self._reader = SeekingReader(
+            file, validate_crcs=True, record_size_limit=LARGEST_RECORD
+        )
+        summary = None
+        with suppress(*BROKEN):
+            summary = self._reader.get_summary()
+        if summary is None or summary.statistics is None or not summary.chunk_indexes:
+            text = "breaks off, expected a whole recording"
+            raise RecordingError(self._describe(text))
+        self.end = summary.statistics.message_end_time // TICK / 100
+        self.robots = _find_robots(self._calls(TO_SERVER, None, None), self.end)
+        first = next(self._calls(TO_CLIENT, None, None), None)
+        if first is None:
+            text = f"nothing was sent in {file.name}, expected a robot at least"
+            raise RecordingError(text)
+        self.start = seconds(first.tick)
+
+    @classmethod
+    def open(cls, folder: Path) -> Self:
+        """Open the recording in a folder.
+
+        Raises:
+            RecordingError: If there is none, or it cannot be read.
+        """
+        bag = BagReader(folder)
+        try:
+            file = bag.path.open("rb")
+        except OSError as error:
+            raise RecordingError(f"{bag.path}: {describe_os_error(error)}") from error
+        try:
+            return cls(file, bag.info)
+        except BaseException:
+            file.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def read(self, second: int) -> list[TimedLine]:
+        """Return the lines from a second on up to the next one, in order.
+
+        Each is under the name of its robot, and follows its time, s.
+
+        Raises:
+            RecordingError: If the file is damaged there.
+        """
+        lines: list[TimedLine] = []
+        buffers: dict[int, LineBuffer] = {}
+        for call in self._calls(TO_CLIENT, second * SECOND, (second + 1) * SECOND):
+            robot = self._robot_of(call)
+            if robot is None or not call.data:
+                continue
+            buffer = buffers.setdefault(call.client, LineBuffer())
+            for text in buffer.feed(call.data):
+                with suppress(MalformedMessage):  # the rest of one that was cut
+                    line = WatchedLine(robot.name, text, decode_report(text))
+                    lines.append((seconds(call.tick), line))
+        return lines
+
+    def _robot_of(self, call: RunEvent) -> RecordedRobot | None:
+        """Return the robot that a client has when it is sent something."""
+        time = seconds(call.tick)
+        for robot in reversed(self.robots):
+            if robot.client == call.client and robot.joined <= time <= robot.left:
+                return robot
+        return None
+
+    def _calls(
+        self, topic: str, start: int | None, end: int | None
+    ) -> Iterator[RunEvent]:
+        """Yield the calls of a topic from a time on up to another one, ns."""
+        found = self._reader.iter_messages(
+            [topic], starting_at=start, ending_before=end
+        )
+        try:
+            for schema, _, message in found:
+                yield decode_call(schema.name if schema else "", message.data)
+        except (*BROKEN, OSError) as error:
+            raise RecordingError(self._describe(f"is damaged: {error}")) from error
+
+    def _describe(self, problem: str) -> str:
+        folder = Path(self._file.name).parent
+        cure = f"'radarsim recording repair {folder}' keeps what can be read"
+        return f"{self._file.name} {problem}; {cure}"
+
+
+def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
+    """Find robots by the commands that spawned them."""
+    robots: list[RecordedRobot] = []
+    current: dict[int, int] = {}  # place of a client's newest robot
+    taken: set[str] = set()
+
+    def leave(client: int, time: float) -> None:
+        if (place := current.pop(client, None)) is not None:
+            robots[place] = robots[place]._replace(left=time)
+
+    for call in calls:
+        time = seconds(call.tick)
+        if call.type is EventType.DISCONNECT:
+            leave(call.client, time)
+        elif call.type is EventType.RECEIVE:
+            for spawned in map(spawned_robot, call.data.decode("latin-1").splitlines()):
+                if spawned is None:
+                    continue
+                leave(call.client, time)
+                wanted, class_name = spawned
+                name = _unique(wanted or class_name or UNNAMED, taken)
+                current[call.client] = len(robots)
+                robots.append(RecordedRobot(call.client, name, class_name, time, end))
+    return robots
+
+
+def _unique(name: str, taken: set[str]) -> str:
+    """Return a name that no other robot has, and note it."""
+    wanted, count = name, 1
+    while name.casefold() in taken:
+        count += 1
+        name = f"{wanted}_{count}"
+    taken.add(name.casefold())
+    return name
+
+
+class Playback(Link):
+    """A link to a recording, whose time is controlled."""
+
+    refusal = ""
+
+    def __init__(self, recording: RecordedLines) -> None:
         """Stand where the first robot is there.
 
         Args:
             recording: What is played.
         """
-        super().__init__()
         level = recording.info.level or recording.info.map  # which older ones lack
-        self.state = ServerState(level, watches=True, problem="")
-        self.on_link: Callable[[], None] = lambda: None
-        self.on_reports: Callable[[Sequence[Report]], None] = lambda _: None
-        self.on_damage: Callable[[str], None] = lambda _: None  # told what is damaged
+        super().__init__(None, ServerState(level, watches=True, problem=""))
         self._recording = recording
         self.is_paused = True
         joined = [robot.joined for robot in recording.robots]
@@ -68,33 +249,30 @@ class Playback(TimeControl):
         """The time that is shown soon, s, if nobody asks for another one."""
         return self._time if self._wanted is None else self._wanted
 
-    def message(self) -> dict[str, Any]:
-        """See ``TimeControl.message``; the times are those of the recorded run."""
+    def time_message(self) -> dict[str, Any]:
+        """See ``Link.time_message``; the times are those of the recorded run."""
         recording = self._recording
         times = {"t": self._target, "start": recording.start, "end": recording.end}
-        return {**super().message(), **times}
+        return {**super().time_message(), **times}
 
-    def change(self, request: Pace) -> None:
-        """See ``TimeControl.change``; who goes on at the end begins anew."""
+    def change_pace(self, request: Pace) -> None:
+        """See ``Link.change_pace``; who goes on at the end begins anew."""
         paused = self.is_paused if request.paused is None else request.paused
         if request.step is not None:
             paused = True
             self._go(min(self._target + request.step, self._recording.end))
         elif not paused and self._time >= self._recording.end:
             self._go(self._recording.start)
-        self._set(request.speed or self.speed, paused)
+        self._set_pace(request.speed or self.speed, paused)
         self._changed.set()
 
     def seek(self, request: Seek) -> None:
-        """See ``TimeControl.seek``."""
+        """See ``Link.seek``."""
         start, end = self._recording.start, self._recording.end
         if not start <= request.t <= end:
             raise BadRequest(f"t {request.t}, expected {start:g} to {end:g} s")
         self._go(request.t)
-        self.on_change()
-
-    def watch(self, echoes: Iterable[str] | None) -> None:
-        """Do nothing: all that is recorded is told."""
+        self.on_time()
 
     async def run(self) -> None:
         """Play for ever; paused at the end."""
@@ -125,7 +303,7 @@ class Playback(TimeControl):
         time = min(self._time + duration, end)
         await self._show(time)
         if time >= end and self._wanted is None:
-            self._set(self.speed, True)
+            self._set_pace(self.speed, True)
 
     async def _show(self, time: float) -> None:
         """Tell what was sent up to a time since the one before, or a little before."""
@@ -140,9 +318,7 @@ class Playback(TimeControl):
             return
         self._time = time
         self._tell_robots(time)
-        self.on_reports(
-            [each.line for each in lines if each.line.robot in self._present]
-        )
+        self.on_reports([line for line in lines if line.robot in self._present])
 
     def _tell_robots(self, time: float) -> None:
         """Tell which robots have joined and left up to a time."""
@@ -154,20 +330,20 @@ class Playback(TimeControl):
         self.on_reports([RobotLeft(name) for name in gone])
         self.on_reports([RobotJoined(each.name, each.class_name) for each in new])
 
-    async def _read(self, since: float, time: float) -> "list[TimedLine]":
+    async def _read(self, since: float, time: float) -> list[WatchedLine]:
         """Return the lines after a time up to another one."""
-        seconds = range(int(max(since, 0.0)), int(time) + 1)
-        for second in seconds:
+        wanted = range(int(max(since, 0.0)), int(time) + 1)
+        for second in wanted:
             lines = self._seconds.pop(second, None)
             if lines is None:
                 lines = await self._read_second(second)
             self._seconds[second] = lines  # the newest is last
-        for old in [*self._seconds][: -max(KEPT, len(seconds))]:
+        for old in [*self._seconds][: -max(KEPT, len(wanted))]:
             del self._seconds[old]
-        found = (line for second in seconds for line in self._seconds[second])
-        return [line for line in found if since < line.time <= time]
+        found = (line for second in wanted for line in self._seconds[second])
+        return [line for sent, line in found if since < sent <= time]
 
-    async def _read_second(self, second: int) -> "list[TimedLine]":
+    async def _read_second(self, second: int) -> list[TimedLine]:
         try:
             return await asyncio.to_thread(self._recording.read, second)
         except RecordingError as error:  # what comes after it may be whole

@@ -7,12 +7,9 @@ many messages in a second.
 
 import asyncio
 import mimetypes
-import sys
-import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -26,30 +23,27 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.addons.web.commander import Commander
-from radarsim.addons.web.playback import Playback
 from radarsim.addons.web.requests import (
     LONGEST_MESSAGE,
     MESSAGES_PER_SECOND,
     BadRequest,
     Hello,
-    Pace,
     parse_request,
 )
-from radarsim.addons.web.server_link import ServerLink
-from radarsim.addons.web.time_control import ServerTime, TimeControl
+from radarsim.addons.web.server_link import Link, ParentLink, ServerLink
 from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
-from radarsim.listening import bind, exit_code_of_signal, in_daemon_thread
+from radarsim.listening import bind, first_of, in_daemon_thread
 from radarsim.plotting.palette import PAGE_COLOURS
 from radarsim.server.web_server import AllowedHosts, HostCheck, WebServer, is_token
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
+    from radarsim.addons.web.cli import PageOptions
+    from radarsim.addons.web.playback import Playback
     from radarsim.addons.web.scene_message import SceneMessages
 
 PAGE: Final = Path(__file__).parent / "page"
-# Files of another version would not understand this program.
-_FRESH: Final = {"Cache-Control": "no-cache"}
 HELLO_TIMEOUT: Final = 5.0  # s
 # Why a WebSocket was closed, beside the codes of the protocol.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
@@ -59,103 +53,66 @@ mimetypes.add_type("text/javascript", ".js")
 mimetypes.add_type("image/svg+xml", ".svg")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommanderSettings:
-    """How the commander is set up.
-
-    Attributes:
-        server: Host and port of the USARSim server; None if a recording is played.
-        web_host: Address to listen on for browsers.
-        web_port: Port to listen on; 0 for a free one.
-        token: What a browser has to know.
-        config: How the server was started, as far as it is known.
-        map: Name or file of the map that it serves; None if it is not known.
-        record_to: Folder in which each recording gets one of its own.
-        is_child: Whether to end when stdin is closed. The parent checks the map; else
-            it is loaded before browsers can connect.
-        recording: Folder of the recording that is played.
-    """
-
-    server: tuple[str, int] | None
-    web_host: str
-    web_port: int
-    token: str
-    config: SimulationConfig
-    map: str | None = None
-    record_to: Path = Path()
-    is_child: bool = False
-    recording: Path | None = None
-
-
-async def run_commander(
-    settings: CommanderSettings, announce: Callable[[tuple[str, int]], None]
-) -> int:
-    """Serve the page until a signal comes, or the parent process ends.
+async def serve_page(
+    server: tuple[str, int] | Path,
+    page: "PageOptions",
+    config: SimulationConfig,
+    *,
+    token: str,
+    map_: str | None,
+    end: asyncio.Future[Any],
+    announce: Callable[[tuple[str, int]], None],
+    is_child: bool = False,
+) -> None:
+    """Serve the page until a future is done, or the parent process ends.
 
     Args:
-        settings: How the commander is set up.
+        server: Host and port of the USARSim server, or the folder of a recording that
+            is played instead.
+        page: Where browsers reach the page, and where it records.
+        config: How the server was started, as far as it is known.
+        token: What a browser has to know.
+        map_: Name or file of the map that it serves; None if it is not known.
+        end: Done when it is to end; its result is the exit code.
         announce: Called with address and port as soon as browsers can connect.
-
-    Returns:
-        The exit code that the signal asks for.
+        is_child: Whether the server runs in the parent process, with which the page
+            ends. The parent checks the map; else it is loaded before browsers can
+            connect.
 
     Raises:
         MapError: If the map is wrong.
+        RecordingError: If the recording cannot be read.
         ServerError: If it cannot listen.
     """
-    with exit_code_of_signal() as exit_code:
-        time = TimeControl()
-        if settings.is_child:
-            time = ServerTime()
-            _follow_parent(time, exit_code)
-        await serve_page(settings, announce, exit_code, time)
-        return exit_code.result() if exit_code.done() else 0
-
-
-async def serve_page(
-    settings: CommanderSettings,
-    announce: Callable[[tuple[str, int]], None],
-    end: asyncio.Future[Any],
-    time: TimeControl,
-) -> None:
-    """Serve the page until a future is done; arguments and errors as above.
-
-    Args:
-        settings: As above.
-        announce: As above.
-        end: Done when it is to end.
-        time: What lets the time of the server pass.
-    """
-    with bind(settings.web_host, settings.web_port) as listening, ExitStack() as stack:
+    with bind(page.web_host, page.web) as listening, ExitStack() as stack:
         address = listening.getsockname()[:2]
-        link: ServerLink | Playback
-        if settings.recording is not None:
-            link = time = _open_recording(settings.recording, stack)
+        link: Link
+        if isinstance(server, Path):
+            link = _open_recording(server, stack)
+        elif is_child:
+            link = ParentLink(server)
+            link.follow(end)
         else:
-            assert settings.server is not None  # it is one of the two
-            link = ServerLink(settings.server)
-        record_to, map_ = settings.record_to, settings.map
-        commander = Commander(link, settings.config, record_to, time, map_=map_)
-        allowed = AllowedHosts(settings.web_host, address[1])
-        app = create_app(commander, allowed, settings.token)
-        server = WebServer(
-            app, lambda: announce(address), longest_message=LONGEST_MESSAGE
-        )
-        loading = asyncio.ensure_future(in_daemon_thread(_load_scene, settings.map))
+            link = ServerLink(server)
+        commander = Commander(link, config, page.record_to, map_=map_)
+        allowed = AllowedHosts(page.web_host, address[1])
+        app = create_app(commander, allowed, token)
+        web = WebServer(app, lambda: announce(address), longest_message=LONGEST_MESSAGE)
+        loading = asyncio.ensure_future(in_daemon_thread(_load_scene, map_))
         # A child lets browsers in meanwhile: its parent has found the map right.
-        if not settings.is_child:
+        if not is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
                 return
             loading.result()  # raises what is wrong with the map
         working = asyncio.ensure_future(_work(commander, loading))
-        serving = asyncio.ensure_future(server.serve([listening]))
+        serving = asyncio.ensure_future(web.serve([listening]))
         try:
             pending: set[asyncio.Future[Any]] = {end, working, serving}
             await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
         finally:
             # Browsers go first: what they drive stops while robots are still there.
-            server.should_exit = True
+            web.should_exit = True
             await asyncio.wait({serving})
             working.cancel()
             await asyncio.wait({working})
@@ -180,13 +137,13 @@ async def _work(
         await asyncio.wait({running})
 
 
-def _open_recording(folder: Path, stack: ExitStack) -> Playback:
+def _open_recording(folder: Path, stack: ExitStack) -> "Playback":
     """Open a recording until a stack is left.
 
     Raises:
         RecordingError: If it cannot be read.
     """
-    from radarsim.addons.recording.recorded_lines import RecordedLines  # noqa: PLC0415
+    from radarsim.addons.web.playback import Playback, RecordedLines  # noqa: PLC0415
 
     recording = RecordedLines.open(folder)
     stack.callback(recording.close)
@@ -202,33 +159,6 @@ def _load_scene(map_: str | None) -> "SceneMessages | None":
     return SceneMessages(load_map(map_))
 
 
-def _follow_parent(time: ServerTime, exit_code: asyncio.Future[int]) -> None:
-    """Take what the parent tells of time on stdin; an exit code of 0 at its end."""
-    loop = asyncio.get_running_loop()
-
-    def end() -> None:
-        if not exit_code.done():
-            exit_code.set_result(0)
-
-    def wait() -> None:
-        with suppress(RuntimeError):  # the loop is closed
-            for line in sys.stdin:
-                loop.call_soon_threadsafe(time.take, Pace.model_validate_json(line))
-            loop.call_soon_threadsafe(end)
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
-class _Files(StaticFiles):
-    """The files of the page."""
-
-    def file_response(self, *args: Any, **kwargs: Any) -> Response:
-        """Return a file that browsers ask for again each time."""
-        response = super().file_response(*args, **kwargs)
-        response.headers.update(_FRESH)
-        return response
-
-
 def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starlette:
     """Create the web application.
 
@@ -239,7 +169,7 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
     """
 
     def send_index(_: Request) -> Response:
-        return FileResponse(PAGE / "index.html", headers=_FRESH)
+        return FileResponse(PAGE / "index.html")
 
     def send_palette(_: Request) -> Response:
         return Response(palette_style(), media_type="text/css")
@@ -256,7 +186,7 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
     routes = [
         Route("/", send_index),
         Route("/static/palette.css", send_palette),
-        Mount("/static", _Files(directory=PAGE)),
+        Mount("/static", StaticFiles(directory=PAGE)),
         WebSocketRoute("/ws", talk),
     ]
     return Starlette(routes=routes, middleware=[Middleware(HostCheck, allowed=allowed)])
@@ -292,7 +222,7 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
     """Pass on what a browser says and is told, until either side ends it."""
     viewer = commander.join()
 
-    async def hear() -> None:
+    async def hear() -> int:
         """Act upon messages until there are too many of them."""
         clock = asyncio.get_running_loop().time
         newest: deque[float] = deque(maxlen=MESSAGES_PER_SECOND)
@@ -303,8 +233,9 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
                 commander.act(viewer, parse_request(text))
             except RadarsimError as error:
                 viewer.send({"op": "error", "text": str(error)})
+        return TOO_FAST
 
-    async def send() -> None:
+    async def send() -> int:
         """Send what there is to send until the browser is too slow."""
         with suppress(SlowViewer):
             async for data in viewer.outgoing():
@@ -312,17 +243,13 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
                     await socket.send_text(data)
                 else:
                     await socket.send_bytes(data)
+        return SLOW
 
-    sending, hearing = asyncio.ensure_future(send()), asyncio.ensure_future(hear())
-    try:
-        await asyncio.wait({sending, hearing}, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        commander.leave(viewer)  # at once: it may be driving
-        sending.cancel()
-        hearing.cancel()
-    await asyncio.gather(sending, hearing, return_exceptions=True)
-    code = SLOW if sending.done() and not sending.cancelled() else TOO_FAST
     with suppress(RuntimeError):  # it is closed already
+        try:
+            code: int = await first_of(send(), hear())
+        finally:
+            commander.leave(viewer)
         await socket.close(code)
 
 

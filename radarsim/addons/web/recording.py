@@ -11,7 +11,7 @@ from contextlib import suppress
 from datetime import datetime
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from radarsim.addons.recording.bag_folder import (
     RecordingInfo,
@@ -20,33 +20,11 @@ from radarsim.addons.recording.bag_folder import (
 )
 from radarsim.addons.web.requests import BadRequest
 from radarsim.addons.web.viewers import Viewers
-from radarsim.client import session as questions
-from radarsim.client.session import RANGE_SCANNER, ROBOT
-from radarsim.client.transport import CHUNK, lost, no_server
-from radarsim.errors import (
-    ClientError,
-    MalformedMessage,
-    RadarsimError,
-    RecordingError,
-)
-from radarsim.protocol.message import LineBuffer
-from radarsim.protocol.reports import (
-    CommandError,
-    Greeting,
-    Report,
-    RobotJoined,
-    RobotLeft,
-    Watching,
-    decode_report,
-)
-from radarsim.protocol.watch import is_seen, split_seen
+from radarsim.client import AsyncClient, ClientTimeout
+from radarsim.errors import RadarsimError, RecordingError
 from radarsim.simulation.config import SimulationConfig
 
-if TYPE_CHECKING:
-    from radarsim.addons.recording.recording_process import RecordingProcess
-    from radarsim.addons.recording.wire_recorder import WireRecorder
-
-ANSWER: Final = 5.0  # s that the server has to answer
+SILENCE: Final = 60.0  # s that one call waits for reports
 
 
 class RecordingSwitch:
@@ -112,10 +90,11 @@ class RecordingSwitch:
         name = f"recording_{datetime.now().astimezone():%Y%m%d_%H%M%S}"
         folder = self._folder.resolve() / name
         assert self._server is not None  # ``switch`` has refused
-        recording = _Recording(folder, self._info)
         begun = f"Records to {folder}"
         try:
-            await recording.run(self._server, lambda: self._tell(True, begun))
+            await record(
+                self._server, folder, self._info, lambda: self._tell(True, begun)
+            )
         except asyncio.CancelledError:
             self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
@@ -137,124 +116,54 @@ class RecordingSwitch:
         self._viewers.broadcast(self._state, "recording")
 
 
-class _Recording:
-    """One recording; each robot is in it as a client that was sent its lines."""
+async def record(
+    server: tuple[str, int],
+    folder: Path,
+    describe: Callable[[str], RecordingInfo],
+    on_begin: Callable[[], None],
+) -> None:
+    """Record until the task is cancelled; the recording is complete then as well.
 
-    def __init__(self, folder: Path, describe: Callable[[str], RecordingInfo]) -> None:
-        self._folder, self._describe = folder, describe
-        self._lines = LineBuffer()
-        self._level = ""
-        self._numbers: dict[str, int] = {}  # of robots that are there
-        self._count = 0  # of robots so far
+    Args:
+        server: Host and port of the server.
+        folder: Folder to create.
+        describe: Returns the conditions of the run on a level.
+        on_begin: Called when recording has begun.
 
-    async def run(self, server: tuple[str, int], on_begin: Callable[[], None]) -> None:
-        """Record until the task is cancelled; the recording is complete then as well.
+    Raises:
+        ClientError: If the server is not there, does not let robots be watched, or
+            closes the connection.
+        RecordingError: If the recording cannot be written.
+    """
+    # Before the server sends anything, as this takes seconds.
+    for name in ("recording_process", "recorders"):
+        module = f"radarsim.addons.recording.{name}"
+        await asyncio.to_thread(import_module, module)
+    from radarsim.addons.recording.recorders import WatchRecorder  # noqa: PLC0415
+    from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
+        RecordingProcess,
+    )
 
-        Args:
-            server: Host and port of the server.
-            on_begin: Called when recording has begun.
-
-        Raises:
-            ClientError: If the server is not there, does not let robots be watched, or
-                closes the connection.
-            RecordingError: If the recording cannot be written.
-        """
-        # Before the server sends anything, as this takes seconds.
-        for name in ("recording_process", "wire_recorder"):
-            module = f"radarsim.addons.recording.{name}"
-            await asyncio.to_thread(import_module, module)
-        from radarsim.addons.recording.wire_recorder import WireRecorder  # noqa: PLC0415
-
+    async with AsyncClient.connect(*server) as client:
+        client.session.reads_copies = False  # another process reads them
+        level = (await client.greeting()).level
+        # All robots with all echoes, whatever the pages look at.
+        await client.watch(echoes=True)
+        await asyncio.to_thread(create_folder, folder)
+        process = await asyncio.to_thread(RecordingProcess, folder, describe(level))
+        recorder = WatchRecorder(process.add)
         try:
-            reader, writer = await asyncio.open_connection(*server)
-        except (OSError, UnicodeError) as error:
-            raise no_server(*server, error) from None
-        try:
-            # All robots with all echoes, whatever the pages look at.
-            writer.write(questions.watch(None, echoes=True))
-            lines = await self._await_permission(reader)
-            process = await asyncio.to_thread(self._begin)
-            recorder = WireRecorder(process.add)
-            try:
-                on_begin()
-                while not process.has_ended:
-                    for line in lines:
-                        with suppress(MalformedMessage):
-                            self._take(line, recorder, writer)
-                    lines = await self._read(reader)
-            finally:
-                recorder.end()
-                if not await asyncio.to_thread(process.close):
-                    text = f"{self._folder} is not complete: is the disk full?"
-                    # also if it was cancelled, which would say that all is well
-                    raise RecordingError(f"{text} radarsim's terminal tells why")
+            on_begin()
+            while not process.has_ended:
+                with suppress(ClientTimeout):
+                    asked = map(recorder.take, await client.read(SILENCE))
+                    await client.send(b"".join(asked))
         finally:
-            writer.close()
-
-    async def _await_permission(self, reader: asyncio.StreamReader) -> list[str]:
-        """Return the lines from the answer to ``WATCH`` on."""
-        try:
-            async with asyncio.timeout(ANSWER):
-                while True:
-                    lines = await self._read(reader)
-                    for i, line in enumerate(lines):
-                        report = _decode(line)
-                        if isinstance(report, Greeting):
-                            self._level = report.level
-                        elif isinstance(report, CommandError):
-                            raise ClientError(report.text)
-                        elif isinstance(report, Watching):
-                            return lines[i:]
-        except TimeoutError:
-            text = "this server does not tell of robots, expected one of radarsim"
-            raise ClientError(text) from None
-
-    def _begin(self) -> "RecordingProcess":
-        """Create the folder, and start the process that writes into it."""
-        from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
-            RecordingProcess,
-        )
-
-        create_folder(self._folder)
-        return RecordingProcess(self._folder, self._describe(self._level))
-
-    async def _read(self, reader: asyncio.StreamReader) -> list[str]:
-        """Return the next lines."""
-        try:
-            data = await reader.read(CHUNK)
-        except OSError as error:
-            raise ClientError(str(lost(error))) from None
-        if not data:
-            raise ClientError("the server closed the connection")
-        return self._lines.feed(data)
-
-    def _take(
-        self, line: str, recorder: "WireRecorder", writer: asyncio.StreamWriter
-    ) -> None:
-        """Record a line of a robot; ask about a robot that is new."""
-        if is_seen(line):
-            robot, own = split_seen(line)
-            if robot not in self._numbers:
-                self._begin_robot(robot, recorder)
-            recorder.received(self._numbers[robot], f"{own}\r\n".encode("latin-1"))
-            return
-        report = _decode(line)
-        if isinstance(report, RobotLeft) and report.robot in self._numbers:
-            recorder.end_one(self._numbers.pop(report.robot))
-        elif isinstance(report, RobotJoined):
-            self._begin_robot(report.robot, recorder)
-            # Of which class it is, is told nowhere else.
-            spawn = questions.spawn(report.class_name, name=report.robot)
-            recorder.sent(self._numbers[report.robot], spawn.data)
-            # No client of the robot has to ask: a recording cannot be read without.
-            for kind in (ROBOT, RANGE_SCANNER):
-                for ask in (questions.geometry, questions.configuration):
-                    writer.write(ask(kind, robot=report.robot).data)
-
-    def _begin_robot(self, robot: str, recorder: "WireRecorder") -> None:
-        self._count += 1
-        self._numbers[robot] = self._count
-        recorder.begin(self._count, robot)
+            recorder.end()
+            if not await asyncio.to_thread(process.close):
+                text = f"{folder} is not complete: is the disk full?"
+                # also if it was cancelled, which would say that all is well
+                raise RecordingError(f"{text} radarsim's terminal tells why")
 
 
 def _lasting_name(map_: str | None) -> str:
@@ -262,9 +171,3 @@ def _lasting_name(map_: str | None) -> str:
     if map_ is None or not Path(map_.partition("@")[0]).exists():
         return map_ or ""
     return str(Path(map_).resolve())
-
-
-def _decode(line: str) -> Report | None:
-    with suppress(MalformedMessage):
-        return decode_report(line)
-    return None

@@ -110,7 +110,6 @@ class Drive(Request):
     robot: RobotName
     v: Share
     w: Share
-    seq: int = 0  # without effect
 
 
 class Stop(Request):

@@ -1,24 +1,47 @@
-"""What is known of one robot, by what its client is sent."""
+"""What is known of one robot, by what its client is sent, and how pages are told.
+
+The newest state of all robots is a frame, which is binary. It begins with the length of
+a JSON header as four bytes, the least significant first. After the header follow the
+ranges of all scans as whole centimetres of two bytes each, likewise; the header tells
+where those of a scan begin.
+"""
 
 import json
 import math
-from collections.abc import Callable, Sequence
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
 from pydantic import ValidationError
 
 from radarsim.addons.web.requests import BadRequest, Setting
+from radarsim.addons.web.viewers import encode_json
 from radarsim.client import RobotInfo
-from radarsim.client.robot_info import DEFAULT_MOUNT
+from radarsim.client.robot_info import DEFAULT_MOUNT, no_return
 from radarsim.client.robot_state import EchoCollector, RobotState
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2, Pose3
+from radarsim.plotting.palette import ROBOTS, colour_of
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.reports import EchoLine, RangeScan, Report, TargetEchoes
+from radarsim.scene.material import Material
 from radarsim.simulation.config import SimulationConfig
 from radarsim.validation import describe_invalid
+
+NO_RETURN: Final = 65535  # instead of a range in cm
+
+
+# Of whom robots are that the commander did not spawn.
+NOT_OWN: Final = {
+    "mine": False,
+    "driver": None,
+    "hindrance": "it is another program's",
+    "safety": None,
+    "clearance": None,
+}
 
 
 @dataclass(slots=True, eq=False)
@@ -93,7 +116,7 @@ class RobotView(RobotState):
         if config is not None:
             self.learn_presets(config)
 
-    def describe(self, info: RobotInfo) -> None:
+    def learn(self, info: RobotInfo) -> None:
         """Take dimensions, mounts and ranges from the answers of its server."""
         self.size = (info.length, info.width)
         for each in info.scanners:
@@ -184,3 +207,123 @@ class RobotView(RobotState):
             scanner.settings = settings
             scanner.max_range = scanner.settings["max_range"]
             self._last_change = None
+
+    def describe(
+        self, pose: Pose2, parts: list[np.ndarray], *, is_selected: bool
+    ) -> dict[str, Any]:
+        """Return how it is, for a frame.
+
+        Args:
+            pose: Where it is.
+            parts: Ranges of scans in the frame, to which its own are appended.
+            is_selected: Whether settings and echoes are told, which are most of it.
+        """
+        seen = [*self.scans.values()]
+        return {
+            "x": round(pose.x, 4),
+            "y": round(pose.y, 4),
+            "yaw": round(pose.yaw, 5),
+            "size": self.size,
+            "touch": any(self.touched.values()),
+            "battery": self.battery,
+            # No -0.0.
+            "speeds": [round(each, 3) + 0.0 for each in self.motion() or (0.0, 0.0)],
+            "scans": [self._scan(each, parts, is_selected) for each in seen],
+            "echoes": [
+                {
+                    "scanner": each.scan.name,
+                    "t": each.scan.time,
+                    "objects": [_object(one) for one in each.echoes or ()],
+                }
+                for each in seen
+                if is_selected
+            ],
+        }
+
+    def _scan(
+        self, seen: SeenScan, parts: list[np.ndarray], is_selected: bool
+    ) -> dict[str, Any]:
+        """Describe a scan, and append its ranges to those of the frame."""
+        scan, scanner = seen.scan, self.scanner(seen.scan.name)
+        has_return = scan.ranges < no_return(scanner.max_range)
+        centimetres = np.minimum(np.rint(scan.ranges * 100), NO_RETURN - 1)
+        offset = sum(len(part) for part in parts)
+        # Half the bytes of single precision, and as exact as the lines of servers.
+        parts.append(np.where(has_return, centimetres, NO_RETURN).astype("<u2"))
+        # Where the robot was then: in a turn, the scan would be dragged along.
+        pose = seen.pose or Pose2(0.0, 0.0)
+        mount = Pose3(pose.x, pose.y, self.z, yaw=pose.yaw).compose(scanner.mount)
+        gaps = len(scan.ranges) - 1
+        return {
+            "scanner": scan.name,
+            "kind": scanner.medium,
+            "t": scan.time,
+            "fov": scan.fov,
+            # from the number of beams: what the line tells has few digits
+            "resolution": scan.fov / gaps if gaps > 0 else scan.resolution,
+            "max": scanner.max_range,
+            "x": round(mount.x, 4),
+            "y": round(mount.y, 4),
+            "z": round(mount.z, 4),
+            "yaw": round(mount.yaw, 5),
+            "offset": offset,
+            "count": len(scan.ranges),
+            "settings": scanner.settings if is_selected else {},
+        }
+
+
+def encode_frame(
+    robots: Iterable[RobotView],
+    owners: Mapping[str, Mapping[str, Any]],
+    selected: str | None,
+    time: float | None = None,
+) -> bytes:
+    """Write a frame.
+
+    Args:
+        robots: The robots.
+        owners: Whose they are, by their names; those without are other programs'.
+            Keys as of ``NOT_OWN``: whether the commander spawned it; the name of the
+            viewer that drives it, ``task`` or None; why it can do nothing by itself;
+            the distance that it keeps from obstacles on its way, and that of a goal
+            from obstacles below which it is refused, m.
+        selected: Name of the robot whose echoes are told; None for none.
+        time: The time that is shown, s; None for that of the newest report.
+    """
+    shown = [(robot, robot.pose) for robot in robots]
+    parts: list[np.ndarray] = []
+    rows = [
+        {
+            "name": robot.name,
+            "class": robot.class_name,
+            "colour": ROBOTS[robot.number % len(ROBOTS)] if len(shown) > 1 else None,
+            **owners.get(robot.name, NOT_OWN),
+            **robot.describe(pose, parts, is_selected=robot.name == selected),
+        }
+        for robot, pose in shown
+        if pose is not None
+    ]
+    if time is None:
+        times = (robot.time for robot, pose in shown if pose is not None)
+        time = max(times, default=-math.inf)
+    text = encode_json({"t": time, "robots": rows}).encode()
+    ranges = b"".join(part.tobytes() for part in parts)
+    return struct.pack("<I", len(text)) + text + ranges
+
+
+def _object(echoes: TargetEchoes) -> dict[str, Any]:
+    material = Material(echoes.material, echoes.density, solid=not echoes.robot_passes)
+    columns = (
+        echoes.beams.tolist(),
+        np.round(echoes.ranges, 3).tolist(),
+        echoes.kinds,
+        np.round(echoes.power, 4).tolist(),
+        np.round(echoes.strength, 4).tolist(),
+    )
+    return {
+        "name": echoes.object,
+        "material": echoes.material,
+        "density": echoes.density,
+        "colour": colour_of(material),
+        "echoes": sorted(zip(*columns, strict=True), key=lambda row: row[:2]),
+    }

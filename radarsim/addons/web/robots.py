@@ -207,7 +207,7 @@ class Robots:
             waiting.cancel()
             self._spawning.discard(name)
         robot = OwnRobot(client, name, info, self._tell_driver, self._take_own)
-        self._add(name, class_name).describe(info)
+        self._add(name, class_name).learn(info)
         self.own[name] = robot
         robot.leave_sensors(self.is_watching)
         self._begin(viewer, self._run(robot))

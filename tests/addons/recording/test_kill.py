@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from radarsim.addons.recording.bag import CHUNK_BYTES, BagReader, repair
 from radarsim.addons.recording.bag_folder import create_folder, file_name
-from radarsim.addons.recording.host_recorder import RunEvent
+from radarsim.addons.recording.recorders import RunEvent
 from radarsim.addons.recording.recording_process import PROGRAM, frame_of, opening_of
 from radarsim.errors import RecordingError
 from radarsim.scene.scene import Scene

@@ -17,7 +17,7 @@ from radarsim.addons.recording.bag_folder import (
     create_folder,
     digest_of,
 )
-from radarsim.addons.recording.host_recorder import (
+from radarsim.addons.recording.recorders import (
     EventType,
     HostRecorder,
     RunEvent,

@@ -19,7 +19,7 @@ from recorded_runs import RecordedRun, calls_in
 from radarsim.addons.recording import recording_process
 from radarsim.addons.recording.bag import BagReader, repair
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.recorders import EventType, RunEvent
 from radarsim.addons.recording.recording_process import (
     PROGRAM,
     RecordingProcess,

@@ -16,7 +16,7 @@ from rosbags.interfaces import ConnectionExtRosbag2
 
 from radarsim.addons.recording.bag import BagReader, BagWriter, repair
 from radarsim.addons.recording.bag_folder import create_folder, file_name
-from radarsim.addons.recording.host_recorder import EventType
+from radarsim.addons.recording.recorders import EventType
 from radarsim.addons.recording.replay import repeat_run
 from radarsim.errors import RecordingError
 from radarsim.scene.scene import Scene

@@ -13,8 +13,8 @@ from odometry import integral_of, place_of, stamp_of
 from radarsim.addons.recording.bag import BagReader
 from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import CallConverter
-from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
 from radarsim.addons.recording.messages import TopicMessage
+from radarsim.addons.recording.recorders import HostRecorder, RunEvent
 from radarsim.addons.recording.run_recording import RecordOptions
 from radarsim.addons.ros.rosbridge import message_json
 from radarsim.cli.server_options import ServedMap, ServerOptions

@@ -20,7 +20,7 @@ from radarsim.addons.recording import scene_topics
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder, file_name
 from radarsim.addons.recording.call_converter import CallConverter
 from radarsim.addons.recording.cdr import encode, typestore
-from radarsim.addons.recording.host_recorder import (
+from radarsim.addons.recording.recorders import (
     EventType,
     HostRecorder,
     RunEvent,

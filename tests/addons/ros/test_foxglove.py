@@ -20,7 +20,8 @@ from websockets.typing import Origin, Subprotocol
 from radarsim.addons.recording import messages
 from radarsim.addons.recording.cdr import encode, typestore
 from radarsim.addons.recording.messages import Fields, RosMessage, TopicMessage
-from radarsim.addons.ros.foxglove import FoxgloveBoard, FoxgloveClient
+from radarsim.addons.ros.board import Board
+from radarsim.addons.ros.foxglove import FoxgloveClient
 from radarsim.addons.testing import UsarsimServer
 from radarsim.geometry import Pose3
 
@@ -35,11 +36,11 @@ PACKAGES = (
 )
 
 
-def subscribed(topic: str = "/a") -> tuple[FoxgloveBoard, FoxgloveClient]:
+def subscribed(topic: str = "/a") -> tuple[Board, FoxgloveClient]:
     """Return a board with a topic, and a client that has subscribed to it as 7."""
-    board = FoxgloveBoard()
+    board = Board(FoxgloveClient)
     board.add(TopicMessage(topic, POSE), wanted=False)
-    client = board.new_client()
+    client = FoxgloveClient(board)
     client.receive(subscription(7, 1))
     client.waiting.clear()
     return board, client
@@ -85,7 +86,7 @@ def test_protocol_is_that_of_foxgloves_sdk() -> None:
     finally:
         server.stop()
     board, client = subscribed()
-    first, second = (json.loads(each) for each in board.new_client().waiting)
+    first, second = (json.loads(each) for each in FoxgloveClient(board).waiting)
     kept = ("op", "name", "capabilities", "supportedEncodings")
     assert {key: first[key] for key in kept} == {key: info[key] for key in kept}
     for each in told["channels"]:
@@ -165,9 +166,9 @@ def velocity(speed: float, turn: float) -> Fields:
 
 
 def test_clients_drive_in_both_encodings_by_types_of_velocities() -> None:
-    board, driven = FoxgloveBoard(), list[tuple[float, float]]()
+    board, driven = Board(FoxgloveClient), list[tuple[float, float]]()
     board.drivers["/cmd_vel"] = lambda *speeds: driven.append(speeds)
-    client = board.new_client()
+    client = FoxgloveClient(board)
     header = Fields(stamp=Fields(sec=5, nanosec=7), frame_id="base_link")
     fields = Fields(header=header, twist=velocity(0.75, 1.0))
     stamped = RosMessage("geometry_msgs/msg/TwistStamped", fields)
@@ -210,7 +211,7 @@ def test_entries_of_a_client_are_limited() -> None:
     ],
 )
 def test_only_foxglove_is_trusted(origin: str, trusted: bool) -> None:
-    assert FoxgloveBoard().trusts(origin) is trusted
+    assert FoxgloveClient.trusts(origin) is trusted
 
 
 def await_topics(peer: ClientConnection, *wanted: str) -> dict[str, Any]:
@@ -228,7 +229,9 @@ def test_foxglove_sees_the_world_and_pages_of_others_do_not(
     usarsim_server: UsarsimServer,
 ) -> None:
     shown = {"draw": "foliage_room", "true_map": True, "no_namespace": "R1"}
-    with serving(FoxgloveBoard(), usarsim_server, robot_class="P3AT", **shown) as port:
+    with serving(
+        Board(FoxgloveClient), usarsim_server, robot_class="P3AT", **shown
+    ) as port:
         address = f"ws://127.0.0.1:{port}"
         with (
             pytest.raises(InvalidStatus),

@@ -20,7 +20,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from radarsim.addons.recording.messages import ECHO
-from radarsim.addons.ros.rosbridge import RosbridgeClient, TopicBoard
+from radarsim.addons.ros.board import Board
+from radarsim.addons.ros.rosbridge import RosbridgeClient
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
 from radarsim.protocol.reports import RangeScan
@@ -63,7 +64,7 @@ class Side:
 @foliage_server
 def test_robots_of_others_are_topics(usarsim_server: UsarsimServer) -> None:
     with (
-        serving(TopicBoard(), usarsim_server, echoes=True, map="R2") as port,
+        serving(Board(RosbridgeClient), usarsim_server, echoes=True, map="R2") as port,
         Client.connect("127.0.0.1", usarsim_server.port) as driver,
         connect(f"ws://127.0.0.1:{port}") as connection,
     ):
@@ -146,7 +147,7 @@ def test_roslib_is_told_what_there_is(
 ) -> None:
     install_packages(tmp_path, "roslib@2.1")
     program = SUPPORT / "roslib_questions.mjs"
-    with serving(TopicBoard(), usarsim_server, robot_class="P3AT") as port:
+    with serving(Board(RosbridgeClient), usarsim_server, robot_class="P3AT") as port:
         with connect(f"ws://127.0.0.1:{port}") as connection:
             Side(connection).wait_for_topic("/R1/odom")
         command = ["node", str(program), str(tmp_path), str(port)]
@@ -175,7 +176,7 @@ def test_help_names_only_programs_that_connect() -> None:
 
 
 def test_wrong_messages_are_answered() -> None:
-    client = RosbridgeClient(TopicBoard())
+    client = RosbridgeClient(Board(RosbridgeClient))
     wrong = [
         *("{", "[]", "7", '{"op": "no_such"}', '{"op": "subscribe"}', "[" * 60_000),
         '{"op": "subscribe", "topic": "/a", "throttle_rate": "x"}',
@@ -195,7 +196,7 @@ def test_wrong_messages_are_answered() -> None:
 
 
 def test_definitions_of_types_have_those_within() -> None:
-    client = RosbridgeClient(TopicBoard())
+    client = RosbridgeClient(Board(RosbridgeClient))
     wanted = {"type": "nav_msgs/Odometry"}
     call = {"op": "call_service", "service": "/rosapi/message_details"}
     client.receive(json.dumps({**call, "args": wanted}))
@@ -210,7 +211,7 @@ def test_definitions_of_types_have_those_within() -> None:
 
 def test_definitions_of_types_need_rosbags(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    client = RosbridgeClient(TopicBoard())
+    client = RosbridgeClient(Board(RosbridgeClient))
     client.receive('{"op": "call_service", "service": "/rosapi/message_details"}')
     answer = json.loads(client.waiting.popleft())
     assert not answer["result"]
@@ -222,7 +223,7 @@ def test_definitions_of_types_need_rosbags(monkeypatch: pytest.MonkeyPatch) -> N
     [None, 3, {"linear": 3}, {"linear": {"x": "a"}}, {"linear": {"x": 10**400}}],
 )
 def test_wrong_velocities_do_not_drive(message: object) -> None:
-    board, driven = TopicBoard(), list[tuple[float, float]]()
+    board, driven = Board(RosbridgeClient), list[tuple[float, float]]()
     board.drivers["/R1/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = RosbridgeClient(board)
     for msg in (message, {"twist": {"linear": {"x": 0.5}, "angular": {"z": -1}}}):
@@ -232,7 +233,7 @@ def test_wrong_velocities_do_not_drive(message: object) -> None:
 
 
 def test_slow_client_loses_the_oldest_messages() -> None:
-    client = RosbridgeClient(TopicBoard())
+    client = RosbridgeClient(Board(RosbridgeClient))
     client.receive('{"op": "subscribe", "topic": "/a"}')
     for number in range(100):
         client.offer("/a", str(number), now=number / 10)
@@ -242,7 +243,7 @@ def test_slow_client_loses_the_oldest_messages() -> None:
 
 
 def test_throttled_topic_comes_as_often_as_wanted() -> None:
-    client = RosbridgeClient(TopicBoard())
+    client = RosbridgeClient(Board(RosbridgeClient))
     client.receive('{"op": "subscribe", "topic": "/a", "throttle_rate": 500}')
     for number in range(21):
         client.offer("/a", "0", now=float(number) / 8)
@@ -259,7 +260,7 @@ def offered(client: RosbridgeClient, seconds: float, start: float) -> int:
 
 
 def test_subscriptions_of_a_topic_end_by_their_ids() -> None:
-    client = RosbridgeClient(TopicBoard())
+    client = RosbridgeClient(Board(RosbridgeClient))
     client.receive('{"op": "subscribe", "topic": "/a", "id": "1"}')
     slow = '{"op": "subscribe", "topic": "/a", "id": "2", "throttle_rate": 1000}'
     client.receive(slow)
@@ -281,7 +282,7 @@ def test_subscriptions_of_a_topic_end_by_their_ids() -> None:
 
 
 def test_pages_of_other_sites_are_refused() -> None:
-    with serving(TopicBoard(), origins=["http://friend.example"]) as port:
+    with serving(Board(RosbridgeClient), origins=["http://friend.example"]) as port:
         address = f"ws://127.0.0.1:{port}"
         with (
             pytest.raises(InvalidStatus),

@@ -10,8 +10,12 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from radarsim.addons.testing import DEFAULTS, UsarsimClient, UsarsimServer
-from radarsim.addons.testing.hosts import make_host
+from radarsim.addons.testing import (
+    DEFAULTS,
+    UsarsimClient,
+    UsarsimServer,
+    make_host,
+)
 from radarsim.server.server_thread import ServerThread
 
 pytest_plugins = ["pytester"]

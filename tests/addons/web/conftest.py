@@ -29,7 +29,7 @@ def scene_messages(foliage_room: Scene) -> SceneMessages:
 @pytest.fixture
 def commander(server: tuple[str, int]) -> Iterator[Served]:
     """Run a commander for the room."""
-    with run_commander(server, map="foliage_room") as running:
+    with run_commander(server, map_="foliage_room") as running:
         yield running
 
 

@@ -21,7 +21,7 @@ from radarsim.server.server_thread import ServerThread
 def commander(foliage_room: Scene) -> Iterator[Any]:
     """Run a commander for all of these tests."""
     thread = ServerThread(Host(foliage_room), speed=1.0)
-    with run_commander(thread.begin(), map="foliage_room") as running:
+    with run_commander(thread.begin(), map_="foliage_room") as running:
         yield running
     thread.finish()
 

@@ -9,7 +9,7 @@ import pytest
 from served_page import run_commander
 from web_pages import Page, open_page
 
-from radarsim.addons.recording.host_recorder import EventType, HostRecorder, RunEvent
+from radarsim.addons.recording.recorders import EventType, HostRecorder, RunEvent
 from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
 from radarsim.scene.scene import Scene

@@ -64,9 +64,9 @@ async def test_sensors_of_a_robot_are_read_once(
 ) -> None:
     kinds: set[str] = set()
 
-    def decode(line: str) -> Report | None:
+    def decode(line: str, *, reads_copies: bool) -> Report | None:
         kinds.add(line.split(maxsplit=1)[0])
-        return decode_report(line)
+        return decode_report(line, reads_copies=reads_copies)
 
     await page.send("spawn", **{"class": "P3AT", "name": "R1"})
     frame = await page.see(lambda frame: frame.robot("R1").get("scans"))

@@ -11,8 +11,7 @@ import recorded_runs
 from served_page import Served, run_commander, serve
 from web_pages import Page, open_page
 
-from radarsim.addons.web.requests import Pace
-from radarsim.addons.web.time_control import TaskClock, TimeControl
+from radarsim.addons.web.own_robot import TaskClock
 from radarsim.client import AsyncClient
 from radarsim.scene.scene import Scene
 
@@ -35,7 +34,7 @@ def recording(foliage_room: Scene, tmp_path_factory: pytest.TempPathFactory) -> 
 @pytest.fixture
 async def player(recording: Path) -> AsyncIterator[Page]:
     """Open the page of a commander that plays the recording."""
-    with run_commander(None, recording=recording, map="foliage_room") as commander:
+    with run_commander(recording, map_="foliage_room") as commander:
         async with open_page(commander) as page:
             yield page
 
@@ -90,7 +89,9 @@ async def test_what_makes_no_sense_is_refused(
 async def test_a_foreign_server_cannot_be_paused_and_the_page_says_why(
     page: Page,
 ) -> None:
-    assert "has not started the server" in (await page.hear("time"))["refusal"]
+    time = await page.hear("time")
+    assert "has not started the server" in time["refusal"]
+    assert (time["paused"], time["speed"], time["end"]) == (False, 1.0, None)
     await page.send("pace", paused=True)
     assert "cannot be changed" in (await page.hear("error"))["text"]
     await page.send("seek", t=1)
@@ -104,13 +105,6 @@ def test_tasks_wait_by_simulated_time() -> None:
     assert clock.time() == stands
     clock.set_rate(1e6)
     assert clock.time() > stands
-
-
-def test_time_of_other_servers_passes_by_itself() -> None:
-    message = TimeControl().message()
-    assert (message["paused"], message["speed"], message["end"]) == (False, 1.0, None)
-    with pytest.raises(Exception, match="cannot be changed"):
-        TimeControl().change(Pace(paused=True))
 
 
 async def test_a_recording_is_played_paused_stepped_and_sought(player: Page) -> None:

@@ -96,7 +96,7 @@ def test_names_of_robots_and_maps_are_text(
     map_file = tmp_path / "nasty.yaml"
     map_file.write_text(NASTY_MAP.format(name=NASTY))
     server = ServerThread(Host(load_map(map_file)), speed=1.0)
-    with run_commander(server.begin(), map=str(map_file)) as running:
+    with run_commander(server.begin(), map_=str(map_file)) as running:
         commander = open_page(running)
         commander.add_robot(NASTY)
         assert NASTY in commander.text("level")

@@ -26,7 +26,7 @@ def test_a_lost_server_is_told_and_a_new_one_is_found(
 ) -> None:
     first, second = (ServerThread(Host(empty_room), speed=1.0) for _ in range(2))
     address = first.begin()
-    with run_commander(address, map="empty_room") as running:
+    with run_commander(address, map_="empty_room") as running:
         commander = open_page(running)
         lost = commander.page.locator("#lost")
         commander.add_robot("L1")

@@ -87,7 +87,7 @@ def test_a_run_is_recorded_played_paused_stepped_and_sought(
         live = open_page(served)
         folder = record_a_drive(live)
         live.page.context.close()
-    with run_commander(None, recording=folder) as played:
+    with run_commander(folder) as played:
         page = open_page(played)
         page.until(lambda: bool(page.robot("R1")), "for the robot")
         assert page.text("level") == "DM-FoliageRoom"

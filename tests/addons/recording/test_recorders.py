@@ -1,12 +1,13 @@
-"""What a recorder reports of a host, which does nothing else for it."""
+"""What recorders report of a host, which does nothing else for it, and of lines."""
 
 import pytest
 import recorded_runs
 
-from radarsim.addons.recording.host_recorder import (
+from radarsim.addons.recording.recorders import (
     EventType,
     HostRecorder,
     RunEvent,
+    WireRecorder,
 )
 from radarsim.addons.recording.replay import repeat_run
 from radarsim.scene.scene import Scene
@@ -94,3 +95,21 @@ def test_a_run_that_was_paused_is_repeated_to_the_byte(foliage_room: Scene) -> N
     result = repeat_run(repeated, calls)
     assert not result.difference
     assert repeated.simulation.ticks == host.simulation.ticks
+
+
+@pytest.mark.parametrize(
+    "conf",
+    [
+        "CONF {Type GroundVehicle} {Name P3AT} {MaxSpeed 8.17}",
+        "CONF {Name P3AT} {Type GroundVehicle} {MaxSpeed 1.2999}",
+    ],
+    ids=["compat", "udk"],
+)
+def test_configuration_of_a_robot_is_kept_once_whatever_comes_first(conf: str) -> None:
+    events: list[RunEvent] = []
+    recorder = WireRecorder(events.append)
+    recorder.begin(1, "R1")
+    for time in (0.1, 0.2):
+        recorder.received(1, f"STA {{Time {time}}}\r\n{conf}\r\n".encode())
+    told = [each.data.decode() for each in events if each.type is EventType.ROBOT]
+    assert told == ["R1\r\n", f"R1\r\n{conf}\r\n"]

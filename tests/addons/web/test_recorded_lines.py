@@ -6,8 +6,8 @@ import pytest
 import recorded_runs
 from recorded_runs import RecordedRun
 
-from radarsim.addons.recording.host_recorder import EventType
-from radarsim.addons.recording.recorded_lines import RecordedLines
+from radarsim.addons.recording.recorders import EventType
+from radarsim.addons.web.playback import RecordedLines
 from radarsim.errors import RecordingError
 from radarsim.protocol.reports import RangeScan
 from radarsim.scene.scene import Scene
@@ -45,11 +45,11 @@ def test_the_lines_of_all_seconds_are_those_that_clients_were_sent(
     recording.close()
     for robot in recording.robots:
         lines = run.sent[robot.client].decode("latin-1").splitlines()
-        own = [each.line.line for each in read if each.client == robot.client]
+        own = [line.line for _, line in read if line.robot == robot.name]
         # What came before the robot, as the greeting of its client, is not of it.
         assert own == lines[-len(own) :]
         assert len(own) > 100
-    times = [each.time for each in read]
+    times = [time for time, _ in read]
     assert times == sorted(times)
 
 
@@ -57,8 +57,8 @@ def test_a_second_is_read_without_the_others(folder: Path) -> None:
     recording = RecordedLines.open(folder)
     lines = recording.read(1)
     recording.close()
-    assert all(1 <= each.time < 2 for each in lines)
-    scans = [each for each in lines if isinstance(each.line.report, RangeScan)]
+    assert all(1 <= time < 2 for time, _ in lines)
+    scans = [line for _, line in lines if isinstance(line.report, RangeScan)]
     assert len(scans) == 30  # of three scanners, ten times a second
 
 
@@ -87,8 +87,8 @@ def test_what_is_damaged_is_told_and_the_rest_is_read(
     told = 0
     for second in range(3):
         try:
-            read = [each.line.line for each in recording.read(second)]
-            assert read == [each.line.line for each in whole.read(second)]
+            read = [line.line for _, line in recording.read(second)]
+            assert read == [line.line for _, line in whole.read(second)]
         except RecordingError as error:
             assert "is damaged" in str(error)  # noqa: PT017 - of some seconds
             assert "radarsim recording repair" in str(error)  # noqa: PT017
