@@ -1,4 +1,4 @@
-// Follow one ray segment by segment to its end; see propagate.py.
+// Follow one ray segment by segment to its end.
 #pragma once
 #include "attenuation.hpp"
 #include "robot_boxes.hpp"

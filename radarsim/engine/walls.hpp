@@ -1,4 +1,4 @@
-// Slices of triangles by level planes, and the walls near a place, from a grid of square cells; see wall_grid.py.
+// Slices of triangles by level planes, and the walls near a place, from a grid of square cells; see obstacles.py.
 #pragma once
 #include "robot.hpp"
 

@@ -2,8 +2,8 @@
 
 Theory of operation
 ===================
-A loop of the engine takes one ray after the other: ``intersect`` collects the
-surfaces ahead of the ray, and ``attenuation`` follows the ray through the sorted list.
+A loop of the engine takes one ray after the other: ``intersect.hpp`` collects the
+surfaces ahead of the ray, and ``attenuation.hpp`` follows it through the sorted list.
 
 Rule 1: the volumes that contain the start of a ray are not deduced from what is ahead,
 where an opaque wall may hide their far side. If the start is in the bounds of a volume,
@@ -27,17 +27,19 @@ from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.processes import thread_count
-from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.rays import (
+    EVENT,
+    NO_BOXES,
+    Boxes,
     Event,
+    EventKind,
     Nodes,
     RayClass,
     Rays,
     Sides,
     Traces,
 )
-from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.raycast.traced_scene import (
     centre_of,
     find_volumes,

@@ -16,7 +16,7 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.footprint import LINE, MARGIN
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, WallStore
 from radarsim.robots.robot import (
     COLUMN,
     FREE,
@@ -27,12 +27,11 @@ from radarsim.robots.robot import (
     WheelOdometry,
     new_rows,
 )
-from radarsim.robots.wall_grid import WallStore
 
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
 _MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
-# Of the rows of ``raycast.robot_boxes.Boxes``.
+# Of the rows of ``raycast.rays.Boxes``.
 _BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
 _BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]
 
@@ -239,7 +238,7 @@ class Fleet:
         return tuple(self.robots[i] for i in np.flatnonzero(gaps <= distance))
 
     def boxes(self) -> Floats:
-        """Return the robots as rows of ``raycast.robot_boxes.Boxes``, (R, 8).
+        """Return the robots as rows of ``raycast.rays.Boxes``, (R, 8).
 
         They are in the order of spawning, and their ids are the numbers of the robots.
         """

@@ -28,9 +28,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.processes import thread_count
-from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import Rays, Sides
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, EventKind, Outcome, Rays, Sides
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import EXPONENTIAL, BeamPattern
@@ -42,8 +40,7 @@ from radarsim.sensors.echo_extraction import (
     merge_echoes,
     select_echoes,
 )
-from radarsim.sensors.first_returns import answer_in_clouds
-from radarsim.sensors.rain import add_rain, find_rain
+from radarsim.sensors.rain_and_clouds import add_rain, answer_in_clouds, find_rain
 from radarsim.sensors.scan import Echoes, Scan
 
 if TYPE_CHECKING:

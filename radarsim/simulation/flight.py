@@ -17,7 +17,7 @@ import numpy as np
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.robots.fleet import WALL_RANGE, Fleet
 from radarsim.robots.obstacles import Obstacles

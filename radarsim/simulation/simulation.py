@@ -19,9 +19,7 @@ from radarsim.presets.robots import RobotModel
 from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.reports import RangeScan
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, EventKind, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint

@@ -25,7 +25,7 @@ from radarsim.engine import engine
 from radarsim.engine.library import Packed
 from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene

@@ -11,7 +11,7 @@ from parts import block
 import radarsim
 from radarsim import Echoes, Material, Part, Pose3, Scan, Scene
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.material import library_material

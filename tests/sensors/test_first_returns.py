@@ -9,8 +9,7 @@ from parts import block
 
 import radarsim
 from radarsim.geometry import Floats, Pose3
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.build import make_material

@@ -8,7 +8,7 @@ import pytest
 
 from radarsim.geometry import Pose3
 from radarsim.raycast import tracer as tracer_module
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import Item, RobotModel, load_robot
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
