@@ -31,7 +31,7 @@ from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest, take_scans
 
 RINGS: Final = 410  # of the ball of group k: 670,760 triangles
 TRIANGLES: Final = 1_000_000  # of the leafy shrubs
@@ -95,7 +95,7 @@ def _workloads(
     radar = radar_with(361)
     rays = Rays.concatenate([radar.scan(scene, pose, rng).cast for _ in range(BATCH)])
     batch = [ScanRequest(radar, pose, rng)] * BATCH
-    scan = partial(scan_batch, tracer, batch)
+    scan = partial(take_scans, tracer, batch)
     yield f"{BATCH} scans of 361 beams", scan, [(rays.origins, rays.directions)]
 
 

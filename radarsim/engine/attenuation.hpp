@@ -119,9 +119,8 @@ inline void record_event(RayState& state, int64_t ray, double t, Kind kind, int6
     if (!state.events.size()) return;
     if (state.event_count < state.events.size()) {
         const auto& [start, direction, before] = state.segment;
-        state.events[state.event_count] = {ray, before + t, int32_t(part), kind, power, absorbed,
-                                           start[0] + t * direction[0], start[1] + t * direction[1],
-                                           start[2] + t * direction[2]};
+        auto [x, y, z] = (start + t * direction).numbers;
+        state.events[state.event_count] = {ray, before + t, int32_t(part), kind, power, absorbed, x, y, z};
     }
     state.event_count++;
 }

@@ -112,19 +112,12 @@ class Arguments {
 
 // The code of a type in numpy, or the name of a structure.
 template <typename T> struct Code { static constexpr const char* name = structure_name(static_cast<T*>(nullptr)); };
-template <> struct Code<double> { static constexpr const char* name = "f8"; };
-template <> struct Code<float> { static constexpr const char* name = "f4"; };
-template <> struct Code<bool> { static constexpr const char* name = "?"; };
-template <> struct Code<int8_t> { static constexpr const char* name = "i1"; };
-template <> struct Code<int16_t> { static constexpr const char* name = "i2"; };
-template <> struct Code<int32_t> { static constexpr const char* name = "i4"; };
-template <> struct Code<int64_t> { static constexpr const char* name = "i8"; };
-template <> struct Code<uint8_t> { static constexpr const char* name = "u1"; };
-template <> struct Code<uint16_t> { static constexpr const char* name = "u2"; };
-template <> struct Code<uint32_t> { static constexpr const char* name = "u4"; };
-template <> struct Code<uint64_t> { static constexpr const char* name = "u8"; };
 template <typename T> struct Code<const T> : Code<T> {};
 template <typename T> requires(__is_enum(T)) struct Code<T> : Code<__underlying_type(T)> {};
+template <typename T> requires(__is_arithmetic(T)) struct Code<T> {
+    static constexpr char kind = __is_same(T, bool) ? 'b' : __is_floating_point(T) ? 'f' : T(-1) < T(0) ? 'i' : 'u';
+    static constexpr char name[3] = {kind, char('0' + sizeof(T))};
+};
 
 // A number, or a row of numbers.
 template <typename T> struct Element {
@@ -140,6 +133,9 @@ template <typename T, size_t N> struct Element<T[N]> {
         Element<T>::fill(lengths + 1);
     }
 };
+
+template <> struct Element<Vector> : Element<double[3]> {};
+template <> struct Element<const Vector> : Element<Vector> {};
 
 template <typename T> struct IsConst { static constexpr bool value = false; };
 template <typename T> struct IsConst<const T> { static constexpr bool value = true; };

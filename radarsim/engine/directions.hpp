@@ -28,21 +28,13 @@ LAYOUT(NodeTable, "kn sn e m", directions, starts, edges, sides)
 
 struct Frame {
     Vector position;
-    double rotation[3][3];
+    Vector rotation[3]; // its rows
 };
 
 // The node that a random number selects: how many edges it has reached.
 inline int64_t node_of(Array<const double> edges, double chance) {
-    int64_t low = 0, high = edges.size();
-    while (low < high) {
-        int64_t middle = (low + high) / 2;
-        // An edge itself belongs to the node after it, as in numpy.searchsorted from the right.
-        if (edges[middle] <= chance)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
+    // An edge itself belongs to the node after it, as in numpy.searchsorted from the right.
+    return first_where(0, edges.size(), [&](int64_t i) { return !(edges[i] <= chance); });
 }
 
 // Equals geometry.rotation_matrix: scans in batches and alone agree bit by bit.
@@ -61,10 +53,9 @@ inline void aim_ray(const NodeTable& table, const Frame& frame, int64_t beam, in
     const Vector& start = table.starts(table.starts.shape[0] > 1 ? node : 0, beam);
     const Vector& ahead = table.directions(node, beam);
     for (int i = 0; i < 3; i++) {
-        auto& [x, y, z] = frame.rotation[i];
-        // The sums begin with 0.0, so that none of them is -0.0.
-        origin[i] = frame.position[i] + (0.0 + x * start[0] + y * start[1] + z * start[2]);
-        direction[i] = 0.0 + x * ahead[0] + y * ahead[1] + z * ahead[2];
+        // None of the sums is -0.0.
+        origin[i] = frame.position[i] + (dot(frame.rotation[i], start) + 0.0);
+        direction[i] = dot(frame.rotation[i], ahead) + 0.0;
     }
 }
 
@@ -111,18 +102,19 @@ inline double wrapped(double angle) {
 }
 
 // Measure what directions bounding boxes take up, by lower and upper corners; see Extents.
-inline void measure_extents(Array<const double[2][3]> bounds, Array<const double> position,
+inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> position,
                             Array<const Vector> rotation, Array<double, 2> extents) {
     double *azimuth = &extents(0, 0), *width = &extents(1, 0), *low = &extents(2, 0), *high = &extents(3, 0);
     for (int64_t i = 0; i < bounds.size(); i++) {
-        double seen[8][3] = {}, middle[3] = {};
-        for (int corner = 0; corner < 8; corner++)
-            for (int k = 0; k < 3; k++) {
-                for (int axis = 0; axis < 3; axis++)
-                    seen[corner][k] += (bounds[i][corner >> axis & 1][axis] - position[axis]) * rotation[axis][k];
-                middle[k] += seen[corner][k];
+        Vector seen[8] = {}, middle = {};
+        for (int corner = 0; corner < 8; corner++) {
+            for (int axis = 0; axis < 3; axis++) {
+                double offset = bounds[i][corner >> axis & 1][axis] - position[axis];
+                seen[corner] = seen[corner] + offset * rotation[axis];
             }
-        for (double& coordinate : middle) coordinate /= 8.0;
+            middle = middle + seen[corner];
+        }
+        middle = middle / 8.0;
         double centre = -atan2(middle[1], middle[0]), first = INFINITE, last = -INFINITE;
         low[i] = INFINITE, high[i] = -INFINITE;
         for (const Vector& corner : seen) {
@@ -132,27 +124,19 @@ inline void measure_extents(Array<const double[2][3]> bounds, Array<const double
             low[i] = minimum(low[i], up), high[i] = maximum(high[i], up);
         }
         azimuth[i] = centre + first, width[i] = last - first;
-        extents(4, i) = sqrt(middle[0] * middle[0] + middle[1] * middle[1] + middle[2] * middle[2]);
+        extents(4, i) = length_of(middle);
     }
 }
 BIND(measure_extents, "n 3 3 5n")
 
 // Turn unit vectors of a sensor to the map frame, each by one of some rotations. Returns whether all of these exist.
-inline bool turn_directions(Array<const Vector> directions, Array<const double[3][3]> rotations,
+inline bool turn_directions(Array<const Vector> directions, Array<const Vector[3]> rotations,
                             Array<const int64_t> which, Array<Vector> turned) {
     for (int64_t ray = 0; ray < directions.size(); ray++) {
         if (which[ray] < 0 || which[ray] >= rotations.size()) return false;
-        const auto& rotation = rotations[which[ray]];
-        double square = 0.0;
-        for (int axis = 0; axis < 3; axis++) {
-            double part = directions[ray][0] * rotation[axis][0] + directions[ray][1] * rotation[axis][1];
-            part += directions[ray][2] * rotation[axis][2];
-            turned[ray][axis] = part;
-            square += part * part;
-        }
-        // Rounding of the product must not make the vectors longer.
-        double length = sqrt(square);
-        for (double& part : turned[ray]) part /= length;
+        const auto& [x, y, z] = rotations[which[ray]];
+        Vector product = {dot(directions[ray], x), dot(directions[ray], y), dot(directions[ray], z)};
+        turned[ray] = product / length_of(product); // rounding must not make it longer
     }
     return true;
 }

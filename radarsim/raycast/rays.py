@@ -7,7 +7,7 @@ from itertools import accumulate, pairwise
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
@@ -121,10 +121,10 @@ class Rays:
         origins: Floats,
         directions: Floats,
         *,
-        max_range: float | Floats,
+        max_range: ArrayLike,
         power: float = np.inf,
         medium: int = RADAR,
-        carrier_id: int | NDArray[np.int64] = -1,
+        carrier_id: ArrayLike = -1,
         ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
         """Create rays of one medium, or of the first of other classes."""

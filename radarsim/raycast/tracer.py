@@ -225,7 +225,7 @@ class Tracer:
             found = self._packed[ray_classes] = engine.structures["Scene"].pack(
                 handle=handle,
                 materials=table,
-                centre=self._centre,
+                centre=self._centre[None],
                 triangles=self._scene.triangles,
             )
         return found

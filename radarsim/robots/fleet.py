@@ -210,8 +210,7 @@ class Fleet:
             (K,) whether each was blocked, or touched something, after any of the steps.
         """
         touched = np.zeros(len(slots), np.bool_)
-        drive = engine.drive_on if meets else engine.drive_each_alone
-        drive(self._around, slots, dt, steps, touched)
+        engine.drive_on(self._around, slots, dt, steps, meets, touched)
         return touched
 
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:

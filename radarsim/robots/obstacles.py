@@ -7,7 +7,7 @@ nothing, however large the map.
 """
 
 import math
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import cache, cached_property
 from typing import Final, NamedTuple, Protocol, TypeVar
 
@@ -26,7 +26,7 @@ from radarsim.robots.footprint import (
     Lines,
     line_table,
 )
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import Scene
 
 Result = TypeVar("Result")
 
@@ -45,6 +45,15 @@ _POSITION_WORK = 300
 _SORTING_WORK = 30
 _TRACING_WORK = 40_000
 _DIGITS = 6  # of rounded end points of areas, so that lines that meet share them
+
+# Of the grid of walls.
+_MIN_CELL: Final = 1.0  # m; larger where long walls would cross too many cells
+_ENTRIES_PER_WALL: Final = 16
+_FREE_ENTRIES: Final = 65536
+_FEW_WALLS: Final = 64
+_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
+WALL_ENTRY: Final = engine.rows["WallEntry"]
+WALL_GRID: Final = engine.rows["WallGrid"]
 
 
 def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
@@ -70,37 +79,6 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
     return segments[:count].copy()
 
 
-def slice_parts(parts: Iterable[Part], height: float) -> Floats:
-    """Slice parts of a scene at one height.
-
-    Args:
-        parts: Parts to slice, solid or not.
-        height: z of the plane, m, map frame.
-
-    Returns:
-        All slices together, (S, 2, 2) m: x and y of both ends.
-    """
-    cuts = [slice_mesh(part.vertices, part.faces, height) for part in parts]
-    return np.concatenate([NO_SEGMENTS, *cuts])
-
-
-def _all_open(positions: Floats) -> NDArray[np.bool_]:
-    return np.ones(len(positions), np.bool_)
-
-
-Ints = NDArray[np.int64]
-
-_MIN_CELL: Final = 1.0  # m; larger where long walls would cross too many cells
-_ENTRIES_PER_WALL: Final = 16
-_FREE_ENTRIES: Final = 65536
-_FEW_WALLS: Final = 64
-_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
-
-
-WALL_ENTRY: Final = engine.rows["WallEntry"]
-WALL_GRID: Final = engine.rows["WallGrid"]
-
-
 class FloorWalls(NamedTuple):
     """The walls of one floor, as if no table had any other.
 
@@ -113,10 +91,6 @@ class FloorWalls(NamedTuple):
     lines: Lines
     entries: NDArray[np.void]
     grid: NDArray[np.void]
-
-    def pack(self) -> Packed:
-        """Return these walls as a table that has no others, of type ``Walls``."""
-        return pack_walls(*self)
 
 
 def pack_walls(
@@ -145,7 +119,8 @@ def floor_walls(segments: Floats) -> FloorWalls:
     size = _cell_size(segments)
     left, bottom = segments.reshape(-1, 2).min(axis=0) - size
     grid = np.array([(left, bottom, size, 1, 1, 0, 0, 0)], WALL_GRID)
-    entries = np.zeros(engine.count_crossings(segments, grid), WALL_ENTRY)
+    entries = np.zeros(0, WALL_ENTRY)
+    entries = np.zeros(engine.enter_crossings(segments, grid, entries), WALL_ENTRY)
     engine.enter_crossings(segments, grid, entries)
     grid["end"] = len(entries)
     order = np.argsort(entries["cell"], kind="stable")
@@ -195,7 +170,7 @@ class WallStore:
         return True
 
 
-def _sizes(floor: FloorWalls) -> Ints:
+def _sizes(floor: FloorWalls) -> NDArray[np.int64]:
     """Return the numbers of walls, of entries and of floors."""
     return np.array([len(floor.lines), len(floor.entries), 1])
 
@@ -205,6 +180,10 @@ def _cell_size(segments: Floats) -> float:
     extent = float(np.abs(segments[:, 1] - segments[:, 0]).sum())
     spare = _ENTRIES_PER_WALL * len(segments) + _FREE_ENTRIES
     return max(_MIN_CELL, extent / spare)
+
+
+def _all_open(positions: Floats) -> NDArray[np.bool_]:
+    return np.ones(len(positions), np.bool_)
 
 
 class Body(Protocol):
@@ -253,7 +232,7 @@ class Obstacles:
 
     @cached_property
     def _table(self) -> Packed:
-        return self.walls.pack()
+        return pack_walls(*self.walls)
 
     @classmethod
     def from_scene(cls, scene: Scene, *, floor: float = 0.0) -> "Obstacles":
@@ -274,14 +253,11 @@ class Obstacles:
         """Return the numbers of the parts whose slices a footprint overlaps, sorted."""
         lines = self._lines_near(pose.x, pose.y, footprint.radius)
         owners = self.owners[lines["rank"].astype(np.intp)]
-        order = np.argsort(owners, kind="stable")
-        numbers, firsts = np.unique(owners[order], return_index=True)
-        pieces = np.split(lines[order], firsts[1:])
         place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
         return [
             number
-            for number, piece in zip(numbers.tolist(), pieces, strict=False)
-            if footprint.gaps(place, piece)[0] <= MARGIN
+            for number in np.unique(owners).tolist()
+            if footprint.gaps(place, lines[owners == number])[0] <= MARGIN
         ]
 
     def _lines_near(self, x: float, y: float, distance: float) -> Lines:
@@ -293,13 +269,9 @@ class Obstacles:
         self, footprint: Footprint, pose: Pose2, others: Sequence[Body] = ()
     ) -> bool:
         """Return whether a footprint overlaps no obstacle and no other body."""
-        half_size = footprint.length / 2, footprint.width / 2
-        lines = np.zeros(len(self.segments), LINE)  # room for them
-        gap = engine.find_gap(
-            *(self._table, pose.x, pose.y, pose.yaw),
-            *(*half_size, footprint.radius, lines),
-        )
-        if gap <= MARGIN:
+        place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
+        lines = self._lines_near(pose.x, pose.y, footprint.radius)
+        if footprint.gaps(place, lines)[0] <= MARGIN:
             return False
         return not any(overlaps(footprint, pose, other) for other in others)
 

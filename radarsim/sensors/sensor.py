@@ -147,15 +147,12 @@ def sight_rays(
         max_range: m, of all rays or of each.
         carrier_id: Id of the robot's box, which stops no ray, likewise; -1 for none.
     """
-    n = len(origins)
-    return Rays(
-        np.ascontiguousarray(origins, np.float64),
-        np.ascontiguousarray(directions, np.float64),
-        np.full(n, max_range, np.float64),
-        np.full(n, np.inf),
-        np.zeros(n, np.uint8),
-        np.full(n, carrier_id, np.int64),
-        (SONAR_CLASS,),
+    return Rays.uniform(
+        origins,
+        directions,
+        max_range=max_range,
+        carrier_id=carrier_id,
+        ray_classes=(SONAR_CLASS,),
     )
 
 

@@ -226,7 +226,7 @@ class Mutator:
         return value.structure.pack(**value.fields | changes)
 
     def _other_form(self, value: Any) -> Any:
-        kind = self.choose(("f4", "f8", "i4", "i8", "?"))
+        kind = self.choose(("f4", "f8", "i4", "i8", "b1"))
         forms: tuple[Callable[[Any], Any], ...] = (
             lambda a: a.astype(kind) if not a.dtype.names else a.view("u1"),
             lambda a: a.astype(a.dtype.newbyteorder()),
