@@ -215,17 +215,6 @@ inline int64_t slice_area(const SolidMesh& mesh, double x_min, double x_max, dou
 }
 BIND(slice_area, "s s")
 
-// Write the numbers of the triangles that reach into a slab between two heights; returns how many they are.
-inline int64_t find_in_slab(Array<const Triangle> triangles, double low, double high, Array<int64_t> numbers) {
-    int64_t count = 0;
-    for (int64_t i = 0; i < triangles.size(); i++) {
-        double a = triangles[i][2], b = triangles[i][5], c = triangles[i][8];
-        if ((a <= high || b <= high || c <= high) && (a >= low || b >= low || c >= low)) numbers[count++] = i;
-    }
-    return count;
-}
-BIND(find_in_slab, "t t")
-
 // Extend a box, three numbers of its lower corner and three of its upper one, to a point.
 inline void extend(double* box, const Vector& point) {
     for (int axis = 0; axis < 3; axis++) { // a corner that is not known yet is nan

@@ -27,7 +27,7 @@ from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.processes import thread_count
-from radarsim.raycast.embree import EmbreeScene, Mesh
+from radarsim.raycast.embree import EmbreeScene
 from radarsim.raycast.rays import (
     EVENT,
     NO_BOXES,
@@ -105,7 +105,7 @@ class Tracer:
         # The scene for the engine: it is packed again after a slice was added.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
-            [Mesh(part.vertices - self._centre, part.faces) for part in parts]
+            [(part.vertices - self._centre, part.faces) for part in parts]
         )
         self._max_crossings = INITIAL_CAPACITY
         self._events_per_ray = 4  # the highest average of any call

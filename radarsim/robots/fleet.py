@@ -60,11 +60,6 @@ class Fleet:
         self._lines: NDArray[np.void] = np.zeros(0, LINE)  # room for what a robot meets
         self._enter_floors()
 
-    @property
-    def floors(self) -> tuple[Obstacles, ...]:
-        """The floors whose walls are known."""
-        return tuple(self._floors)
-
     def prepare(self, obstacles: Obstacles) -> None:
         """Enter the walls of a floor, unless it is known."""
         if obstacles not in self._floors:

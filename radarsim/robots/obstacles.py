@@ -275,58 +275,34 @@ class Obstacles:
             return False
         return not any(overlaps(footprint, pose, other) for other in others)
 
-    def nearest_free_pose(
-        self,
-        footprint: Footprint,
-        pose: Pose2,
-        others: Sequence[Body] = (),
-        *,
-        within: float = 1.0,
-        is_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
-    ) -> Pose2 | None:
-        """Find the nearest pose of the same yaw at which a footprint fits.
-
-        Args:
-            footprint: Footprint to be placed.
-            pose: Requested pose, returned if it is free.
-            others: Bodies that are already there.
-            within: Radius of the search, m.
-            is_open: Returns which of (N, 2) positions, m, are permitted.
-
-        Returns:
-            The pose, to 0.05 m, touching nothing; None if there is none. Of positions
-            at equal distance it is the first counter-clockwise from the map's x axis.
-        """
-        return finish(
-            self.search_free_pose(
-                footprint, pose, lambda: others, within=within, is_open=is_open
-            )
-        )
-
     def search_free_pose(
         self,
         footprint: Footprint,
         pose: Pose2,
-        others: Callable[[], Sequence[Body]],
+        others: Callable[[], Sequence[Body]] = tuple,
         *,
-        within: float,
-        is_open: Callable[[Floats], NDArray[np.bool_]],
+        within: float = 1.0,
+        is_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
         work: int = 0,
     ) -> Generator[int, None, Pose2 | None]:
-        """Find the same as ``nearest_free_pose`` step by step.
+        """Find the nearest pose of the same yaw at which a footprint fits, in steps.
 
         Args:
-            footprint: As of ``nearest_free_pose``.
-            pose: Likewise. If it is free, the search ends before its first step.
+            footprint: Footprint to be placed.
+            pose: Requested pose. If it is free, the search ends before its first step.
             others: Returns the bodies that are there now, as they move between steps.
-            within: As of ``nearest_free_pose``.
-            is_open: Likewise.
+            within: Radius of the search, m.
+            is_open: Returns which of (N, 2) positions, m, are permitted.
             work: What the caller does before the search, and again at the place that it
                 finds: counted with the first step, and with each that may be the last.
 
         Yields:
             The work of the next step, in comparisons of a position with a line, which
             take about 5 ns each.
+
+        Returns:
+            The pose, to 0.05 m, touching nothing; None if there is none. Of positions
+            at equal distance it is the first counter-clockwise from the map's x axis.
         """
         here = np.array([[pose.x, pose.y]])
         if self.clear(footprint, pose, others()) and is_open(here)[0]:

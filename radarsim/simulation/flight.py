@@ -262,14 +262,10 @@ class SolidMesh:
             Line segments, as of ``slice_mesh``, in the order of the parts and of their
             faces: all that reach into the area, and perhaps others.
         """
-        while (count := self._slice(area, height)) < 0:
+        arguments = self._packed, *area, height
+        while (count := int(engine.slice_area(*arguments, *self._room))) < 0:
             self._room = np.zeros(-count, np.int32), np.zeros((-count, 2, 2))
         return self._room[1][:count].copy()
-
-    def _slice(self, area: Area, height: float) -> int:
-        """Fill the room with the slice; return its size, or minus the room needed."""
-        count: int = engine.slice_area(self._packed, *area, height, *self._room)
-        return count
 
     def _bounds(self, faces: Faces) -> tuple[Floats, Floats]:
         """Return the smallest and the largest coordinates of triangles, (N, 3) m."""

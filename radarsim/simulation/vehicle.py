@@ -36,9 +36,7 @@ from radarsim.simulation.clock import Schedule, seconds, ticks_of
 from radarsim.simulation.config import (
     DEFAULT_INTERVAL,
     SimulationConfig,
-    check_extra_rays,
     check_rays,
-    count_extra_rays,
 )
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
@@ -305,15 +303,13 @@ class Vehicle:
         config = self.config
         for item in items:
             config = config.with_settings(item, settings)
-            # Against the first configuration: whoever started the server may allow
-            # more.
-            check_rays(item, config, self._first_config)
-        extra = count_extra_rays(
-            [mounted.item for mounted in self.scanners], config, self._first_config
-        )
+        scanners = [mounted.item for mounted in self.scanners]
         shared = sum(other.extra_rays for other in others if other is not self)
-        check_extra_rays(extra, self.extra_rays, shared)
-        self.config, self.extra_rays = config, extra
+        # Against the first configuration: whoever started the server may allow more.
+        self.extra_rays = check_rays(
+            scanners, config, self._first_config, self.extra_rays, shared
+        )
+        self.config = config
         self._changed |= {item.name for item in items}
         ticks = {item.name: ticks_of(config.interval(item)) for item in items}
         if not ticks.items() <= self._interval_ticks.items():

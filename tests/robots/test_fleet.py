@@ -213,8 +213,8 @@ def test_heights_of_a_robot_that_flies_are_forgotten_but_not_those_in_use() -> N
     )
     for number in range(2000):
         fleet.lift(drone, 1 + 0.1 * number, Obstacles(wall + number, floor=number))
-        assert len(fleet.floors) < 600
-    assert ground in fleet.floors
+        assert len(fleet._floors) < 600
+    assert ground in fleet._floors
     for robot in (rover, drone):
         robot.drive(2.0, 2.0)
     for _ in range(1000):

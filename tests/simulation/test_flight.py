@@ -144,7 +144,7 @@ def test_robots_that_fly_away_leave_nothing_behind(foliage_room: Scene) -> None:
         vehicle = drone(simulation, -8.0, 0.0, 0.5)
         vehicle.robot.fly(ahead=2.0, up=2.0)
         step(simulation, 100)
-        assert len(vehicle.robot.fleet.floors) < 600
+        assert len(vehicle.robot.fleet._floors) < 600
         simulation.remove(vehicle)
         robots.append(weakref.ref(vehicle.robot))
         del vehicle

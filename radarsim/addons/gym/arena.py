@@ -17,7 +17,7 @@ from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, finish
 from radarsim.robots.robot import COLUMN
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
@@ -124,7 +124,7 @@ class Arena:
         """
         obstacles = self._obstacles_at(pose.x, pose.y)
         footprint = Footprint(self.model.length, self.model.width)
-        free = obstacles.nearest_free_pose(footprint, pose)
+        free = finish(obstacles.search_free_pose(footprint, pose))
         if free is None:
             raise ValueError(
                 f"start {pose.x:g},{pose.y:g}: no free place within 1 m of it"
