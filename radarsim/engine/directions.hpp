@@ -59,26 +59,6 @@ inline void aim_ray(const NodeTable& table, const Frame& frame, int64_t beam, in
     }
 }
 
-// Aim nodes of scans: transform them to the map frame. Returns whether the lengths of the arrays, and the nodes, belong
-// together.
-inline bool aim_scans(const NodeTable& table, Array<const double[7]> places, Array<const int16_t> nodes,
-                      Array<Vector> origins, Array<Vector> directions) {
-    int64_t beams = places.size() * table.beams(), i = 0;
-    if (!beams || !table.is_valid()) return !nodes.size();
-    int64_t rays_per_beam = nodes.size() / beams;
-    if (nodes.size() % beams) return false;
-    for (int16_t node : nodes)
-        if (node < 0 || node >= table.nodes()) return false;
-    for (int64_t scan = 0; scan < places.size(); scan++) {
-        Frame frame = frame_of(place_of(places, scan));
-        for (int64_t beam = 0; beam < table.beams(); beam++)
-            for (int64_t ray = 0; ray < rays_per_beam; ray++, i++)
-                aim_ray(table, frame, beam, nodes[i], origins[i], directions[i]);
-    }
-    return true;
-}
-BIND(aim_scans, "j r r r")
-
 // Offsets are angles to the left and up, rad, of each node of each beam.
 inline void node_directions(Array<const double> angles, Array<const double[2], 2> offsets,
                             Array<Vector, 2> directions) {

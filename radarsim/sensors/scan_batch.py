@@ -114,7 +114,7 @@ class ScanBatch:
         Args:
             pattern: The beams; of random rays there can only be one scan.
             tracer: Tracer of the scene.
-            places: (J, 7) of the sensors, as of ``BeamPattern.aim``.
+            places: (J, 7) of the sensors, as of ``Tracer.trace_scans``.
         """
         self.pattern, self._tracer, self._places = pattern, tracer, places
         self.kinds, self.needs_events = pattern.kinds, pattern.needs_events
@@ -213,8 +213,9 @@ class ScanBatch:
 
     def all_rays(self, row: int) -> Rays:
         """Return the M rays of a scan."""
-        places, nodes = self._places[row : row + 1], self.nodes[row]
-        return self.pattern.aim(places, nodes, self._random_rays(row))
+        *numbers, carrier = self._places[row].tolist()
+        drawn = self._random_rays(row)
+        return self.pattern.aim(Pose3(*numbers), int(carrier), self.nodes[row], drawn)
 
     def _random_rays(self, row: int) -> Floats | None:
         return self.drawn["rays"][row] if self.pattern.has_random_rays else None
