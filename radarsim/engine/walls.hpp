@@ -122,8 +122,6 @@ BIND(find_walls, "l")
 
 using Corners = int32_t[3];
 
-constexpr int64_t BLOCK = 32; // triangles of a block, see solid_mesh.py
-
 // Whether a plane cuts a triangle; a corner in the plane counts as above it.
 inline bool is_cut(const Vector& a, const Vector& b, const Vector& c, double height) {
     int above = (a[2] >= height) + (b[2] >= height) + (c[2] >= height);
@@ -156,64 +154,6 @@ inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> fa
     return count;
 }
 BIND(slice_faces, "v f f")
-
-struct SolidMesh { // triangles sorted by cells of space, and the bounds of blocks of them
-    Array<const Vector> vertices;
-    Array<const Corners> faces;
-    Array<const int32_t> order;
-    Array<const double, 2> lows, highs; // m, of x, y and z of blocks
-};
-LAYOUT(SolidMesh, "v f f 3b 3b", vertices, faces, order, lows, highs)
-
-struct Area {
-    double x_min, x_max, y_min, y_max; // m
-
-    bool meets(double left, double right, double low, double high) const {
-        return left <= x_max && x_min <= right && low <= y_max && y_min <= high;
-    }
-};
-
-inline int compare_numbers(const void* one, const void* other) {
-    int32_t a = *static_cast<const int32_t*>(one), b = *static_cast<const int32_t*>(other);
-    return (a > b) - (a < b);
-}
-
-// Write numbers of the triangles that a plane cuts in blocks that reach into an area, ascending; returns how many they
-// are. Those for which there is no room are only counted.
-inline int64_t find_cut(const SolidMesh& mesh, const Area& area, double height, Array<int32_t> numbers) {
-    const auto& [vertices, faces, order, lows, highs] = mesh;
-    int64_t count = 0;
-    for (int64_t block = 0; block < lows.shape[1]; block++) {
-        if (!(lows(2, block) < height && height <= highs(2, block))) continue;
-        if (!area.meets(lows(0, block), highs(0, block), lows(1, block), highs(1, block))) continue;
-        for (int64_t i = block * BLOCK; i < (block + 1) * BLOCK && i < order.size(); i++) {
-            const Corners& face = faces[order[i]];
-            if (!is_cut(vertices[face[0]], vertices[face[1]], vertices[face[2]], height)) continue;
-            if (count < numbers.size()) numbers[count] = order[i];
-            count++;
-        }
-    }
-    qsort(numbers.data, count < numbers.size() ? count : numbers.size(), sizeof(int32_t), compare_numbers);
-    return count;
-}
-
-// Slice the triangles in an area, in the order of their numbers; returns the number of segments, or, if there may not
-// be room for all, minus the room that is needed.
-inline int64_t slice_area(const SolidMesh& mesh, double x_min, double x_max, double y_min, double y_max, double height,
-                          Array<int32_t> numbers, Array<Ends> segments) {
-    Area area = {x_min, x_max, y_min, y_max};
-    int64_t found = find_cut(mesh, area, height, numbers), count = 0;
-    if (found > numbers.size()) return -found;
-    for (int64_t i = 0; i < found; i++) {
-        Ends& cut = segments[count];
-        cut_sides(mesh.vertices, mesh.faces[numbers[i]], height, cut);
-        const auto& [one, other] = cut;
-        count += area.meets(minimum(one[0], other[0]), maximum(one[0], other[0]), minimum(one[1], other[1]),
-                            maximum(one[1], other[1]));
-    }
-    return count;
-}
-BIND(slice_area, "s s")
 
 // Extend a box, three numbers of its lower corner and three of its upper one, to a point.
 inline void extend(double* box, const Vector& point) {

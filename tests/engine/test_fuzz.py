@@ -42,7 +42,7 @@ REFUSALS: Final = (EngineError, TypeError, ValueError, OverflowError)
 FLOATS: Final = (math.nan, math.inf, -math.inf, 1e300, -1e300, 5e-324, -0.0)
 NUMBERS: Final = (0, -1, 1, 3, math.nan, 2**31, -(2**63))
 # They hold addresses, and indices that are checked when they are made.
-FIXED: Final = ("SceneHandle", "Hierarchy", "SolidMesh")
+FIXED: Final = ("SceneHandle", "Hierarchy")
 FUNCTIONS: Final = {name: each.call for name, each in engine.functions.items()}
 
 Calls = list[tuple[str, tuple[Any, ...]]]

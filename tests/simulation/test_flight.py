@@ -28,13 +28,13 @@ REACH = 1.5
 def areas(monkeypatch: pytest.MonkeyPatch) -> list[Area]:
     """Areas of all slices that are made."""
     made: list[Area] = []
-    original = SolidMesh.slice
+    original = SolidMesh.near
 
-    def counted(self: SolidMesh, area: Area, height: float) -> object:
-        made.append(area)
-        return original(self, area, height)
+    def counted(self: SolidMesh, area: Area, *heights: float) -> object:
+        made.extend([area] * len(heights))
+        return original(self, area, *heights)
 
-    monkeypatch.setattr(SolidMesh, "slice", counted)
+    monkeypatch.setattr(SolidMesh, "near", counted)
     return made
 
 
@@ -173,8 +173,9 @@ def test_a_slice_is_that_of_all_parts_in_the_same_order(
 ) -> None:
     area = x, x + size, y, y + size
     expected = reaching_into(slices(foliage_room, height), area)
-    found = SolidMesh(foliage_room.parts).slice(area, height)
-    np.testing.assert_array_equal(found, expected)
+    mesh = SolidMesh(foliage_room.parts)
+    found = slice_mesh(mesh.vertices, mesh.near(area, height), height)
+    np.testing.assert_array_equal(reaching_into(found, area), expected)
 
 
 @pytest.mark.parametrize("solid", [True, False])
@@ -182,8 +183,7 @@ def test_parts_that_are_not_solid_are_left_out(solid: bool) -> None:
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]])
     faces = np.array([[0, 1, 2]], np.int32)
     part = Part("p", Material("m", 1.0, 1.0, solid=solid), corners, faces)
-    found = SolidMesh([part]).slice((-1, 2, -1, 2), 0.5)
-    assert found.shape == (int(solid), 2, 2)
+    assert len(SolidMesh([part]).near((-1, 2, -1, 2), 0.5)) == int(solid)
 
 
 def test_sorting_takes_little_memory() -> None:
