@@ -215,7 +215,7 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     case Reading::CHARGE: {
         const Charge& charge = *static_cast<Charge*>(place);
         double elapsed = (ticks - charge.spawn_tick) / TICKS_A_SECOND;
-        out.add(maximum(trunc(maximum(0.0, charge.life - elapsed)), charge.least)); // as of Battery.seconds_left
+        out.add(maximum(trunc(maximum(0.0, charge.life - elapsed)), charge.least));
         break;
     }
     case Reading::TOUCHED: out.add(robot.touched); break;

@@ -1,10 +1,9 @@
-"""One robot on the floor: its row in the table of robots, its commands, its battery.
+"""One robot on the floor: its row in the table of robots, and its commands.
 
 The engine reads and writes the state of all robots as one table with a row for each.
 """
 
 import math
-from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
@@ -38,30 +37,6 @@ def new_rows(count: int) -> NDArray[np.void]:
     rows["rejected"] = np.nan
     rows["touched"] = UNKNOWN
     return rows
-
-
-@dataclass(frozen=True, slots=True)
-class Battery:
-    """A battery that drains with time only, whatever the robot does.
-
-    Attributes:
-        life: Time that a full charge lasts, s.
-        runs_out: Whether it ever gets empty. One that does not stays at its last
-            second, because clients pause a robot whose battery reads 0.
-    """
-
-    life: float
-    runs_out: bool = False
-
-    def seconds_left(self, elapsed: float) -> int:
-        """Return what is left ``elapsed`` s after the spawn, whole s, rounded down."""
-        # rounded first: the rounding error of a sum of ticks must not cost a second
-        left = int(max(0.0, self.life - round(elapsed, 6)))
-        return left if self.runs_out else max(1, left)
-
-    def is_empty(self, elapsed: float) -> bool:
-        """Return whether the battery is empty ``elapsed`` s after the spawn."""
-        return self.seconds_left(elapsed) == 0
 
 
 class Bicycle(NamedTuple):

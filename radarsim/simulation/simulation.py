@@ -198,7 +198,7 @@ class Simulation:
             items.add(vehicle)
         if model.flight is not None:
             self._flying[vehicle] = None
-        if vehicle.battery.runs_out:
+        if vehicle.dialect.battery_runs_out:
             self._mortal[vehicle] = None
         if vehicle.drift.end > vehicle.drift.first:
             self._drifting.add(vehicle, DRIFT_TICKS)
@@ -287,8 +287,7 @@ class Simulation:
         except Exception:  # noqa: BLE001 - the robot that failed is found below
             outputs: dict[int, TickOutput] = {}
             for vehicle, items in due:
-                scans = [scan for scan in read_by_others if scan.vehicle is vehicle]
-                alone = [(vehicle, items)], scans, cast, boxes
+                alone = [(vehicle, items)], read_by_others, cast, boxes
                 outputs |= self.faults.call(vehicle, self._take_readings, *alone) or {}
             return outputs
 
@@ -303,7 +302,7 @@ class Simulation:
 
         Args:
             due: The robots, and what is due of them.
-            read_by_others: What add-ons have read.
+            read_by_others: What add-ons have read, also of other robots.
             cast: The readings of ``_cast``.
             boxes: All robots.
         """
@@ -326,6 +325,8 @@ class Simulation:
                 echoes.setdefault(vehicle.number, []).append(found)
         for due_scan in read_by_others:
             number = due_scan.vehicle.number
+            if number not in scans:
+                continue
             scans[number].append(due_scan.scan)
             if due_scan.reports:
                 echoes.setdefault(number, []).append(due_scan)
