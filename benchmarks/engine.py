@@ -24,7 +24,6 @@ from benchmarks.timing import Row, compare, measure, ratio_row
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar_equation import fft_length
 from radarsim.geometry import Floats
-from radarsim.raycast import embree
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import generator_for
@@ -69,7 +68,7 @@ def radar_with(beams: int) -> RangeScanner:
 
 def first_hits(scene: Scene, *draws: tuple[Floats, Floats]) -> FirstHits:
     """Return the raw first-hit calls of Embree on some rays in a scene."""
-    meshes = [embree.Mesh(part.vertices, part.faces) for part in scene.parts]
+    meshes = [(part.vertices, part.faces) for part in scene.parts]
     return FirstHits(meshes, *draws)
 
 
@@ -208,7 +207,7 @@ def _load(path: Path) -> Tracer:
 
 def _read_and_build(path: Path) -> FirstHits:
     mesh: Any = trimesh.load_mesh(path, process=False)
-    triangles = embree.Mesh(mesh.vertices, mesh.faces)
+    triangles = mesh.vertices, mesh.faces
     return FirstHits([triangles], (np.zeros((1, 3)), np.eye(3)[:1]))
 
 

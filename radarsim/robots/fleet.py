@@ -24,7 +24,6 @@ from radarsim.robots.robot import (
     ROBOT,
     UNKNOWN,
     Robot,
-    WheelOdometry,
     new_rows,
 )
 
@@ -125,8 +124,8 @@ class Fleet:
         self._update_slots()
         return robot
 
-    def add_odometry(self, robot: Robot) -> WheelOdometry:
-        """Integrate the turns of a robot's wheels from now on."""
+    def add_odometry(self, robot: Robot) -> int:
+        """Integrate the turns of a robot's wheels from now on; return the row."""
         free = np.flatnonzero(self.odometry["slot"] == FREE)
         if not free.size:
             count = len(self.odometry)
@@ -135,10 +134,9 @@ class Fleet:
             free = np.array([count])
             self.odometry = np.concatenate([self.odometry, more])
             self._pack()
-        odometry = WheelOdometry(robot, int(free[0]))
-        separation, angles = robot.model.wheel_separation, robot.side_angles
-        self.odometry[odometry.row] = (robot.slot, separation, 0.0, 0.0, 0.0, *angles)
-        return odometry
+        row, separation = int(free[0]), robot.model.wheel_separation
+        self.odometry[row] = (robot.slot, separation, 0, 0, 0, *robot.side_angles)
+        return row
 
     def remove(self, robot: Robot) -> None:
         """Remove a robot, which stands where it is in a fleet that does not drive.

@@ -345,27 +345,3 @@ def _limited(speed: float, limit: float, *, normalized: bool) -> float:
     """Return a speed within limits, or that of a percentage."""
     wanted = speed * limit / 100 if normalized else speed
     return max(-limit, min(limit, wanted))
-
-
-class WheelOdometry:
-    """The odometry of one robot, which its fleet integrates in each step.
-
-    Attributes:
-        robot: The robot.
-        row: Its row in the fleet's table of odometry, in which it stays.
-    """
-
-    def __init__(self, robot: Robot, row: int) -> None:
-        self.robot = robot
-        self.row = row
-
-    @property
-    def pose(self) -> Pose2:
-        """Pose relative to that of the spawn or reset, m and rad, not wrapped."""
-        _, _, x, y, yaw, *_ = self.robot.fleet.odometry[self.row].item()
-        return Pose2(x, y, yaw)
-
-    def reset(self) -> None:
-        """Make the pose of the last step the new origin."""
-        for name in ("x", "y", "yaw"):
-            self.robot.fleet.odometry[self.row][name] = 0.0

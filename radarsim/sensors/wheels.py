@@ -21,14 +21,15 @@ class Odometry(EngineSensor, types=["Odometry"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._odometry = self.robot.fleet.add_odometry(self.robot)
-        (place,) = self._remember(np.array([float(self._odometry.row)]))
+        self._row = self.robot.fleet.add_odometry(self.robot)
+        (place,) = self._remember(np.array([float(self._row)]))
         sample = reports.Odometry(0.0, self.item.name, Pose2(0.0, 0.0))
         self._report(sample, pose=[Job(Reading.WHEEL_POSE, place)])
 
     def reset(self) -> None:
         """Start again from a pose of zeros."""
-        self._odometry.reset()
+        for name in ("x", "y", "yaw"):
+            self.robot.fleet.odometry[name][self._row] = 0.0
 
 
 class Tachometer(EngineSensor, types=["Tachometer"]):
