@@ -111,8 +111,8 @@ class Arguments {
 template <typename T> struct Code { static constexpr const char* name = structure_name(static_cast<T*>(nullptr)); };
 template <typename T> struct Code<const T> : Code<T> {};
 template <typename T> requires(__is_enum(T)) struct Code<T> : Code<__underlying_type(T)> {};
-template <typename T> requires(__is_arithmetic(T)) struct Code<T> {
-    static constexpr char kind = __is_same(T, bool) ? 'b' : __is_floating_point(T) ? 'f' : T(-1) < T(0) ? 'i' : 'u';
+template <typename T> requires(!__is_class(T) && !__is_enum(T)) struct Code<T> { // a number
+    static constexpr char kind = __is_same(T, bool) ? 'b' : T(0.5) != T(0) ? 'f' : T(-1) > T(0) ? 'u' : 'i';
     static constexpr char name[3] = {kind, char('0' + sizeof(T))};
 };
 
