@@ -277,7 +277,8 @@ def _meet(lows: Floats, highs: Floats, area: Area) -> NDArray[np.bool_]:
     """Return which bounds, (2 or 3, N) m, reach into an area."""
     left, right, lower, upper = area
     x_meets = (lows[0] <= right) & (left <= highs[0])
-    return x_meets & (lows[1] <= upper) & (lower <= highs[1])
+    meets: NDArray[np.bool_] = x_meets & (lows[1] <= upper) & (lower <= highs[1])
+    return meets
 
 
 def _chunks(count: int) -> Iterator[slice]:
