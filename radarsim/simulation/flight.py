@@ -112,11 +112,11 @@ class Airspace:
         old = known[0].slices if known and known[0].tile == tile else {}
         heights = {n: (n + 0.5) * BAND for n in numbers if n not in old}
         faces = self._mesh.near(area, *heights.values()) if heights else _NOTHING[1]
-        cuts = {
+        cuts = old | {
             number: slice_mesh(self._mesh.vertices, faces, height)
             for number, height in heights.items()
         }
-        slices = {number: (old | cuts)[number] for number in numbers}
+        slices = {number: cuts[number] for number in numbers}
         walls = np.concatenate([*slices.values()])
         walls = walls[_meet(walls.min(axis=1).T, walls.max(axis=1).T, area)]
         obstacles = Obstacles(walls, floor=band * BAND)
