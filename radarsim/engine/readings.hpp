@@ -262,7 +262,8 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
 }
 
 // How many bytes of the row of its robot a job uses, by its kind: as many as there are, up to LINK_ANGLE.
-constexpr size_t ONE = sizeof(double), DRIFT = sizeof(Ins), SPEEDS = sizeof(Tachometer), INERTIA = sizeof(Accelerometer);
+constexpr size_t ONE = sizeof(double), DRIFT = sizeof(Ins), SPEEDS = sizeof(Tachometer);
+constexpr size_t INERTIA = sizeof(Accelerometer);
 constexpr size_t USED[] = {0, sizeof(Charge), 0, 0, 0, 0, ONE, ONE, ONE, DRIFT, DRIFT, SPEEDS, SPEEDS, SPEEDS, SPEEDS,
                            sizeof(Encoder), INERTIA, INERTIA, INERTIA, sizeof(Link)};
 
