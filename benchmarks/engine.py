@@ -24,14 +24,13 @@ from benchmarks.timing import Row, compare, measure, ratio_row
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar_equation import fft_length
 from radarsim.geometry import Floats
-from radarsim.raycast import embree
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest, take_scans
 
 RINGS: Final = 410  # of the ball of group k: 670,760 triangles
 TRIANGLES: Final = 1_000_000  # of the leafy shrubs
@@ -69,7 +68,7 @@ def radar_with(beams: int) -> RangeScanner:
 
 def first_hits(scene: Scene, *draws: tuple[Floats, Floats]) -> FirstHits:
     """Return the raw first-hit calls of Embree on some rays in a scene."""
-    meshes = [embree.Mesh(part.vertices, part.faces) for part in scene.parts]
+    meshes = [(part.vertices, part.faces) for part in scene.parts]
     return FirstHits(meshes, *draws)
 
 
@@ -95,7 +94,7 @@ def _workloads(
     radar = radar_with(361)
     rays = Rays.concatenate([radar.scan(scene, pose, rng).cast for _ in range(BATCH)])
     batch = [ScanRequest(radar, pose, rng)] * BATCH
-    scan = partial(scan_batch, tracer, batch)
+    scan = partial(take_scans, tracer, batch)
     yield f"{BATCH} scans of 361 beams", scan, [(rays.origins, rays.directions)]
 
 
@@ -208,7 +207,7 @@ def _load(path: Path) -> Tracer:
 
 def _read_and_build(path: Path) -> FirstHits:
     mesh: Any = trimesh.load_mesh(path, process=False)
-    triangles = embree.Mesh(mesh.vertices, mesh.faces)
+    triangles = mesh.vertices, mesh.faces
     return FirstHits([triangles], (np.zeros((1, 3)), np.eye(3)[:1]))
 
 

@@ -10,7 +10,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.raycast.embree import Mesh
+from radarsim.scene.shapes import Mesh
 
 
 class FirstHits:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from radarsim.plotting.scans import as_svg as as_svg
     from radarsim.plotting.scans import compare
     from radarsim.plotting.scans import plot_scan as plot_scan
-    from radarsim.raycast.attenuation import EventKind
+    from radarsim.raycast.rays import EventKind
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map, shipped_maps
     from radarsim.scene.material import Material
@@ -46,7 +46,7 @@ _NAMES = {
     "local": ("LocalRobot", "LocalScan", "LocalSimulation", "simulate"),
     "plotting.plan": ("plot_scene",),
     "plotting.scans": ("as_svg", "compare", "plot_scan"),
-    "raycast.attenuation": ("EventKind",),
+    "raycast.rays": ("EventKind",),
     "rng": ("generator_for",),
     "scene.map_file": ("load_map", "shipped_maps"),
     "scene.material": ("Material",),

@@ -11,7 +11,7 @@ import pytest
 from benchmarks import engine, hosts, scenes, servers
 from benchmarks.__main__ import GROUPS, main
 from benchmarks.timing import Row, compare
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map

@@ -35,8 +35,7 @@ from plants import (
 
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import Rays
+from radarsim.raycast.rays import Outcome, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.robots.obstacles import slice_mesh

@@ -109,7 +109,7 @@ def explain_beam(
         scan: Its scan.
         beam: Number of the beam.
     """
-    from radarsim.raycast.attenuation import EventKind
+    from radarsim.raycast.rays import EventKind
     from radarsim.raycast.tracer import tracer_of
 
     settings, tracer = scanner.settings, tracer_of(scene)
@@ -158,7 +158,7 @@ def _explain_events(
     events: Sequence[Event], parts: Sequence[Part], power: float
 ) -> dict[str, Any]:
     """Return the volumes that a ray of this power crossed, and how it ended."""
-    from radarsim.raycast.attenuation import EventKind
+    from radarsim.raycast.rays import EventKind
 
     crossings: list[dict[str, Any]] = []
     entered: dict[int, dict[str, Any]] = {}  # volumes that it is in, by their parts

@@ -19,6 +19,7 @@
 // Structures are packed and passed by reference, or they are the rows of structured arrays, Array<const Robot>.
 #pragma once
 #include "numbers.hpp"
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -37,16 +38,12 @@ union Word {
 // Text of a limited length; what does not fit makes the description invalid, and no library with such a one opens.
 class Text {
   public:
-    void add(const char* text) {
-        size_t length = strlen(text);
-        if (used_ + length >= sizeof(memory_)) return;
-        memcpy(memory_ + used_, text, length + 1);
-        used_ += length;
-    }
-    void add(int64_t number) {
-        char digits[24];
-        snprintf(digits, sizeof(digits), "%lld", static_cast<long long>(number));
-        add(digits);
+    __attribute__((format(printf, 2, 3))) void add(const char* format, ...) {
+        if (used_ >= sizeof(memory_)) return;
+        va_list values;
+        va_start(values, format);
+        used_ += vsnprintf(memory_ + used_, sizeof(memory_) - used_, format, values);
+        va_end(values);
     }
     const char* memory() const { return memory_; }
 
@@ -112,19 +109,12 @@ class Arguments {
 
 // The code of a type in numpy, or the name of a structure.
 template <typename T> struct Code { static constexpr const char* name = structure_name(static_cast<T*>(nullptr)); };
-template <> struct Code<double> { static constexpr const char* name = "f8"; };
-template <> struct Code<float> { static constexpr const char* name = "f4"; };
-template <> struct Code<bool> { static constexpr const char* name = "?"; };
-template <> struct Code<int8_t> { static constexpr const char* name = "i1"; };
-template <> struct Code<int16_t> { static constexpr const char* name = "i2"; };
-template <> struct Code<int32_t> { static constexpr const char* name = "i4"; };
-template <> struct Code<int64_t> { static constexpr const char* name = "i8"; };
-template <> struct Code<uint8_t> { static constexpr const char* name = "u1"; };
-template <> struct Code<uint16_t> { static constexpr const char* name = "u2"; };
-template <> struct Code<uint32_t> { static constexpr const char* name = "u4"; };
-template <> struct Code<uint64_t> { static constexpr const char* name = "u8"; };
 template <typename T> struct Code<const T> : Code<T> {};
 template <typename T> requires(__is_enum(T)) struct Code<T> : Code<__underlying_type(T)> {};
+template <typename T> requires(!__is_class(T) && !__is_enum(T)) struct Code<T> { // a number
+    static constexpr char kind = __is_same(T, bool) ? 'b' : T(0.5) != T(0) ? 'f' : T(-1) > T(0) ? 'u' : 'i';
+    static constexpr char name[3] = {kind, char('0' + sizeof(T))};
+};
 
 // A number, or a row of numbers.
 template <typename T> struct Element {
@@ -141,6 +131,9 @@ template <typename T, size_t N> struct Element<T[N]> {
     }
 };
 
+template <> struct Element<Vector> : Element<double[3]> {};
+template <> struct Element<const Vector> : Element<Vector> {};
+
 template <typename T> struct IsConst { static constexpr bool value = false; };
 template <typename T> struct IsConst<const T> { static constexpr bool value = true; };
 
@@ -150,15 +143,10 @@ template <typename T> struct Parameter { // a number
         if constexpr (__is_same(T, double)) return arguments.next().number;
         else return T(arguments.next().integer);
     }
-    static void describe(Text& text, const char*&) { text.add(Code<T>::name); }
+    static void describe(Text& text, const char*&) { text.add("%s", Code<T>::name); }
 };
 template <typename T, size_t N> struct Parameter<T[N]> { // numbers within a row
-    static void describe(Text& text, const char*&) {
-        text.add(Code<T>::name);
-        text.add("[");
-        text.add(int64_t(N));
-        text.add("]");
-    }
+    static void describe(Text& text, const char*&) { text.add("%s[%zu]", Code<T>::name, N); }
 };
 template <typename T, int D> struct Parameter<Array<T, D>> {
     static constexpr int axes = D + Element<T>::axes;
@@ -173,13 +161,10 @@ template <typename T, int D> struct Parameter<Array<T, D>> {
     static void describe(Text& text, const char*& names) {
         int64_t others[Element<T>::axes + 1] = {};
         Element<T>::fill(others);
-        text.add(IsConst<T>::value ? "*" : "=");
-        text.add(Element<T>::name);
+        text.add("%c%s", IsConst<T>::value ? '*' : '=', Element<T>::name);
         for (int i = 0; i < axes; i++) {
-            text.add(i ? "," : "[");
-            const char name[2] = {i < D ? *names++ : char(0), 0};
-            if (i < D) text.add(name);
-            else text.add(others[i - D]);
+            if (i < D) text.add("%c%c", i ? ',' : '[', *names++);
+            else text.add("%c%d", i ? ',' : '[', int(others[i - D]));
         }
         text.add("]");
         if (*names == ' ') names++;
@@ -187,10 +172,7 @@ template <typename T, int D> struct Parameter<Array<T, D>> {
 };
 template <typename T> struct Parameter<const T*> { // a structure in another
     static const T* read(Arguments& arguments) { return static_cast<const T*>(arguments.next().address); }
-    static void describe(Text& text, const char*&) {
-        text.add("&");
-        text.add(Code<T>::name);
-    }
+    static void describe(Text& text, const char*&) { text.add("&%s", Code<T>::name); }
 };
 template <typename T> struct Parameter<const T&> : Parameter<const T*> {
     static const T& read(Arguments& arguments) { return *Parameter<const T*>::read(arguments); }
@@ -244,12 +226,8 @@ struct Entry {
 // Write a line for each function and structure.
 inline void describe_all(Text& text) {
     for (const Entry* entry = Entry::first; entry; entry = entry->next) {
-        text.add(entry->name);
-        text.add(entry->kind);
-        text.add(entry->size);
-        text.add(" ");
-        text.add(int64_t(entry->call));
-        text.add(" ");
+        auto address = reinterpret_cast<uintptr_t>(entry->call);
+        text.add("%s%s%zu %zu ", entry->name, entry->kind, size_t(entry->size), size_t(address));
         entry->describe(text, entry->lengths);
         text.add("\n");
     }
@@ -281,9 +259,7 @@ inline void describe_all(Text& text) {
     macro(type, field) __VA_OPT__(RADARSIM_EACH_AGAIN RADARSIM_PARENTHESES(macro, type, __VA_ARGS__))
 #define RADARSIM_EACH_AGAIN() RADARSIM_EACH
 #define RADARSIM_FIELD(type, field)                                                                                   \
-    text.add(#field " ");                                                                                             \
-    text.add(int64_t(offsetof(type, field)));                                                                         \
-    text.add(" ");                                                                                                    \
+    text.add(#field " %zu ", offsetof(type, field));                                                                  \
     Parameter<decltype(type::field)>::describe(text, names);                                                          \
     text.add(" ");
 #define RADARSIM_FILL(type, field) packed.field = Parameter<decltype(type::field)>::read(arguments);

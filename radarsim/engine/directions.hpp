@@ -28,21 +28,13 @@ LAYOUT(NodeTable, "kn sn e m", directions, starts, edges, sides)
 
 struct Frame {
     Vector position;
-    double rotation[3][3];
+    Vector rotation[3]; // its rows
 };
 
 // The node that a random number selects: how many edges it has reached.
 inline int64_t node_of(Array<const double> edges, double chance) {
-    int64_t low = 0, high = edges.size();
-    while (low < high) {
-        int64_t middle = (low + high) / 2;
-        // An edge itself belongs to the node after it, as in numpy.searchsorted from the right.
-        if (edges[middle] <= chance)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
+    // An edge itself belongs to the node after it, as in numpy.searchsorted from the right.
+    return first_where(0, edges.size(), [&](int64_t i) { return !(edges[i] <= chance); });
 }
 
 // Equals geometry.rotation_matrix: scans in batches and alone agree bit by bit.
@@ -61,32 +53,11 @@ inline void aim_ray(const NodeTable& table, const Frame& frame, int64_t beam, in
     const Vector& start = table.starts(table.starts.shape[0] > 1 ? node : 0, beam);
     const Vector& ahead = table.directions(node, beam);
     for (int i = 0; i < 3; i++) {
-        auto& [x, y, z] = frame.rotation[i];
-        // The sums begin with 0.0, so that none of them is -0.0.
-        origin[i] = frame.position[i] + (0.0 + x * start[0] + y * start[1] + z * start[2]);
-        direction[i] = 0.0 + x * ahead[0] + y * ahead[1] + z * ahead[2];
+        // None of the sums is -0.0.
+        origin[i] = frame.position[i] + (dot(frame.rotation[i], start) + 0.0);
+        direction[i] = dot(frame.rotation[i], ahead) + 0.0;
     }
 }
-
-// Aim nodes of scans: transform them to the map frame. Returns whether the lengths of the arrays, and the nodes, belong
-// together.
-inline bool aim_scans(const NodeTable& table, Array<const double[7]> places, Array<const int16_t> nodes,
-                      Array<Vector> origins, Array<Vector> directions) {
-    int64_t beams = places.size() * table.beams(), i = 0;
-    if (!beams || !table.is_valid()) return !nodes.size();
-    int64_t rays_per_beam = nodes.size() / beams;
-    if (nodes.size() % beams) return false;
-    for (int16_t node : nodes)
-        if (node < 0 || node >= table.nodes()) return false;
-    for (int64_t scan = 0; scan < places.size(); scan++) {
-        Frame frame = frame_of(place_of(places, scan));
-        for (int64_t beam = 0; beam < table.beams(); beam++)
-            for (int64_t ray = 0; ray < rays_per_beam; ray++, i++)
-                aim_ray(table, frame, beam, nodes[i], origins[i], directions[i]);
-    }
-    return true;
-}
-BIND(aim_scans, "j r r r")
 
 // Offsets are angles to the left and up, rad, of each node of each beam.
 inline void node_directions(Array<const double> angles, Array<const double[2], 2> offsets,
@@ -111,19 +82,20 @@ inline double wrapped(double angle) {
 }
 
 // Measure what directions bounding boxes take up, by lower and upper corners; see ray_fan.py.
-inline void measure_extents(Array<const double[2][3]> bounds, Array<const double> position,
+inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> position,
                             Array<const Vector> rotation, Array<double, 2> extents) {
     double *azimuth = &extents(0, 0), *width = &extents(1, 0), *low = &extents(2, 0), *high = &extents(3, 0);
     for (int64_t i = 0; i < bounds.size(); i++) {
-        double seen[8][3] = {}, ahead = 0.0, left = 0.0;
-        for (Vector& corner : seen) {
-            int64_t number = &corner - seen;
-            for (int k = 0; k < 3; k++)
-                for (int axis = 0; axis < 3; axis++)
-                    corner[k] += (bounds[i][number >> axis & 1][axis] - position[axis]) * rotation[axis][k];
-            ahead += corner[0], left += corner[1];
+        Vector seen[8] = {}, middle = {};
+        for (int corner = 0; corner < 8; corner++) {
+            for (int axis = 0; axis < 3; axis++) {
+                double offset = bounds[i][corner >> axis & 1][axis] - position[axis];
+                seen[corner] = seen[corner] + offset * rotation[axis];
+            }
+            middle = middle + seen[corner];
         }
-        double centre = -atan2(left / 8.0, ahead / 8.0), first = INFINITE, last = -INFINITE;
+        middle = middle / 8.0;
+        double centre = -atan2(middle[1], middle[0]), first = INFINITE, last = -INFINITE;
         low[i] = INFINITE, high[i] = -INFINITE;
         for (const Vector& corner : seen) {
             double turned = wrapped(-atan2(corner[1], corner[0]) - centre);
@@ -137,21 +109,13 @@ inline void measure_extents(Array<const double[2][3]> bounds, Array<const double
 BIND(measure_extents, "n 3 3 4n")
 
 // Turn unit vectors of a sensor to the map frame, each by one of some rotations. Returns whether all of these exist.
-inline bool turn_directions(Array<const Vector> directions, Array<const double[3][3]> rotations,
+inline bool turn_directions(Array<const Vector> directions, Array<const Vector[3]> rotations,
                             Array<const int64_t> which, Array<Vector> turned) {
     for (int64_t ray = 0; ray < directions.size(); ray++) {
         if (which[ray] < 0 || which[ray] >= rotations.size()) return false;
-        const auto& rotation = rotations[which[ray]];
-        double square = 0.0;
-        for (int axis = 0; axis < 3; axis++) {
-            double part = directions[ray][0] * rotation[axis][0] + directions[ray][1] * rotation[axis][1];
-            part += directions[ray][2] * rotation[axis][2];
-            turned[ray][axis] = part;
-            square += part * part;
-        }
-        // Rounding of the product must not make the vectors longer.
-        double length = sqrt(square);
-        for (double& part : turned[ray]) part /= length;
+        const auto& [x, y, z] = rotations[which[ray]];
+        Vector product = {dot(directions[ray], x), dot(directions[ray], y), dot(directions[ray], z)};
+        turned[ray] = product / length_of(product); // rounding must not make it longer
     }
     return true;
 }

@@ -1,4 +1,4 @@
-// The echoes of the events along rays, and those of rain; see echo_extraction.py and rain.py for the theory.
+// The echoes of the events along rays, and those of rain; see echo_extraction.py and rain_and_clouds.py for the theory.
 #pragma once
 #include "attenuation.hpp"
 
@@ -326,7 +326,7 @@ inline Search search_rain(Search from, double end, double cell, double contrast)
 }
 
 // Find the nearest cell of each beam in which rain is detected; return how many beams have one. Contrasts are those
-// of each part at 1 m; other arguments as in rain.py.
+// of each part at 1 m; other arguments as in rain_and_clouds.py.
 inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, Array<const double, 2> random,
                          int64_t air_part, Array<const double> contrasts, double cell, double margin_db,
                          double nearest, double full_power, Array<Echo> found) {

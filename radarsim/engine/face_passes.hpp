@@ -78,7 +78,6 @@ struct Root {
     bool flipped;
 };
 
-inline int32_t lower(int32_t a, int32_t b) { return a < b ? a : b; }
 inline int next_corner(int corner) { return corner < 2 ? corner + 1 : 0; }
 
 inline Root find_root(const Forest& forest, int32_t face) {
@@ -99,7 +98,7 @@ inline bool join_faces(const Forest& forest, int32_t face, int32_t other, bool d
     Root one = find_root(forest, face), two = find_root(forest, other);
     bool roots_disagree = disagree ^ one.flipped ^ two.flipped;
     if (one.face == two.face) return roots_disagree;
-    int32_t low = lower(one.face, two.face), high = one.face + two.face - low;
+    int32_t low = minimum(one.face, two.face), high = one.face + two.face - low;
     // The lower face is the root, so that components are numbered by first faces.
     forest.parents[high] = low;
     forest.flips[high] = roots_disagree;
@@ -111,7 +110,7 @@ inline bool join_faces(const Forest& forest, int32_t face, int32_t other, bool d
 inline bool unite_faces(Array<const Face> faces, Array<int32_t> sides, Array<int32_t> starts, Array<int32_t, 2> edges,
                         Array<int32_t> parents, Array<bool> flips, Array<int64_t> counts) {
     auto low_end = [&](int64_t face, int corner) {
-        return lower(faces[face][corner], faces[face][next_corner(corner)]);
+        return minimum(faces[face][corner], faces[face][next_corner(corner)]);
     };
     int64_t vertices = edges.shape[1];
     if (starts.size() != vertices + 2 || sides.size() < 3 * faces.size()) return false;

@@ -326,9 +326,7 @@ inline void run_query(const SceneHandle& handle, Query& query, uint32_t parts, c
     // Embree counts distances from the start and forwards.
     if (orientation < 0.0) near = 0.0, far = INFINITE;
     // A start far away would be rounded to float32 too coarsely: skip to the sphere around the scene.
-    double ahead = 0.0;
-    for (int axis = 0; axis < 3; axis++) ahead -= origin[axis] * direction[axis] * orientation;
-    double skipped = maximum(ahead - handle.radius, 0.0);
+    double skipped = maximum(-orientation * dot(origin, direction) - handle.radius, 0.0);
     if (skipped > far) return;
     embree::Ray& ray = query.hit.ray;
     for (int axis = 0; axis < 3; axis++) {

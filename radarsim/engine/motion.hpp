@@ -388,27 +388,23 @@ inline bool find_touched(const Surroundings& around, Array<const int64_t> slots)
 }
 BIND(find_touched, "s")
 
-// Drive some robots for several time steps as if there were no others, and note which are touched after any step.
-inline bool drive_on(const Surroundings& around, Array<const int64_t> order, double dt, int64_t steps,
+// Drive some robots for several time steps as if there were no others, all together or each as if it were alone, and
+// note which are touched after any step.
+inline bool drive_on(const Surroundings& around, Array<const int64_t> slots, double dt, int64_t steps, bool together,
                      Array<bool> touched) {
-    if (!are_valid(around, order) || steps > MAX_STEPS) return false;
-    RobotGrid grid(around.robots, order);
-    for (int64_t step = 0; step < steps; step++) {
-        drive_once(around, grid, order, dt);
-        find_touched_in(around, grid, order);
-        for (int64_t i = 0; i < order.size(); i++) touched[i] |= around.robots[order[i]].touched == 1.0;
+    if (!are_valid(around, slots) || steps > MAX_STEPS) return false;
+    int64_t count = together ? slots.size() : 1;
+    for (int64_t first = 0; first < slots.size(); first += count) {
+        Array<const int64_t> order = {slots.data + first, {count}};
+        RobotGrid grid(around.robots, order);
+        for (int64_t step = 0; step < steps; step++) {
+            drive_once(around, grid, order, dt);
+            find_touched_in(around, grid, order);
+            for (int64_t i = 0; i < count; i++) touched[first + i] |= around.robots[order[i]].touched == 1.0;
+        }
     }
     return true;
 }
 BIND(drive_on, "r r")
-
-// The same as if none of them met any other.
-inline bool drive_each_alone(const Surroundings& around, Array<const int64_t> order, double dt, int64_t steps,
-                             Array<bool> touched) {
-    for (int64_t i = 0; i < order.size(); i++)
-        if (!drive_on(around, {order.data + i, {1}}, dt, steps, {touched.data + i, {1}})) return false;
-    return true;
-}
-BIND(drive_each_alone, "r r")
 
 } // namespace radarsim::robots

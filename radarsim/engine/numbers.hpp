@@ -11,15 +11,43 @@ namespace radarsim {
 class Memory;
 
 using Triangle = double[9]; // m, x, y, z of each corner in turn
-using Vector = double[3];
+
+struct Vector { // x, y and z
+    double numbers[3];
+
+    double& operator[](int64_t axis) { return numbers[axis]; }
+    double operator[](int64_t axis) const { return numbers[axis]; }
+};
+inline Vector operator+(const Vector& a, const Vector& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
+inline Vector operator-(const Vector& a, const Vector& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+inline Vector operator*(double factor, const Vector& a) { return {factor * a[0], factor * a[1], factor * a[2]}; }
+inline Vector operator/(const Vector& a, double divisor) { return {a[0] / divisor, a[1] / divisor, a[2] / divisor}; }
+inline double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+inline double length_of(const Vector& a) { return sqrt(dot(a, a)); }
+
+// One of the three corners.
+inline const Vector& corner_of(const Triangle& triangle, int corner) {
+    return reinterpret_cast<const Vector&>(triangle[3 * corner]);
+}
 
 constexpr double INFINITE = __builtin_inf(), NOT_A_NUMBER = __builtin_nan("");
 
 // Python's min and max: of equal numbers, and of numbers that are none, the first.
-inline double minimum(double a, double b) { return b < a ? b : a; }
-inline double maximum(double a, double b) { return b > a ? b : a; }
-inline double minimum(double a, double b, double c) { return minimum(minimum(a, b), c); }
-inline double maximum(double a, double b, double c) { return maximum(maximum(a, b), c); }
+template <typename T> T minimum(T a, T b) { return b < a ? b : a; }
+template <typename T> T maximum(T a, T b) { return b > a ? b : a; }
+template <typename T> T minimum(T a, T b, T c) { return minimum(minimum(a, b), c); }
+template <typename T> T maximum(T a, T b, T c) { return maximum(maximum(a, b), c); }
+
+// The first of the whole numbers from low on, and below high, for which something holds, as for all after it; high if
+// it holds for none.
+template <typename F> int64_t first_where(int64_t low, int64_t high, F holds) {
+    while (low < high) {
+        int64_t middle = (low + high) / 2;
+        if (holds(middle)) high = middle;
+        else low = middle + 1;
+    }
+    return low;
+}
 
 // An angle, rad, wrapped to (-pi, pi].
 inline double wrap_angle(double angle) {

@@ -94,8 +94,7 @@ inline void add_hit(const GridCells& cells, int layer, int64_t row, int64_t colu
     if (flags & flag) return;
     flags |= flag;
     int8_t& evidence = cells.evidence(layer, row, column);
-    int sum = evidence + LOG_ODDS_HIT;
-    evidence = int8_t(sum < LOG_ODDS_LIMIT ? sum : LOG_ODDS_LIMIT);
+    evidence = int8_t(minimum(evidence + LOG_ODDS_HIT, LOG_ODDS_LIMIT));
 }
 
 inline void add_free(const GridCells& cells, int64_t row, int64_t column, bool sees_through) {
@@ -108,8 +107,7 @@ inline void add_free(const GridCells& cells, int64_t row, int64_t column, bool s
         // Only layers that had no hit in it: beams slide along a wall on which others end.
         if (flags & (HAS_HIT << layer)) continue;
         int8_t& evidence = cells.evidence(layer, row, column);
-        int sum = evidence - LOG_ODDS_FREE;
-        evidence = int8_t(sum > -LOG_ODDS_LIMIT ? sum : -LOG_ODDS_LIMIT);
+        evidence = int8_t(maximum(evidence - LOG_ODDS_FREE, -LOG_ODDS_LIMIT));
     }
 }
 
@@ -167,7 +165,7 @@ constexpr int32_t FARTHEST = 32767; // cells; the sum of two squares fits in 32 
 // beyond the farthest.
 inline void fill_distances(Array<const bool, 2> cells, double limit, Array<double, 2> distances) {
     int64_t rows = cells.shape[0], columns = cells.shape[1];
-    limit = minimum(limit, FARTHEST);
+    limit = minimum(limit, double(FARTHEST));
     // Squares of distances are separable: first the nearest true cell within each row, from both sides, then the best
     // of the rows near by.
     Buffer<int32_t> in_rows(rows * columns), nearest(columns);
@@ -178,7 +176,7 @@ inline void fill_distances(Array<const bool, 2> cells, double limit, Array<doubl
         since = FARTHEST + 1;
         for (int64_t j = columns - 1; j >= 0; j--) {
             count(j);
-            int32_t distance = squares[j] < since ? squares[j] : since;
+            int32_t distance = minimum(squares[j], since);
             squares[j] = distance * distance;
         }
     }
@@ -187,10 +185,7 @@ inline void fill_distances(Array<const bool, 2> cells, double limit, Array<doubl
         for (int64_t j = 0; j < columns; j++) nearest[j] = INT32_MAX;
         for (int64_t k = i > reach ? i - reach : 0; k <= i + reach && k < rows; k++) {
             int32_t *squares = &in_rows[k * columns], square = int32_t((i - k) * (i - k));
-            for (int64_t j = 0; j < columns; j++) {
-                int32_t sum = squares[j] + square;
-                nearest[j] = sum < nearest[j] ? sum : nearest[j];
-            }
+            for (int64_t j = 0; j < columns; j++) nearest[j] = minimum(nearest[j], squares[j] + square);
         }
         // Only the rows were limited, but not the columns.
         for (int64_t j = 0; j < columns; j++) {

@@ -1,4 +1,4 @@
-// Follow one ray segment by segment to its end; see propagate.py.
+// Follow one ray segment by segment to its end.
 #pragma once
 #include "attenuation.hpp"
 #include "robot_boxes.hpp"
@@ -38,10 +38,10 @@ LAYOUT(MaterialTable, "cp cp cp cp cp c c c c cp cp v w w", density, sheet_loss,
 struct Scene {
     const SceneHandle* handle;
     const MaterialTable* materials;
-    Array<const double> centre; // m, the origin of all other coordinates
+    Array<const Vector> centre; // m, the origin of all other coordinates
     Array<const Triangle> triangles;
 };
-LAYOUT(Scene, "3 t", handle, materials, centre, triangles)
+LAYOUT(Scene, "1 t", handle, materials, centre, triangles)
 
 struct Traces { // one row for each ray
     Array<double> ranges;
@@ -72,7 +72,7 @@ class RayTracer {
     int64_t trace(int64_t row, double max_range, double power, uint8_t ray_class, int64_t carrier,
                   const Traces& traces) {
         if (!is_valid(max_range, power) || ray_class >= materials.classes()) return -1 - row;
-        for (int axis = 0; axis < 3; axis++) origin[axis] -= scene.centre[axis];
+        origin = origin - scene.centre[0];
         row_ = row, class_ = ray_class, carrier_ = carrier;
         reflections_ = materials.max_reflections[ray_class];
         start_segment(0.0);
@@ -112,43 +112,25 @@ class RayTracer {
         double cost;    // power that the surface takes
         bool is_bounce; // one of those of which a ray has a limited number
     };
-    struct Normal {
-        double x, y, z;
-    };
 
     bool is_valid(double max_range, double power) const {
-        double length = 0.0;
-        for (int axis = 0; axis < 3; axis++) {
-            length += direction[axis] * direction[axis];
-            if (!isfinite(origin[axis])) return false;
-        }
-        if (!(fabs(length - 1.0) <= UNIT_TOLERANCE)) return false;
+        if (!(isfinite(origin[0]) && isfinite(origin[1]) && isfinite(origin[2]))) return false;
+        if (!(fabs(dot(direction, direction) - 1.0) <= UNIT_TOLERANCE)) return false;
         return 0.0 <= max_range && max_range < INFINITE && power >= 0.0;
     }
 
     // A value of a part for the class of the ray.
     template <typename T> T* of_class(Array<T, 2> table) const { return table.row(class_); }
 
-    void start_segment(double before) {
-        state.segment.before = before;
-        if (!state.events.size()) return;
-        for (int axis = 0; axis < 3; axis++) {
-            state.segment.start[axis] = origin[axis] + scene.centre[axis];
-            state.segment.direction[axis] = direction[axis];
-        }
-    }
+    void start_segment(double before) { state.segment = {origin + scene.centre[0], direction, before}; }
 
     // The unit normal of the triangle at which the last segment ended.
-    Normal opaque_normal() const {
-        const double* p = scene.triangles[opaque_triangle(handle, query_)];
-        double ax = p[3] - p[0], ay = p[4] - p[1], bx = p[6] - p[0], by = p[7] - p[1];
-        double az = p[5] - p[2], bz = p[8] - p[2];
-        double nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
-        double length = sqrt(nx * nx + ny * ny + nz * nz);
-        return {nx / length, ny / length, nz / length};
+    Vector opaque_normal() const {
+        const Triangle& corners = scene.triangles[opaque_triangle(handle, query_)];
+        Vector a = corner_of(corners, 1) - corner_of(corners, 0), b = corner_of(corners, 2) - corner_of(corners, 0);
+        Vector normal = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+        return normal / length_of(normal);
     }
-
-    double along(const Normal& n) const { return n.x * direction[0] + n.y * direction[1] + n.z * direction[2]; }
 
     // The way on from the end of a segment; a ray that is absorbed ends.
     WayOn find_way_on(const Progress& progress, const SegmentEnd& end) const {
@@ -164,7 +146,7 @@ class RayTracer {
         double absorbed = of_class(materials.absorption)[part];
         if (!of_class(materials.mirror)[part]) return {Way::ENDS, absorbed, false};
         double passing = of_class(materials.passing)[part];
-        double ahead = along(opaque_normal());
+        double ahead = dot(opaque_normal(), direction);
         if (ahead > 0.0 && passing < INFINITE) return {Way::PASSED, passing, false}; // out of a pane
         if (reflections_ <= 0 || fabs(ahead) >= materials.glint[class_]) return {Way::ENDS, absorbed, false};
         if (passing <= absorbed) return {Way::PASSED, passing, true}; // each half of the loss on either way
@@ -177,27 +159,23 @@ class RayTracer {
         if (reflections_ <= 0 || end.part < 0 || end.part >= materials.parts()) return;
         if (!of_class(materials.mirror)[end.part]) return;
         // Along a slanted ray the offset from the mirror's plane is longer.
-        double near = end.t - MIRROR_OFFSET / maximum(fabs(along(opaque_normal())), MIRROR_OFFSET);
+        double near = end.t - MIRROR_OFFSET / maximum(fabs(dot(opaque_normal(), direction)), MIRROR_OFFSET);
         while (end.crossed > 0 && state.crossings[end.crossed - 1].t >= near) end.crossed--;
     }
 
     // Set origin and direction of the segment that follows one of t m.
     void go_on(Way way, double t) {
         if (way == Way::PASSED) {
-            for (int axis = 0; axis < 3; axis++) origin[axis] += (t + MIRROR_OFFSET) * direction[axis];
+            origin = origin + (t + MIRROR_OFFSET) * direction;
             return;
         }
-        Normal n = opaque_normal();
-        double ahead = along(n);
-        if (ahead > 0.0) n = {-n.x, -n.y, -n.z}, ahead = -ahead; // the back of the triangle is hit
+        Vector normal = opaque_normal();
+        double ahead = dot(normal, direction);
+        if (ahead > 0.0) normal = -1.0 * normal, ahead = -ahead; // the back of the triangle is hit
         // Off the mirror along its normal, not along the ray: a grazing ray would stay within
         // rounding of the surface and meet it again.
-        origin[0] += t * direction[0] + MIRROR_OFFSET * n.x;
-        origin[1] += t * direction[1] + MIRROR_OFFSET * n.y;
-        origin[2] += t * direction[2] + MIRROR_OFFSET * n.z;
-        direction[0] -= 2.0 * ahead * n.x;
-        direction[1] -= 2.0 * ahead * n.y;
-        direction[2] -= 2.0 * ahead * n.z;
+        origin = origin + (t * direction + MIRROR_OFFSET * normal);
+        direction = direction - 2.0 * ahead * normal;
     }
 
     double incidence_of(const RayEnd& end) const {
@@ -205,7 +183,7 @@ class RayTracer {
         if (end.part >= materials.parts()) // a robot
             return box_incidence(box_grid.boxes, end.part - materials.parts(), origin, direction,
                                  end.t - state.segment.before);
-        return minimum(fabs(along(opaque_normal())), 1.0);
+        return minimum(fabs(dot(opaque_normal(), direction)), 1.0);
     }
 
     bool is_in_bounds(int64_t volume, double margin) const {
@@ -227,7 +205,7 @@ class RayTracer {
             near_volumes_.clear();
             for (int64_t k = 0; k < materials.volume.size(); k++)
                 if (is_in_bounds(k, margin + NEAR_REACH + NEAR_SLACK)) near_volumes_.append(k);
-            for (int axis = 0; axis < 3; axis++) near_place_[axis] = origin[axis];
+            near_place_ = origin;
         }
         for (int64_t k : near_volumes_)
             if (of_class(materials.backward_roles)[materials.volume[k]] && is_in_bounds(k, margin)) return true;

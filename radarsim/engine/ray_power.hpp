@@ -24,6 +24,8 @@ struct FanRays { // the rays of a fan in a scene
 LAYOUT(FanRays, "r r r r r r r r", column, across, weights, spread, directions, shift, ranges, incidence, full,
        db_per_power, wavelength)
 
+inline Vector place_of(const Event& event) { return {event.x, event.y, event.z}; }
+
 // The walk along one ray.
 class RayWalk {
   public:
@@ -162,11 +164,9 @@ class RayWalk {
         const Vector& ahead = rays_.directions[ray_];
         double run = after.t - event.t;
         if (run <= 0.0) return;
-        double dx = start.x - start.t * ahead[0] - event.x, dy = start.y - start.t * ahead[1] - event.y,
-               dz = start.z - start.t * ahead[2] - event.z;
-        double straight = sqrt(dx * dx + dy * dy + dz * dz);
-        double back = (after.x - event.x) * dx + (after.y - event.y) * dy + (after.z - event.z) * dz;
-        back /= run * maximum(straight, 1e-9);
+        Vector way = place_of(start) - start.t * ahead - place_of(event);
+        double straight = length_of(way);
+        double back = dot(place_of(after) - place_of(event), way) / (run * maximum(straight, 1e-9));
         if (back < STRAIGHT_BACK) return;
         // Half the angle by which it misses the antenna is that of a mirror turned so.
         double square = minimum(0.5 * (1.0 + back), 1.0), distance = 0.5 * (event.t + straight);
@@ -196,16 +196,13 @@ class RayWalk {
         const Event &here = events_[mirror], &after = events_[mirror + 1];
         double run = after.t - here.t;
         if (run <= 0.0) return 1.0;
-        const Vector& direction = rays_.directions[ray_];
-        double ux = direction[0], uy = direction[1], uz = direction[2];
+        Vector direction = rays_.directions[ray_];
         if (before >= first_) {
             const Event& last = events_[before];
-            double way = maximum(here.t - last.t, 1e-9);
-            ux = (here.x - last.x) / way, uy = (here.y - last.y) / way, uz = (here.z - last.z) / way;
+            direction = (place_of(here) - place_of(last)) / maximum(here.t - last.t, 1e-9);
         }
-        double dx = (after.x - here.x) / run - ux, dy = (after.y - here.y) / run - uy,
-               dz = (after.z - here.z) / run - uz;
-        return minimum(maximum(0.5 * sqrt(dx * dx + dy * dy + dz * dz), GRAZING), 1.0);
+        Vector change = (place_of(after) - place_of(here)) / run - direction;
+        return minimum(maximum(0.5 * length_of(change), GRAZING), 1.0);
     }
 
     const FanRays& rays_;

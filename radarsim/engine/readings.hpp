@@ -215,7 +215,7 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     case Reading::CHARGE: {
         const Charge& charge = *static_cast<Charge*>(place);
         double elapsed = (ticks - charge.spawn_tick) / TICKS_A_SECOND;
-        out.add(maximum(trunc(maximum(0.0, charge.life - elapsed)), charge.least)); // as of Battery.seconds_left
+        out.add(maximum(trunc(maximum(0.0, charge.life - elapsed)), charge.least));
         break;
     }
     case Reading::TOUCHED: out.add(robot.touched); break;
@@ -261,27 +261,11 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     return false;
 }
 
-// How many numbers of the row of its robot a job uses.
-inline int64_t count_used(const Job& job) {
-    switch (job.kind) {
-    case Reading::CHARGE: return sizeof(Charge) / sizeof(double);
-    case Reading::ALTITUDES:
-    case Reading::MINUTES:
-    case Reading::WHEEL_POSE: return 1;
-    case Reading::DRIFT:
-    case Reading::INS_POSE: return sizeof(Ins) / sizeof(double);
-    case Reading::LEFT_SPEED:
-    case Reading::RIGHT_SPEED:
-    case Reading::LEFT_ANGLE:
-    case Reading::RIGHT_ANGLE: return sizeof(Tachometer) / sizeof(double);
-    case Reading::TICKS: return sizeof(Encoder) / sizeof(double);
-    case Reading::ACCELERATION:
-    case Reading::PROPER_ACCELERATION:
-    case Reading::INERTIA: return sizeof(Accelerometer) / sizeof(double);
-    case Reading::LINK_ANGLE: return sizeof(Link) / sizeof(double);
-    default: return 0;
-    }
-}
+// How many bytes of the row of its robot a job uses, by its kind: as many as there are, up to LINK_ANGLE.
+constexpr size_t ONE = sizeof(double), DRIFT = sizeof(Ins), SPEEDS = sizeof(Tachometer);
+constexpr size_t INERTIA = sizeof(Accelerometer);
+constexpr size_t USED[] = {0, sizeof(Charge), 0, 0, 0, 0, ONE, ONE, ONE, DRIFT, DRIFT, SPEEDS, SPEEDS, SPEEDS, SPEEDS,
+                           sizeof(Encoder), INERTIA, INERTIA, INERTIA, sizeof(Link)};
 
 // Whether jobs and robots are in the tables, and what sensors remember is in the rows.
 inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
@@ -289,8 +273,10 @@ inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
     if (tables.rows.shape[0] < robots) robots = tables.rows.shape[0];
     for (const DueJobs& each : due)
         if (each.slot < 0 || each.slot >= robots || each.first < 0 || each.end > tables.jobs.size()) return false;
-    for (const Job& job : tables.jobs)
-        if (job.place < 0 || job.place > columns - count_used(job)) return false;
+    for (const Job& job : tables.jobs) {
+        if (job.kind < Reading::TIME || job.kind > Reading::LINK_ANGLE) return false;
+        if (job.place < 0 || job.place > columns - int64_t(USED[int64_t(job.kind)] / ONE)) return false;
+    }
     return columns > 0 || !due.size();
 }
 

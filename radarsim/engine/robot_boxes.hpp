@@ -1,4 +1,12 @@
-// Upright boxes that stop every ray, in a grid seen from above; see robot_boxes.py for the theory.
+// Upright boxes that stop every ray: robots, which move while the scene is fixed.
+//
+// Seen from above, a grid of square cells covers all boxes. Each cell lists the boxes whose bounding circles reach into
+// its square. A ray visits the cells on its way one after the other, and tries the boxes that they list, until it has
+// met one before the end of a cell. Among a thousand robots in a hall it tries a dozen: row j of the benchmarks.
+//
+// Which boxes are tried cannot change what a ray meets, as long as none of those it meets is missing: circles are wider
+// than rounding errors by far. Where coordinates are so large that this would not hold, and where there are too few
+// boxes or rays for a grid to pay off, all boxes are tried.
 #pragma once
 #include "bindings.hpp"
 

@@ -17,7 +17,7 @@ template <typename Work> class ParallelWork {
         sigset_t all, before;
         sigfillset(&all);
         pthread_sigmask(SIG_BLOCK, &all, &before); // signals are for the threads of the program
-        for (; started < least_of(threads, parts) - 1; started++)
+        for (; started < minimum(threads, parts) - 1; started++)
             if (pthread_create(&others[started], nullptr, run, this)) break; // then those that there are do it all
         pthread_sigmask(SIG_SETMASK, &before, nullptr);
         run(this);
@@ -26,7 +26,6 @@ template <typename Work> class ParallelWork {
     }
 
   private:
-    static int64_t least_of(int64_t a, int64_t b) { return a < b ? a : b; }
     static void* run(void* self) {
         auto& [parts, next, failed, work] = *static_cast<ParallelWork*>(self);
         Attempt attempt([&] {
@@ -89,7 +88,7 @@ inline bool is_clear(const RaySource& source, const Place& place, const RayTrace
     if (source.radius == 0.0) return true;
     const Scene& scene = tracer.scene;
     double reach = source.radius + scene.handle->margin;
-    Vector point = {place.x - scene.centre[0], place.y - scene.centre[1], place.z - scene.centre[2]};
+    Vector point = Vector{place.x, place.y, place.z} - scene.centre[0];
     return !tracer.box_grid.is_near(whole_of(place.carrier), point, reach) &&
            !is_opaque_nearby(*scene.handle, scene.materials->forward_roles.row(CLEARANCE_CLASS), point, reach);
 }
@@ -105,10 +104,7 @@ struct TracePart {
 inline int64_t trace_given(const RaySource& source, int64_t first, int64_t last, RayTracer& tracer,
                            const Traces& traces) {
     for (int64_t i = first; i < last; i++) {
-        for (int axis = 0; axis < 3; axis++) {
-            tracer.origin[axis] = source.origins[i][axis];
-            tracer.direction[axis] = source.directions[i][axis];
-        }
+        tracer.origin = source.origins[i], tracer.direction = source.directions[i];
         if (int64_t code = tracer.trace(i, source.max_range[i], source.power[i], source.class_index[i],
                                         source.carrier[i], traces))
             return code;
@@ -120,13 +116,11 @@ inline int64_t trace_given(const RaySource& source, int64_t first, int64_t last,
 // does; origin and direction are changed.
 inline int64_t find_hidden(int64_t row, const Frame& frame, int64_t carrier, RayTracer& tracer, const Traces& traces,
                            bool& is_hidden) {
-    Vector way;
-    for (int axis = 0; axis < 3; axis++) way[axis] = tracer.origin[axis] - frame.position[axis];
-    double length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+    Vector way = tracer.origin - frame.position;
+    double length = length_of(way);
     is_hidden = false;
     if (!(length > 0.0)) return 0;
-    for (int axis = 0; axis < 3; axis++)
-        tracer.origin[axis] = frame.position[axis], tracer.direction[axis] = way[axis] / length;
+    tracer.origin = frame.position, tracer.direction = way / length;
     int64_t event_count = tracer.state.event_count; // the way to the start is no part of the scan
     int64_t code = tracer.trace(row, length, INFINITE, CLEARANCE_CLASS, carrier, traces);
     tracer.state.event_count = event_count;

@@ -1,4 +1,4 @@
-// Slices of triangles by level planes, and the walls near a place, from a grid of square cells; see wall_grid.py.
+// Slices of triangles by level planes, and the walls near a place, from a grid of square cells; see obstacles.py.
 #pragma once
 #include "robot.hpp"
 
@@ -30,16 +30,6 @@ LAYOUT(Walls, "w e f w 1", lines, entries, floors, marks, searches)
 
 using Ends = double[2][2]; // m, x and y of both ends, map frame
 
-// Fill lines, ranked as their segments come.
-inline void fill_lines(Array<const Ends> segments, Array<LineSegment> lines) {
-    for (int64_t i = 0; i < segments.size(); i++) {
-        const auto& [first, second] = segments[i];
-        lines[i] = {(first[0] + second[0]) / 2, (first[1] + second[1]) / 2, (second[0] - first[0]) / 2,
-                    (second[1] - first[1]) / 2, double(i)};
-    }
-}
-BIND(fill_lines, "s s")
-
 constexpr double CELL_TOLERANCE = 1e-6;  // cells; a wall this close to a cell crosses it
 constexpr double FARTHEST_CROSSED = 1e7; // cells; more would not fit in memory
 
@@ -70,26 +60,17 @@ template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid
     }
 }
 
-// Count the cells that segments cross, and set the numbers of columns and rows.
-inline int64_t count_crossings(Array<const Ends> segments, Array<WallGrid> grid) {
+// Write an entry for each cell that a segment crosses, segment by segment, if there is room; returns how many they are.
+// The grid is made as large as they need. Only then numbers of cells are right: the first call finds the size.
+inline int64_t enter_crossings(Array<const Ends> segments, Array<WallGrid> grid, Array<WallEntry> entries) {
     int64_t count = 0, &columns = grid[0].columns, &rows = grid[0].rows;
-    for (const Ends& segment : segments)
-        visit_cells(segment, grid[0], [&](int64_t row, int64_t column) {
-            if (column >= columns) columns = column + 1;
-            if (row >= rows) rows = row + 1;
+    for (int64_t wall = 0; wall < segments.size(); wall++)
+        visit_cells(segments[wall], grid[0], [&](int64_t row, int64_t column) {
+            columns = maximum(columns, column + 1), rows = maximum(rows, row + 1);
+            if (count < entries.size()) entries[count] = {row * columns + column, wall};
             count++;
         });
     return count;
-}
-BIND(count_crossings, "s 1")
-
-// Write an entry for each of these, wall by wall.
-inline void enter_crossings(Array<const Ends> segments, Array<const WallGrid> grid, Array<WallEntry> entries) {
-    int64_t count = 0;
-    for (int64_t wall = 0; wall < segments.size(); wall++)
-        visit_cells(segments[wall], grid[0], [&](int64_t row, int64_t column) {
-            if (count < entries.size()) entries[count++] = {row * grid[0].columns + column, wall};
-        });
 }
 BIND(enter_crossings, "s 1 e")
 
@@ -103,17 +84,6 @@ inline CellRange cells_within(double place, double reach, double cell, int64_t c
     double first = minimum(maximum(0.0, (place - reach) / cell), double(count));
     double last = minimum(maximum(-1.0, (place + reach) / cell), double(count) - 1.0);
     return {int64_t(floor(first)), int64_t(floor(last))};
-}
-
-// The first entry of a floor whose cell is not before one.
-inline int64_t first_entry(Array<const WallEntry> entries, const WallGrid& grid, int64_t cell) {
-    int64_t first = grid.first, end = grid.end;
-    while (first < end) {
-        int64_t middle = (first + end) / 2;
-        if (entries[middle].cell < cell) first = middle + 1;
-        else end = middle;
-    }
-    return first;
 }
 
 inline bool is_near(const LineSegment& line, double x, double y, double reach) {
@@ -136,8 +106,9 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
     // A wall is in several cells. Marks with the number of the search need not be reset.
     int64_t search = ++walls.searches[0], count = 0;
     for (int64_t row = rows.first; row <= rows.last; row++) {
-        int64_t last = row * grid.columns + columns.last;
-        int64_t entry = first_entry(walls.entries, grid, row * grid.columns + columns.first);
+        int64_t first = row * grid.columns + columns.first, last = row * grid.columns + columns.last;
+        auto is_in_reach = [&](int64_t entry) { return walls.entries[entry].cell >= first; };
+        int64_t entry = first_where(grid.first, grid.end, is_in_reach);
         for (; entry < grid.end && walls.entries[entry].cell <= last; entry++) {
             int64_t wall = grid.first_line + walls.entries[entry].wall;
             if (wall >= walls.lines.size() || walls.marks[wall] == search) continue;
@@ -149,17 +120,7 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
 }
 BIND(find_walls, "l")
 
-// The gap of a rectangle, within a circle of a radius, to the walls of the only floor; infinite if none is near.
-inline double find_gap(const Walls& walls, double x, double y, double yaw, double half_length, double half_width,
-                       double radius, Array<LineSegment> lines) {
-    int64_t count = find_walls(walls, 0.0, x, y, radius, lines);
-    return find_contact({lines.data, {count}}, {x, y, yaw}, half_length, half_width).gap;
-}
-BIND(find_gap, "l")
-
 using Corners = int32_t[3];
-
-constexpr int64_t BLOCK = 32; // triangles of a block, see solid_mesh.py
 
 // Whether a plane cuts a triangle; a corner in the plane counts as above it.
 inline bool is_cut(const Vector& a, const Vector& b, const Vector& c, double height) {
@@ -194,75 +155,6 @@ inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> fa
 }
 BIND(slice_faces, "v f f")
 
-struct SolidMesh { // triangles sorted by cells of space, and the bounds of blocks of them
-    Array<const Vector> vertices;
-    Array<const Corners> faces;
-    Array<const int32_t> order;
-    Array<const double, 2> lows, highs; // m, of x, y and z of blocks
-};
-LAYOUT(SolidMesh, "v f f 3b 3b", vertices, faces, order, lows, highs)
-
-struct Area {
-    double x_min, x_max, y_min, y_max; // m
-
-    bool meets(double left, double right, double low, double high) const {
-        return left <= x_max && x_min <= right && low <= y_max && y_min <= high;
-    }
-};
-
-inline int compare_numbers(const void* one, const void* other) {
-    int32_t a = *static_cast<const int32_t*>(one), b = *static_cast<const int32_t*>(other);
-    return (a > b) - (a < b);
-}
-
-// Write numbers of the triangles that a plane cuts in blocks that reach into an area, ascending; returns how many they
-// are. Those for which there is no room are only counted.
-inline int64_t find_cut(const SolidMesh& mesh, const Area& area, double height, Array<int32_t> numbers) {
-    const auto& [vertices, faces, order, lows, highs] = mesh;
-    int64_t count = 0;
-    for (int64_t block = 0; block < lows.shape[1]; block++) {
-        if (!(lows(2, block) < height && height <= highs(2, block))) continue;
-        if (!area.meets(lows(0, block), highs(0, block), lows(1, block), highs(1, block))) continue;
-        for (int64_t i = block * BLOCK; i < (block + 1) * BLOCK && i < order.size(); i++) {
-            const Corners& face = faces[order[i]];
-            if (!is_cut(vertices[face[0]], vertices[face[1]], vertices[face[2]], height)) continue;
-            if (count < numbers.size()) numbers[count] = order[i];
-            count++;
-        }
-    }
-    qsort(numbers.data, count < numbers.size() ? count : numbers.size(), sizeof(int32_t), compare_numbers);
-    return count;
-}
-
-// Slice the triangles in an area, in the order of their numbers; returns the number of segments, or, if there may not
-// be room for all, minus the room that is needed.
-inline int64_t slice_area(const SolidMesh& mesh, double x_min, double x_max, double y_min, double y_max, double height,
-                          Array<int32_t> numbers, Array<Ends> segments) {
-    Area area = {x_min, x_max, y_min, y_max};
-    int64_t found = find_cut(mesh, area, height, numbers), count = 0;
-    if (found > numbers.size()) return -found;
-    for (int64_t i = 0; i < found; i++) {
-        Ends& cut = segments[count];
-        cut_sides(mesh.vertices, mesh.faces[numbers[i]], height, cut);
-        const auto& [one, other] = cut;
-        count += area.meets(minimum(one[0], other[0]), maximum(one[0], other[0]), minimum(one[1], other[1]),
-                            maximum(one[1], other[1]));
-    }
-    return count;
-}
-BIND(slice_area, "s s")
-
-// Write the numbers of the triangles that reach into a slab between two heights; returns how many they are.
-inline int64_t find_in_slab(Array<const Triangle> triangles, double low, double high, Array<int64_t> numbers) {
-    int64_t count = 0;
-    for (int64_t i = 0; i < triangles.size(); i++) {
-        double a = triangles[i][2], b = triangles[i][5], c = triangles[i][8];
-        if ((a <= high || b <= high || c <= high) && (a >= low || b >= low || c >= low)) numbers[count++] = i;
-    }
-    return count;
-}
-BIND(find_in_slab, "t t")
-
 // Extend a box, three numbers of its lower corner and three of its upper one, to a point.
 inline void extend(double* box, const Vector& point) {
     for (int axis = 0; axis < 3; axis++) { // a corner that is not known yet is nan
@@ -278,13 +170,11 @@ inline void clip_to_slab(Array<const Triangle> triangles, double low, double hig
         double* box = outlines[i];
         for (int k = 0; k < 6; k++) box[k] = NOT_A_NUMBER;
         for (int corner = 0; corner < 3; corner++) {
-            const double *begin = &triangles[i][3 * corner], *end = &triangles[i][3 * ((corner + 1) % 3)];
-            if (begin[2] >= low && begin[2] <= high) extend(box, {begin[0], begin[1], begin[2]});
+            const Vector &begin = corner_of(triangles[i], corner), &end = corner_of(triangles[i], (corner + 1) % 3);
+            if (begin[2] >= low && begin[2] <= high) extend(box, begin);
             for (double height : heights) { // where the side crosses a face of the slab
                 double before = begin[2] - height, after = end[2] - height, share = before / (before - after);
-                if (!(before * after < 0.0)) continue;
-                extend(box, {begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1]),
-                             begin[2] + share * (end[2] - begin[2])});
+                if (before * after < 0.0) extend(box, begin + share * (end - begin));
             }
         }
         memcpy(box + 6, box, 3 * sizeof(double));

@@ -25,7 +25,7 @@ from radarsim.plotting.ray_segments import (
 )
 from radarsim.plotting.sight import BeamEnd, Sight, name_materials
 from radarsim.plotting.style import Legend, area_style, echo_points, scan_points
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import EventKind
 from radarsim.scene.material import Material
 from radarsim.sensors.scan import ROBOT, Echoes, Scan
 

@@ -22,7 +22,7 @@ from shapely import Geometry
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import Family, family_of
 from radarsim.plotting.style import as_words
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene

@@ -33,7 +33,7 @@ Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
 FieldOfView = Annotated[float, Field(ge=1, le=170, allow_inf_nan=False)]
 RightAngle = Annotated[float, Field(ge=1, le=90, allow_inf_nan=False)]
 METRES_PER_UNIT: Final = 1 / 250  # USARSim's scale of Unreal units
-MAX_RAYS = 1_000_000  # in one scan
+MAX_RAYS = 1_000_000  # in one scan; ``simulation.config`` allows clients fewer
 MAX_FINITE_POWER = 1e12
 MAX_NODES = 100  # of a quadrature in a row; beyond it the outer weights underflow
 

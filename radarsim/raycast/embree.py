@@ -44,7 +44,7 @@ import math
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -163,18 +163,6 @@ def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
     return outlines
 
 
-class Mesh(NamedTuple):
-    """The triangles of one part.
-
-    Attributes:
-        vertices: (V, 3) m, at most 1 km from the scene's centre, the origin.
-        faces: (F, 3) vertex indices.
-    """
-
-    vertices: ArrayLike
-    faces: ArrayLike
-
-
 class EmbreeScene:
     """Triangle meshes in Embree, and slices of them for level rays.
 
@@ -185,14 +173,18 @@ class EmbreeScene:
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
     """
 
-    def __init__(self, meshes: Sequence[Mesh]) -> None:
+    def __init__(self, meshes: Sequence[tuple[ArrayLike, ArrayLike]]) -> None:
         """Check and copy the meshes and build the scene.
+
+        Args:
+            meshes: The triangles of each part: (V, 3) m, at most 1 km from the scene's
+                centre, the origin; and (F, 3) vertex indices.
 
         Raises:
             EngineError: If Embree cannot be opened, or a mesh is invalid.
         """
         library = open_library()
-        checked = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
+        checked = [_checked(index, *mesh) for index, mesh in enumerate(meshes)]
         counts = [len(faces) for _, faces in checked]
         self.triangles = _triangles(checked, sum(counts))
         owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
@@ -224,10 +216,11 @@ class EmbreeScene:
         margin, sliced = handle.margin, handle.sliced
         # Twice the margin: Embree rounds its boxes to float32.
         low, high = height - 2.0 * margin, height + 2.0 * margin
-        room = np.zeros(len(self.triangles), np.int64)
-        kept = room[: engine.find_in_slab(self.triangles, low, high, room)]
+        a, b, c = self.triangles[:, 2::3].T
+        is_above, is_below = np.minimum(a, b) > high, np.maximum(a, b) < low
+        kept = np.flatnonzero(~(is_above & (c > high) | is_below & (c < low)))
         part = whole
-        if len(kept) <= max(SMALL_SLICE, len(room) // 2):  # else it takes much memory
+        if len(kept) <= max(SMALL_SLICE, len(a) // 2):  # else it takes much memory
             corners, owners = self.triangles[kept], whole.owners[kept]
             outlines = clip_to_slab(corners, low, high)
             part = _build(corners, owners, margin, outlines, len(sliced))
@@ -263,10 +256,11 @@ def _address_of(function: "ctypes._NamedFuncPointer") -> int:
     return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
-def _checked(index: int, mesh: Mesh) -> tuple[Floats, NDArray[Any]]:
+def _checked(
+    index: int, vertices: ArrayLike, faces: ArrayLike
+) -> tuple[Floats, NDArray[Any]]:
     """Return the vertices, tiny numbers set to 0, and the faces of a mesh."""
-    vertices = np.asarray(mesh.vertices, np.float64)
-    faces = np.asarray(mesh.faces)
+    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     for name, array in (("vertices", vertices), ("faces", faces)):
         if array.ndim != 2 or array.shape[1] != 3:
             raise EngineError(

@@ -1,20 +1,49 @@
-"""Input and output of the ray tracer: arrays with one row per ray."""
+"""Input and output of the ray tracer: arrays with one row per ray, or robot box."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import IntEnum
 from itertools import accumulate, pairwise
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.attenuation import EventKind
 
 Sides: TypeAlias = NDArray[np.int8]  # of its beam that each ray is on
 Nodes: TypeAlias = NDArray[np.int16]  # of its beam that each ray is
+
+# One row for each event; the fields are those of ``Event``.
+EVENT: Final = engine.rows["Event"]
+Events: TypeAlias = NDArray[np.void]  # of EVENT
+
+
+class Outcome(IntEnum):
+    """How a ray ends; ``attenuation.hpp`` has the theory."""
+
+    NOTHING = 0
+    HIT = 1
+    SPENT = 2
+    ABSORBED = 3
+
+
+class EventKind(IntEnum):
+    """What happens to a ray at one point of its path."""
+
+    START_INSIDE = 0
+    ENTER = 1
+    LEAVE = 2
+    SHEET = 3
+    HIT = 4
+    SPENT = 5
+    OUT_OF_RANGE = 6
+    MIRRORED = 7
+    ABSORBED = 8
+    RAIN = 9  # added by sensors: rain has no surfaces
+
 
 RADAR: Final = 0
 LASER: Final = 1
@@ -92,10 +121,10 @@ class Rays:
         origins: Floats,
         directions: Floats,
         *,
-        max_range: float | Floats,
+        max_range: ArrayLike,
         power: float = np.inf,
         medium: int = RADAR,
-        carrier_id: int | NDArray[np.int64] = -1,
+        carrier_id: ArrayLike = -1,
         ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
         """Create rays of one medium, or of the first of other classes."""
@@ -160,6 +189,72 @@ class Rays:
             table=_NO_NODES,
             radius=0.0,
         )
+
+
+ROBOT_BOX: Final = engine.rows["RobotBox"]
+NO_BOXES: Final = np.zeros(0, ROBOT_BOX)
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """Upright boxes that stop every ray.
+
+    Attributes:
+        rows: (B, 8): x, y, yaw, lower and upper z, half the length, half the width
+            (m, rad), and the id of the box.
+        velocities: (B, 2) m/s, along x and y; None if nobody asks for them.
+
+    Raises:
+        EngineError: If the rows have another shape, or are not finite.
+    """
+
+    rows: Floats
+    velocities: Floats | None = None
+    _tables: dict[bytes, NDArray[np.void]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def __post_init__(self) -> None:
+        rows = np.asarray(self.rows, np.float64)
+        if rows.ndim != 2 or rows.shape[1] != 8:
+            raise EngineError(f"boxes of shape {rows.shape}, expected (n, 8)")
+        if not np.isfinite(rows).all():
+            row = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+            raise EngineError(
+                f"boxes[{row}] is {rows[row].tolist()}, expected finite numbers"
+            )
+        object.__setattr__(self, "rows", rows)
+
+    def find(
+        self, ids: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return which of some ids are those of boxes, (K,), and their rows, (K,)."""
+        known = self.rows[:, 7].astype(np.int64)
+        found = np.flatnonzero(np.isin(ids, known))
+        order = np.argsort(known)
+        return found, order[np.searchsorted(known, ids[found], sorter=order)]
+
+    def table(self, centre: Floats) -> NDArray[np.void]:
+        """Return the rows of ROBOT_BOX for the engine; they are computed once.
+
+        Args:
+            centre: (3,) m, the origin of its coordinates.
+        """
+        key = centre.tobytes()
+        if key not in self._tables:
+            self._tables[key] = self._tabulate(centre)
+        return self._tables[key]
+
+    def _tabulate(self, centre: Floats) -> NDArray[np.void]:
+        x, y, yaw, low, high, length, width, box_id = self.rows.T
+        table = np.zeros(len(x), ROBOT_BOX)
+        table["x"], table["y"] = x - centre[0], y - centre[1]
+        table["z"], table["height"] = (low + high) / 2 - centre[2], (high - low) / 2
+        table["cos"], table["sin"] = np.cos(yaw), np.sin(yaw)
+        table["length"], table["width"] = length, width
+        table["footprint_radius"] = np.hypot(length, width)
+        table["id"] = box_id
+        return table
 
 
 class Traces(NamedTuple):

@@ -2,8 +2,8 @@
 
 Theory of operation
 ===================
-A loop of the engine takes one ray after the other: ``intersect`` collects the
-surfaces ahead of the ray, and ``attenuation`` follows the ray through the sorted list.
+A loop of the engine takes one ray after the other: ``intersect.hpp`` collects the
+surfaces ahead of the ray, and ``attenuation.hpp`` follows it through the sorted list.
 
 Rule 1: the volumes that contain the start of a ray are not deduced from what is ahead,
 where an opaque wall may hide their far side. If the start is in the bounds of a volume,
@@ -27,17 +27,19 @@ from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.processes import thread_count
-from radarsim.raycast.attenuation import EVENT, EventKind
-from radarsim.raycast.embree import EmbreeScene, Mesh
+from radarsim.raycast.embree import EmbreeScene
 from radarsim.raycast.rays import (
+    EVENT,
+    NO_BOXES,
+    Boxes,
     Event,
+    EventKind,
     Nodes,
     RayClass,
     Rays,
     Sides,
     Traces,
 )
-from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.raycast.traced_scene import (
     centre_of,
     find_volumes,
@@ -103,7 +105,7 @@ class Tracer:
         # The scene for the engine: it is packed again after a slice was added.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
-            [Mesh(part.vertices - self._centre, part.faces) for part in parts]
+            [(part.vertices - self._centre, part.faces) for part in parts]
         )
         self._max_crossings = INITIAL_CAPACITY
         self._events_per_ray = 4  # the highest average of any call
@@ -223,7 +225,7 @@ class Tracer:
             found = self._packed[ray_classes] = engine.structures["Scene"].pack(
                 handle=handle,
                 materials=table,
-                centre=self._centre,
+                centre=self._centre[None],
                 triangles=self._scene.triangles,
             )
         return found

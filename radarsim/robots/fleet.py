@@ -16,7 +16,7 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.footprint import LINE, MARGIN
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, WallStore
 from radarsim.robots.robot import (
     COLUMN,
     FREE,
@@ -24,15 +24,13 @@ from radarsim.robots.robot import (
     ROBOT,
     UNKNOWN,
     Robot,
-    WheelOdometry,
     new_rows,
 )
-from radarsim.robots.wall_grid import WallStore
 
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
 _MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
-# Of the rows of ``raycast.robot_boxes.Boxes``.
+# Of the rows of ``raycast.rays.Boxes``.
 _BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
 _BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]
 
@@ -60,11 +58,6 @@ class Fleet:
         self._set_table(new_rows(0))
         self._lines: NDArray[np.void] = np.zeros(0, LINE)  # room for what a robot meets
         self._enter_floors()
-
-    @property
-    def floors(self) -> tuple[Obstacles, ...]:
-        """The floors whose walls are known."""
-        return tuple(self._floors)
 
     def prepare(self, obstacles: Obstacles) -> None:
         """Enter the walls of a floor, unless it is known."""
@@ -131,8 +124,8 @@ class Fleet:
         self._update_slots()
         return robot
 
-    def add_odometry(self, robot: Robot) -> WheelOdometry:
-        """Integrate the turns of a robot's wheels from now on."""
+    def add_odometry(self, robot: Robot) -> int:
+        """Integrate the turns of a robot's wheels from now on; return the row."""
         free = np.flatnonzero(self.odometry["slot"] == FREE)
         if not free.size:
             count = len(self.odometry)
@@ -141,10 +134,9 @@ class Fleet:
             free = np.array([count])
             self.odometry = np.concatenate([self.odometry, more])
             self._pack()
-        odometry = WheelOdometry(robot, int(free[0]))
-        separation, angles = robot.model.wheel_separation, robot.side_angles
-        self.odometry[odometry.row] = (robot.slot, separation, 0.0, 0.0, 0.0, *angles)
-        return odometry
+        row, separation = int(free[0]), robot.model.wheel_separation
+        self.odometry[row] = (robot.slot, separation, 0, 0, 0, *robot.side_angles)
+        return row
 
     def remove(self, robot: Robot) -> None:
         """Remove a robot, which stands where it is in a fleet that does not drive.
@@ -211,8 +203,7 @@ class Fleet:
             (K,) whether each was blocked, or touched something, after any of the steps.
         """
         touched = np.zeros(len(slots), np.bool_)
-        drive = engine.drive_on if meets else engine.drive_each_alone
-        drive(self._around, slots, dt, steps, touched)
+        engine.drive_on(self._around, slots, dt, steps, meets, touched)
         return touched
 
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -239,7 +230,7 @@ class Fleet:
         return tuple(self.robots[i] for i in np.flatnonzero(gaps <= distance))
 
     def boxes(self) -> Floats:
-        """Return the robots as rows of ``raycast.robot_boxes.Boxes``, (R, 8).
+        """Return the robots as rows of ``raycast.rays.Boxes``, (R, 8).
 
         They are in the order of spawning, and their ids are the numbers of the robots.
         """

@@ -1,9 +1,15 @@
-"""The obstacles on a floor: horizontal slices through everything solid."""
+"""The obstacles on a floor: horizontal slices through everything solid, as walls.
+
+The walls near a place are found in a grid of square cells. A wall is entered in each
+cell that it crosses. Cells are numbered row by row and the entries sorted by number, so
+that the cells beside each other in a row are one run of entries, and empty cells cost
+nothing, however large the map.
+"""
 
 import math
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import cache, cached_property
-from typing import Protocol, TypeVar
+from typing import Final, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import shapely
@@ -20,8 +26,7 @@ from radarsim.robots.footprint import (
     Lines,
     line_table,
 )
-from radarsim.robots.wall_grid import FloorWalls, floor_walls
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import Scene
 
 Result = TypeVar("Result")
 
@@ -40,6 +45,15 @@ _POSITION_WORK = 300
 _SORTING_WORK = 30
 _TRACING_WORK = 40_000
 _DIGITS = 6  # of rounded end points of areas, so that lines that meet share them
+
+# Of the grid of walls.
+_MIN_CELL: Final = 1.0  # m; larger where long walls would cross too many cells
+_ENTRIES_PER_WALL: Final = 16
+_FREE_ENTRIES: Final = 65536
+_FEW_WALLS: Final = 64
+_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
+WALL_ENTRY: Final = engine.rows["WallEntry"]
+WALL_GRID: Final = engine.rows["WallGrid"]
 
 
 def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
@@ -65,18 +79,107 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
     return segments[:count].copy()
 
 
-def slice_parts(parts: Iterable[Part], height: float) -> Floats:
-    """Slice parts of a scene at one height.
+class FloorWalls(NamedTuple):
+    """The walls of one floor, as if no table had any other.
 
-    Args:
-        parts: Parts to slice, solid or not.
-        height: z of the plane, m, map frame.
-
-    Returns:
-        All slices together, (S, 2, 2) m: x and y of both ends.
+    Attributes:
+        lines: (S,) the walls.
+        entries: (E,) of type ``WALL_ENTRY``, by cells.
+        grid: (1,) of type ``WALL_GRID``.
     """
-    cuts = [slice_mesh(part.vertices, part.faces, height) for part in parts]
-    return np.concatenate([NO_SEGMENTS, *cuts])
+
+    lines: Lines
+    entries: NDArray[np.void]
+    grid: NDArray[np.void]
+
+
+def pack_walls(
+    lines: Lines, entries: NDArray[np.void], floors: NDArray[np.void]
+) -> Packed:
+    """Return a table of the walls of several floors, of type ``Walls``."""
+    return engine.structures["Walls"].pack(
+        lines=lines,
+        entries=entries,
+        floors=floors,
+        marks=np.zeros(len(lines), np.int64),
+        searches=np.zeros(1, np.int64),
+    )
+
+
+def floor_walls(segments: Floats) -> FloorWalls:
+    """Return the walls of a floor: segments, (S, 2, 2) m, x and y of both ends."""
+    lines = line_table(segments)
+    if len(segments) <= _FEW_WALLS:
+        # One cell without end: to look at each wall takes less time than to sort them.
+        entries = np.zeros(len(segments), WALL_ENTRY)
+        entries["wall"] = np.arange(len(segments))
+        endless = (0.0, 0.0, np.inf, 1, 1, 0, len(segments), 0)
+        return FloorWalls(lines, entries, np.array([endless], WALL_GRID))
+    segments = np.ascontiguousarray(segments, np.float64)
+    size = _cell_size(segments)
+    left, bottom = segments.reshape(-1, 2).min(axis=0) - size
+    grid = np.array([(left, bottom, size, 1, 1, 0, 0, 0)], WALL_GRID)
+    entries = np.zeros(0, WALL_ENTRY)
+    entries = np.zeros(engine.enter_crossings(segments, grid, entries), WALL_ENTRY)
+    engine.enter_crossings(segments, grid, entries)
+    grid["end"] = len(entries)
+    order = np.argsort(entries["cell"], kind="stable")
+    return FloorWalls(lines, entries[order], grid)
+
+
+class WallStore:
+    """The walls of several floors, with room for more.
+
+    Floors are only added: what is in the table never changes, so that whoever holds it
+    can go on using it.
+
+    Attributes:
+        table: The table, of type ``Walls``.
+        lines: The number of lines for which it has room.
+    """
+
+    def __init__(self, floors: Sequence[FloorWalls] = ()) -> None:
+        """Create a table of some floors, with room for more; without any, for none."""
+        needed = sum(map(_sizes, floors), np.zeros(3, np.int64))
+        room = (2 * needed + (_SPARE_ROWS if floors else 0)).tolist()
+        types = LINE, WALL_ENTRY, WALL_GRID
+        self._tables = tuple(map(np.zeros, room, types))
+        self.table = pack_walls(*self._tables)
+        self.lines = room[0]
+        self._used = np.zeros(3, np.int64)
+        for floor in floors:
+            self.add(floor)
+
+    def add(self, floor: FloorWalls) -> bool:
+        """Add a floor; its number is that of the floors before.
+
+        Returns:
+            False if there is no room for it: then nothing is added.
+        """
+        end = self._used + _sizes(floor)
+        if (end > [len(rows) for rows in self._tables]).any():
+            return False
+        walls, first, _ = self._used.tolist()
+        pieces = zip(self._tables, self._used.tolist(), end.tolist(), strict=True)
+        lines, entries, grid = (table[start:stop] for table, start, stop in pieces)
+        lines[:], entries[:], grid[:] = floor
+        grid["first_line"] = walls
+        grid["first"] += first
+        grid["end"] += first
+        self._used = end
+        return True
+
+
+def _sizes(floor: FloorWalls) -> NDArray[np.int64]:
+    """Return the numbers of walls, of entries and of floors."""
+    return np.array([len(floor.lines), len(floor.entries), 1])
+
+
+def _cell_size(segments: Floats) -> float:
+    """Return the size of cells, m, at which walls do not cross too many."""
+    extent = float(np.abs(segments[:, 1] - segments[:, 0]).sum())
+    spare = _ENTRIES_PER_WALL * len(segments) + _FREE_ENTRIES
+    return max(_MIN_CELL, extent / spare)
 
 
 def _all_open(positions: Floats) -> NDArray[np.bool_]:
@@ -129,7 +232,7 @@ class Obstacles:
 
     @cached_property
     def _table(self) -> Packed:
-        return self.walls.pack()
+        return pack_walls(*self.walls)
 
     @classmethod
     def from_scene(cls, scene: Scene, *, floor: float = 0.0) -> "Obstacles":
@@ -150,14 +253,11 @@ class Obstacles:
         """Return the numbers of the parts whose slices a footprint overlaps, sorted."""
         lines = self._lines_near(pose.x, pose.y, footprint.radius)
         owners = self.owners[lines["rank"].astype(np.intp)]
-        order = np.argsort(owners, kind="stable")
-        numbers, firsts = np.unique(owners[order], return_index=True)
-        pieces = np.split(lines[order], firsts[1:])
         place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
         return [
             number
-            for number, piece in zip(numbers.tolist(), pieces, strict=False)
-            if footprint.gaps(place, piece)[0] <= MARGIN
+            for number in np.unique(owners).tolist()
+            if footprint.gaps(place, lines[owners == number])[0] <= MARGIN
         ]
 
     def _lines_near(self, x: float, y: float, distance: float) -> Lines:
@@ -169,68 +269,40 @@ class Obstacles:
         self, footprint: Footprint, pose: Pose2, others: Sequence[Body] = ()
     ) -> bool:
         """Return whether a footprint overlaps no obstacle and no other body."""
-        half_size = footprint.length / 2, footprint.width / 2
-        lines = np.zeros(len(self.segments), LINE)  # room for them
-        gap = engine.find_gap(
-            *(self._table, pose.x, pose.y, pose.yaw),
-            *(*half_size, footprint.radius, lines),
-        )
-        if gap <= MARGIN:
+        place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
+        lines = self._lines_near(pose.x, pose.y, footprint.radius)
+        if footprint.gaps(place, lines)[0] <= MARGIN:
             return False
         return not any(overlaps(footprint, pose, other) for other in others)
-
-    def nearest_free_pose(
-        self,
-        footprint: Footprint,
-        pose: Pose2,
-        others: Sequence[Body] = (),
-        *,
-        within: float = 1.0,
-        is_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
-    ) -> Pose2 | None:
-        """Find the nearest pose of the same yaw at which a footprint fits.
-
-        Args:
-            footprint: Footprint to be placed.
-            pose: Requested pose, returned if it is free.
-            others: Bodies that are already there.
-            within: Radius of the search, m.
-            is_open: Returns which of (N, 2) positions, m, are permitted.
-
-        Returns:
-            The pose, to 0.05 m, touching nothing; None if there is none. Of positions
-            at equal distance it is the first counter-clockwise from the map's x axis.
-        """
-        return finish(
-            self.search_free_pose(
-                footprint, pose, lambda: others, within=within, is_open=is_open
-            )
-        )
 
     def search_free_pose(
         self,
         footprint: Footprint,
         pose: Pose2,
-        others: Callable[[], Sequence[Body]],
+        others: Callable[[], Sequence[Body]] = tuple,
         *,
-        within: float,
-        is_open: Callable[[Floats], NDArray[np.bool_]],
+        within: float = 1.0,
+        is_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
         work: int = 0,
     ) -> Generator[int, None, Pose2 | None]:
-        """Find the same as ``nearest_free_pose`` step by step.
+        """Find the nearest pose of the same yaw at which a footprint fits, in steps.
 
         Args:
-            footprint: As of ``nearest_free_pose``.
-            pose: Likewise. If it is free, the search ends before its first step.
+            footprint: Footprint to be placed.
+            pose: Requested pose. If it is free, the search ends before its first step.
             others: Returns the bodies that are there now, as they move between steps.
-            within: As of ``nearest_free_pose``.
-            is_open: Likewise.
+            within: Radius of the search, m.
+            is_open: Returns which of (N, 2) positions, m, are permitted.
             work: What the caller does before the search, and again at the place that it
                 finds: counted with the first step, and with each that may be the last.
 
         Yields:
             The work of the next step, in comparisons of a position with a line, which
             take about 5 ns each.
+
+        Returns:
+            The pose, to 0.05 m, touching nothing; None if there is none. Of positions
+            at equal distance it is the first counter-clockwise from the map's x axis.
         """
         here = np.array([[pose.x, pose.y]])
         if self.clear(footprint, pose, others()) and is_open(here)[0]:

@@ -1,11 +1,11 @@
-"""One robot on the floor: its row in the table of robots, its commands, its battery.
+"""One robot on the floor: its row in the table of robots, and its commands.
 
 The engine reads and writes the state of all robots as one table with a row for each.
 """
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from itertools import product
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.steering import Bicycle
 
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
@@ -40,28 +39,83 @@ def new_rows(count: int) -> NDArray[np.void]:
     return rows
 
 
-@dataclass(frozen=True, slots=True)
-class Battery:
-    """A battery that drains with time only, whatever the robot does.
+class Bicycle(NamedTuple):
+    """The axles of a robot that steers as a car does: the kinematic bicycle model.
+
+    Both wheels of an axle count as one in its middle, and no wheel slips sideways. With
+    the angles f and r of the front and the rear wheels, and the axles at the distances
+    a before and b behind the centre, the centre moves at the angle s to the heading::
+
+        tan s = (b tan f + a tan r) / (a + b)
+
+    and the robot turns by (tan f - tan r) / (a + b) for each metre along its heading
+    (Rajamani, Vehicle Dynamics and Control, 2.2). The driven rear wheels roll as fast
+    as is commanded, so that the part of the speed along the heading is theirs times
+    cos r.
 
     Attributes:
-        life: Time that a full charge lasts, s.
-        runs_out: Whether it ever gets empty. One that does not stays at its last
-            second, because clients pause a robot whose battery reads 0.
+        front: Distance of the front axle before the centre, m.
+        rear: Distance of the rear axle behind the centre, m.
+        max_front: Largest angle of the front wheels to either side, rad.
+        max_rear: Largest angle of the rear wheels, rad.
+        track: Distance between the left and the right wheels, m.
     """
 
-    life: float
-    runs_out: bool = False
+    front: float
+    rear: float
+    max_front: float
+    max_rear: float
+    track: float
 
-    def seconds_left(self, elapsed: float) -> int:
-        """Return what is left ``elapsed`` s after the spawn, whole s, rounded down."""
-        # rounded first: the rounding error of a sum of ticks must not cost a second
-        left = int(max(0.0, self.life - round(elapsed, 6)))
-        return left if self.runs_out else max(1, left)
+    @classmethod
+    def of(cls, model: RobotModel) -> Self | None:
+        """Return the axles of a robot class; None if it is skid-steered."""
+        steering = model.steering
+        if steering is None:
+            return None
+        rear = model.wheel_base / 2
+        if steering.rear_axle is not None:
+            rear = -steering.rear_axle
+        return cls(
+            model.wheel_base - rear,
+            rear,
+            math.radians(steering.max_front_deg),
+            math.radians(steering.max_rear_deg),
+            model.track,
+        )
 
-    def is_empty(self, elapsed: float) -> bool:
-        """Return whether the battery is empty ``elapsed`` s after the spawn."""
-        return self.seconds_left(elapsed) == 0
+    def limit(self, front: float, rear: float) -> tuple[float, float]:
+        """Return the angles that wheels take of those that are commanded, rad."""
+        return (
+            max(-self.max_front, min(self.max_front, front)),
+            max(-self.max_rear, min(self.max_rear, rear)),
+        )
+
+    def motion(
+        self, spin: float, front: float, rear: float
+    ) -> tuple[float, float, float]:
+        """Return what makes a robot move as a bicycle.
+
+        Args:
+            spin: Speed of the wheels, rad/s.
+            front: Angle of the front wheels, rad, left positive.
+            rear: Angle of the rear wheels, rad.
+
+        Returns:
+            Speeds of left and right wheels, rad/s, as of skid steering, and the angle
+            from the heading to the motion of the centre, rad.
+        """
+        base = self.front + self.rear
+        slope = (self.rear * math.tan(front) + self.front * math.tan(rear)) / base
+        along = spin * math.cos(rear)
+        # What the wheels of a side roll more or less: the robot turns by it.
+        more = along * (math.tan(front) - math.tan(rear)) / base * self.track / 2
+        return along - more, along + more, math.atan(slope)
+
+    def extremes(self, spin: float) -> list[tuple[float, float, float]]:
+        """Return the motions with wheels at their limits, at a speed in rad/s."""
+        fronts, rears = (self.max_front, 0.0), (self.max_rear, 0.0, -self.max_rear)
+        return [self.motion(spin, *angles) for angles in product(fronts, rears)]
 
 
 class Robot:
@@ -291,27 +345,3 @@ def _limited(speed: float, limit: float, *, normalized: bool) -> float:
     """Return a speed within limits, or that of a percentage."""
     wanted = speed * limit / 100 if normalized else speed
     return max(-limit, min(limit, wanted))
-
-
-class WheelOdometry:
-    """The odometry of one robot, which its fleet integrates in each step.
-
-    Attributes:
-        robot: The robot.
-        row: Its row in the fleet's table of odometry, in which it stays.
-    """
-
-    def __init__(self, robot: Robot, row: int) -> None:
-        self.robot = robot
-        self.row = row
-
-    @property
-    def pose(self) -> Pose2:
-        """Pose relative to that of the spawn or reset, m and rad, not wrapped."""
-        _, _, x, y, yaw, *_ = self.robot.fleet.odometry[self.row].item()
-        return Pose2(x, y, yaw)
-
-    def reset(self) -> None:
-        """Make the pose of the last step the new origin."""
-        for name in ("x", "y", "yaw"):
-            self.robot.fleet.odometry[self.row][name] = 0.0

@@ -125,25 +125,28 @@ class BeamPattern:
             return self._source
         return self._pack_source(self._drawn_nodes(drawn))
 
-    def aim(self, places: Floats, nodes: Nodes, drawn: Floats | None = None) -> Rays:
-        """Return rays of scans.
+    def aim(
+        self, pose: Pose3, carrier_id: int, nodes: Nodes, drawn: Floats | None = None
+    ) -> Rays:
+        """Return the rays of a scan, as the engine aims them, to the bit.
 
         Args:
-            places: (J, 7) x, y, z, roll, pitch, yaw of the sensor in each, map frame,
-                and the id of the box that carries it; -1 for none.
-            nodes: (J * M,) node of its beam that each ray is.
+            pose: Pose of the sensor, map frame.
+            carrier_id: Id of the box that carries it; -1 for none.
+            nodes: (M,) node of its beam that each ray is.
             drawn: As of ``source``.
         """
         table = self._table if drawn is None else self._drawn_nodes(drawn)
-        origins, directions = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
-        engine.aim_scans(table, places, nodes, origins, directions)
-        carriers = places[:, 6].astype(np.int64)
+        count = len(self.angles)
+        beams = np.repeat(np.arange(count), len(nodes) // count)
+        starts = table.starts[nodes if len(table.starts) > 1 else 0, beams]
+        rotation = pose.rotation()
         return Rays.uniform(
-            origins,
-            directions,
+            pose.position() + _turned(starts, rotation),
+            _turned(table.directions[nodes, beams], rotation),
             max_range=self.settings.max_range,
             power=self.settings.penetration_power,
-            carrier_id=np.repeat(carriers, len(nodes) // max(len(places), 1)),
+            carrier_id=carrier_id,
             ray_classes=self.ray_classes[:1],
         )
 
@@ -161,7 +164,7 @@ class BeamPattern:
         if self.has_random_rays or len(matching) != 1 or len(self.weights) > 3:
             raise ValueError(f"ray {side}, expected a beam of three rays")
         nodes = np.full(len(self.angles), matching[0], np.int16)
-        return self.aim(np.array([(*pose.numbers(), -1.0)]), nodes)
+        return self.aim(pose, -1, nodes)
 
     def sides_of(self, drawn: Floats) -> Sides:
         """Return the side of its beam on which each random ray of a scan is, (M,)."""
@@ -274,6 +277,13 @@ def even_nodes(count: int) -> tuple[Floats, Floats]:
     nodes: Floats = np.linspace(-EVEN_EDGE, EVEN_EDGE, count)
     weights = np.exp(-(nodes**2) / 2)
     return nodes, weights / weights.sum()
+
+
+def _turned(vectors: Floats, rotation: Floats) -> Floats:
+    """Return (N, 3) vectors turned by a matrix; none of their numbers is -0.0."""
+    x, y, z = vectors.T
+    rows = [x * row[0] + y * row[1] + z * row[2] + 0.0 for row in rotation]
+    return np.column_stack(rows)
 
 
 def _deviations(settings: SensorSettings) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Sensors of what the body of a robot does: pose, contact, height, heading, time."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,8 +10,6 @@ from radarsim.protocol import reports
 from radarsim.protocol.fields import SensorReport
 from radarsim.sensors.readings import Job
 from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
-
-_ACCELEROMETER: Final = engine.rows["Accelerometer"]
 
 
 class GroundTruthSensor(EngineSensor, types=["GroundTruth"]):
@@ -37,7 +35,7 @@ class AltitudeSensor(EngineSensor, types=["AltitudeSensor"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        place = mounting.state.add(np.array([self.robot.body.z])).start
+        (place,) = self._remember(np.array([self.robot.body.z]))
         sample = reports.Altitude(0.0, self.item.name, 0.0, 0.0)
         # The job of the first attribute writes the numbers of both.
         jobs = [Job(Reading.ALTITUDES, place)]
@@ -59,8 +57,8 @@ class MissionClock(EngineSensor, types=["MissionTime"]):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         start = np.array([round(100 * mounting.time)], np.float64)
-        job = Job(Reading.MINUTES, mounting.state.add(start).start)
-        self._report(reports.MissionTime(0.0, self.item.name, 0), minutes=[job])
+        jobs = [Job(Reading.MINUTES, place) for place in self._remember(start)]
+        self._report(reports.MissionTime(0.0, self.item.name, 0), minutes=jobs)
 
 
 class Accelerometer(EngineSensor, types=["Accel"]):
@@ -78,15 +76,15 @@ class Accelerometer(EngineSensor, types=["Accel"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        start = np.zeros(1, _ACCELEROMETER)
+        start = np.zeros(1, engine.rows["Accelerometer"])
         start["axes"] = self.item.mount.rotation().T.ravel()
         start["read_at"] = mounting.time
         start["attitude"] = 0.0, 0.0, self.robot.pose.yaw
-        job = Job(self.reading, mounting.state.add(start).start)
+        jobs = [Job(self.reading, place) for place in self._remember(start)]
         vectors = dict.fromkeys(("acceleration", *self.others), (0.0, 0.0, 0.0))
         sample = self.report(0.0, name=self.item.name, **vectors)  # type: ignore[call-arg]
         # The job of the first attribute writes the numbers of all of them.
-        self._report(sample, acceleration=[job], **dict.fromkeys(self.others, ()))
+        self._report(sample, acceleration=jobs, **dict.fromkeys(self.others, ()))
 
 
 class ProperAccelerometer(Accelerometer, types=["AcceleroMeter"]):

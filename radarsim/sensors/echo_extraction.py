@@ -50,8 +50,7 @@ from radarsim.engine import engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import Traces
+from radarsim.raycast.rays import EventKind, Outcome, Traces
 
 NOTHING_LEFT: Final = 1e-12  # share of a ray's power
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine of leaves that rays meet

@@ -26,8 +26,7 @@ from pydantic import BaseModel, ConfigDict
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import NotNegative
 from radarsim.protocol.reports import Gps
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import Rays, Traces
+from radarsim.raycast.rays import Outcome, Rays, Traces
 from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
 METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # of latitude, of longitude

@@ -1,9 +1,8 @@
 """Inertial navigation systems; ``readings.hpp`` has the theory, and reads them."""
 
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from radarsim.engine import engine
@@ -13,7 +12,6 @@ from radarsim.sensors.readings import Job
 from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
 INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
-_INS: Final = engine.rows["Ins"]
 
 # Times the motion itself; more overflows after a while.
 _Share = Annotated[float, Field(ge=0, le=10, strict=True)]
@@ -47,32 +45,29 @@ class Ins(EngineSensor, types=["INS"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        noise, self._state = mounting.settings, mounting.state
-        start = np.zeros(1, _INS)
+        noise = mounting.settings
+        start = np.zeros(1, engine.rows["Ins"])
         largest = np.repeat([noise.position_bias, noise.angle_bias], 3)
         bias = self._rng.uniform(-1.0, 1.0, 6) * largest
         start["sigma"] = noise.sigma
         start["used"] = np.inf
-        self._places = self._state.add(start)
+        (place,) = self._remember(start)
         self.overwrite(self.pose)
-        self._ins["bias"] = bias
+        self._memory["bias"] = bias
         self.draw()
-        job = Job(Reading.INS_POSE, self._places.start)
-        self._report(reports.Ins(0.0, self.item.name, self.robot.body), pose=[job])
-        self.drift = Job(Reading.DRIFT, self._places.start)
+        sample = reports.Ins(0.0, self.item.name, self.robot.body)
+        self._report(sample, pose=[Job(Reading.INS_POSE, place)])
+        self.drift = Job(Reading.DRIFT, place)
 
     def draw(self) -> None:
         """Draw the random numbers of the next updates, if they are used up."""
-        draws = self._ins["draws"]
-        if self._ins["used"] >= draws.size // 6:
+        ins = self._memory
+        draws = ins["draws"]
+        if ins["used"] >= draws.size // 6:
             self._rng.standard_normal(out=draws)
-            self._ins["used"] = 0.0
+            ins["used"] = 0.0
 
     def overwrite(self, pose: Pose3) -> None:
         """Replace the estimated pose, which also removes the bias."""
-        ins, body = self._ins, self.robot.body.numbers()
+        ins, body = self._memory, self.robot.body.numbers()
         ins["estimate"], ins["bias"], ins["body"] = pose.numbers(), 0.0, body
-
-    @property
-    def _ins(self) -> NDArray[Any]:
-        return self._state[self._places].view(_INS)

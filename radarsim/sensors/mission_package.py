@@ -1,19 +1,18 @@
 """Mission packages: links that turn at their speeds to where they are told."""
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.engine import engine
 from radarsim.geometry import Pose3
 from radarsim.protocol import packages
 from radarsim.protocol.packages import LinkOrder, PackageState
+from radarsim.sensors.readings import Job
 from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
 FAR: Final = 1e6  # rad; where a link without limits turns to that is told a speed
-_LINK: Final = engine.rows["Link"]
 
 
 class MissionPackage(EngineSensor, types=["MisPkg"]):
@@ -21,17 +20,14 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        links, self._state = self.item.links, mounting.state
-        start = np.zeros(len(links), _LINK)
+        links = self.item.links
+        start = np.zeros(len(links), engine.rows["Link"])
         angles = [link.limit(0.0) for link in links]
         start["from_angle"] = start["to_angle"] = angles
-        self._places = self._state.add(start)
         torques = [-link.max_torque for link in links]
         states = tuple(zip(angles, torques, strict=True))
-        self._report(
-            PackageState(0.0, self.item.name, states),
-            links=self._state.jobs(Reading.LINK_ANGLE, self._places, _LINK),
-        )
+        jobs = [Job(Reading.LINK_ANGLE, place) for place in self._remember(start)]
+        self._report(PackageState(0.0, self.item.name, states), links=jobs)
 
     def tip(self, ticks: int) -> Pose3:
         """Return the pose of its last link in the body frame.
@@ -41,7 +37,8 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         """
         pose = self.item.mount
         for number, link in enumerate(self.item.links):
-            angle = engine.angle_of_link(self._link(number), ticks)
+            state = self._memory[number : number + 1]
+            angle = engine.angle_of_link(state, ticks)
             pose = pose.compose(link.turned(angle))
         return pose
 
@@ -66,7 +63,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
 
     def _turn(self, number: int, order: LinkOrder, ticks: int) -> None:
         """Turn a link; an order that is not known does nothing."""
-        link, state = self.item.links[number], self._link(number)
+        link, state = self.item.links[number], self._memory[number : number + 1]
         angle = engine.angle_of_link(state, ticks)
         speed = link.max_speed
         if order.order in (packages.ABSOLUTE, packages.BANG_BANG):
@@ -80,6 +77,3 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
             return
         state["from_angle"], state["from_tick"] = angle, ticks
         state["to_angle"], state["speed"] = link.limit(target), speed
-
-    def _link(self, number: int) -> NDArray[Any]:
-        return self._state[self._places].view(_LINK)[number : number + 1]

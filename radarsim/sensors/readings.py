@@ -151,11 +151,6 @@ class RobotState:
         self._row[places] = numbers
         return places
 
-    def jobs(self, kind: int, places: slice, dtype: np.dtype[np.void]) -> list[Job]:
-        """Return a job for each of some structures."""
-        starts = range(places.start, places.stop, dtype.itemsize // 8)
-        return [Job(kind, start) for start in starts]
-
     def __getitem__(self, places: slice) -> Floats:
         """Return a view of some numbers, which is not to be kept."""
         return self._row[places]

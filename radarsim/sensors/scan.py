@@ -12,8 +12,7 @@ import radarsim
 from radarsim.errors import import_optional
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.rays import Rays, Sides
+from radarsim.raycast.rays import EventKind, Rays, Sides
 from radarsim.raycast.traced_scene import attenuation_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene

@@ -20,7 +20,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -28,9 +28,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.processes import thread_count
-from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import Rays, Sides
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, EventKind, Outcome, Rays, Sides
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import EXPONENTIAL, BeamPattern
@@ -42,8 +40,7 @@ from radarsim.sensors.echo_extraction import (
     merge_echoes,
     select_echoes,
 )
-from radarsim.sensors.first_returns import answer_in_clouds
-from radarsim.sensors.rain import add_rain, find_rain
+from radarsim.sensors.rain_and_clouds import add_rain, answer_in_clouds, find_rain
 from radarsim.sensors.scan import Echoes, Scan
 
 if TYPE_CHECKING:
@@ -117,7 +114,7 @@ class ScanBatch:
         Args:
             pattern: The beams; of random rays there can only be one scan.
             tracer: Tracer of the scene.
-            places: (J, 7) of the sensors, as of ``BeamPattern.aim``.
+            places: (J, 7) of the sensors, as of ``Tracer.trace_scans``.
         """
         self.pattern, self._tracer, self._places = pattern, tracer, places
         self.kinds, self.needs_events = pattern.kinds, pattern.needs_events
@@ -209,10 +206,16 @@ class ScanBatch:
             scene,
         )
 
+    @cached_property
+    def reported(self) -> Floats:
+        """The ranges that robots report, (J, N): the maximum one without a return."""
+        return np.minimum(self.ranges, self.pattern.settings.max_range)
+
     def all_rays(self, row: int) -> Rays:
         """Return the M rays of a scan."""
-        places, nodes = self._places[row : row + 1], self.nodes[row]
-        return self.pattern.aim(places, nodes, self._random_rays(row))
+        *numbers, carrier = self._places[row].tolist()
+        drawn = self._random_rays(row)
+        return self.pattern.aim(Pose3(*numbers), int(carrier), self.nodes[row], drawn)
 
     def _random_rays(self, row: int) -> Floats | None:
         return self.drawn["rays"][row] if self.pattern.has_random_rays else None
@@ -360,9 +363,9 @@ class ScanBatch:
         )
 
 
-def scan_batch(
+def take_scans(
     tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
-) -> list[Scan]:
+) -> list[tuple[ScanBatch, int]]:
     """Take many scans at once.
 
     Args:
@@ -371,52 +374,12 @@ def scan_batch(
         boxes: Boxes of the robots.
 
     Returns:
-        The scans in the same order; each is that which its sensor would take alone, if
-        all were taken one after the other.
+        The batch of each scan, and its row there. Each scan is that which its sensor
+        would take alone, if all were taken one after the other.
 
     Raises:
         ValueError: If an rng is needed and missing.
     """
-    return [
-        batch.scan(row, request.scanner.name, request.pose)
-        for request, (batch, row) in zip(
-            requests, _trace_all(tracer, requests, boxes), strict=True
-        )
-    ]
-
-
-def scan_ranges(
-    tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
-) -> tuple[list[Floats], dict[int, Scan]]:
-    """Take many scans of which little else is asked for than the ranges.
-
-    Args:
-        tracer: Tracer of the scene.
-        requests: The scans.
-        boxes: Boxes of the robots.
-
-    Returns:
-        The ranges that ``scan_batch`` would give, (N,) m, but that beams without return
-        have the maximum range; and scans for which events were traced, by number.
-
-    Raises:
-        ValueError: If an rng is needed and missing.
-    """
-    taken, scans = _trace_all(tracer, requests, boxes), {}
-    limited = {
-        batch: np.minimum(batch.ranges, batch.pattern.settings.max_range)
-        for batch, _ in taken
-    }
-    for i, (batch, row) in enumerate(taken):
-        if batch.needs_events:
-            scans[i] = batch.scan(row, requests[i].scanner.name, requests[i].pose)
-    return [limited[batch][row] for batch, row in taken], scans
-
-
-def _trace_all(
-    tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None
-) -> list[tuple[ScanBatch, int]]:
-    """Trace the rays of scans; return the batch and the row of each."""
     groups: dict[object, list[int]] = {}
     for i, request in enumerate(requests):
         # Settings that are equal share their pattern. Rays that are random are no

@@ -24,8 +24,7 @@ from radarsim.presets.sensor_settings import Angle, Positive
 from radarsim.protocol import rescue
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.rescue import Sighting
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import Rays, Traces
+from radarsim.raycast.rays import Outcome, Rays, Traces
 from radarsim.scene.scene import Place, Scene, Victim
 from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 

@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any, ClassVar, Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel
 
 import radarsim.sensors
@@ -120,13 +120,27 @@ class Sensor:
 class EngineSensor(Sensor):
     """A sensor without rays that the engine reads, together with those of all robots.
 
-    What it remembers is a structure in the row of its robot.
+    What it remembers are structures of numbers in the row of its robot.
 
     Attributes:
         source: Its report, and what computes it.
     """
 
     source: Source
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        self._state = mounting.state
+
+    def _remember(self, start: NDArray[Any]) -> list[int]:
+        """Remember numbers, or structures of some; return the place of each."""
+        self._dtype, self._places = start.dtype, self._state.add(start)
+        return list(range(self._places.start, self._places.stop, start.itemsize // 8))
+
+    @property
+    def _memory(self) -> NDArray[Any]:
+        """What it remembers, as a view that is not to be kept."""
+        return self._state[self._places].view(self._dtype)
 
     def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
         """Set the source: the jobs of each attribute besides the time."""
@@ -147,15 +161,12 @@ def sight_rays(
         max_range: m, of all rays or of each.
         carrier_id: Id of the robot's box, which stops no ray, likewise; -1 for none.
     """
-    n = len(origins)
-    return Rays(
-        np.ascontiguousarray(origins, np.float64),
-        np.ascontiguousarray(directions, np.float64),
-        np.full(n, max_range, np.float64),
-        np.full(n, np.inf),
-        np.zeros(n, np.uint8),
-        np.full(n, carrier_id, np.int64),
-        (SONAR_CLASS,),
+    return Rays.uniform(
+        origins,
+        directions,
+        max_range=max_range,
+        carrier_id=carrier_id,
+        ray_classes=(SONAR_CLASS,),
     )
 
 

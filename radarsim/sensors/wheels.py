@@ -2,10 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.engine import engine
 from radarsim.geometry import Pose2
@@ -15,8 +14,6 @@ from radarsim.sensors.sensor import EngineSensor, Mounting, Reading, Source
 
 ENCODER_NOISE: Final = 0.005  # largest error, as a fraction of the total angle
 ENCODER_RESOLUTION: Final = 0.01745  # rad per tick, as in readings.hpp
-_TACHOMETER: Final = engine.rows["Tachometer"]
-_ENCODER: Final = engine.rows["Encoder"]
 
 
 class Odometry(EngineSensor, types=["Odometry"]):
@@ -24,14 +21,15 @@ class Odometry(EngineSensor, types=["Odometry"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._odometry = self.robot.fleet.add_odometry(self.robot)
-        place = mounting.state.add(np.array([float(self._odometry.row)])).start
+        self._row = self.robot.fleet.add_odometry(self.robot)
+        (place,) = self._remember(np.array([float(self._row)]))
         sample = reports.Odometry(0.0, self.item.name, Pose2(0.0, 0.0))
         self._report(sample, pose=[Job(Reading.WHEEL_POSE, place)])
 
     def reset(self) -> None:
         """Start again from a pose of zeros."""
-        self._odometry.reset()
+        for name in ("x", "y", "yaw"):
+            self.robot.fleet.odometry[name][self._row] = 0.0
 
 
 class Tachometer(EngineSensor, types=["Tachometer"]):
@@ -39,11 +37,11 @@ class Tachometer(EngineSensor, types=["Tachometer"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        start, self._state = np.zeros(1, _TACHOMETER), mounting.state
+        start = np.zeros(1, engine.rows["Tachometer"])
         start["read_at"] = mounting.time
         start["angles"] = start["zero"] = self.robot.side_angles
-        self._places, sides = self._state.add(start), self.robot.model.wheels
-        zeros, place = (0.0,) * len(sides), self._places.start
+        (place,), sides = self._remember(start), self.robot.model.wheels
+        zeros = (0.0,) * len(sides)
         speeds = {"left": Reading.LEFT_SPEED, "right": Reading.RIGHT_SPEED}
         angles = {"left": Reading.LEFT_ANGLE, "right": Reading.RIGHT_ANGLE}
         self._report(
@@ -54,7 +52,7 @@ class Tachometer(EngineSensor, types=["Tachometer"]):
 
     def reset(self) -> None:
         """Count angles from zero again."""
-        self._state[self._places].view(_TACHOMETER)["zero"] = self.robot.side_angles
+        self._memory["zero"] = self.robot.side_angles
 
 
 class Encoder(EngineSensor, types=["Encoder"]):
@@ -62,36 +60,30 @@ class Encoder(EngineSensor, types=["Encoder"]):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        sides, self._state = self.robot.model.wheels, mounting.state
+        sides = self.robot.model.wheels
         wheels = encoded_wheels(self.item.name, sides)
-        start = np.zeros(len(wheels), _ENCODER)
+        start = np.zeros(len(wheels), engine.rows["Encoder"])
         start["side"] = [sides[index] == "right" for _, index, _ in wheels]
         start["sign"] = [sign for *_, sign in wheels]
         start["noise"], start["used"] = ENCODER_NOISE, np.inf
-        self._places = self._state.add(start)
+        jobs = [Job(Reading.TICKS, place) for place in self._remember(start)]
         self.draw()
         self.reset()
         sample = reports.Encoder(0.0, tuple((name, 0) for name, *_ in wheels))
-        self._report(
-            sample, ticks=self._state.jobs(Reading.TICKS, self._places, _ENCODER)
-        )
+        self._report(sample, ticks=jobs)
 
     def reset(self) -> None:
         """Count ticks from zero again."""
-        encoders, (left, right) = self._encoders, self.robot.side_angles
+        encoders, (left, right) = self._memory, self.robot.side_angles
         encoders["zero"] = np.where(encoders["side"], right, left)
 
     def draw(self) -> None:
         """Draw the errors of the next readings, if they are used up."""
-        encoders = self._encoders
+        encoders = self._memory
         draws = encoders["draws"]
         if (encoders["used"] >= draws.shape[1]).any():
             draws[:] = self._rng.random(draws.T.shape).T
             encoders["used"] = 0.0
-
-    @property
-    def _encoders(self) -> NDArray[Any]:
-        return self._state[self._places].view(_ENCODER)
 
 
 def encoded_wheels(name: str, sides: Sequence[str]) -> list[tuple[str, int, int]]:

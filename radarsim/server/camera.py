@@ -32,8 +32,7 @@ from radarsim.protocol.images import (
     encode_image,
     encode_raw,
 )
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import LASER, RayClass, Rays
+from radarsim.raycast.rays import LASER, Outcome, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene

@@ -16,7 +16,7 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import load_robot
 
 if TYPE_CHECKING:
-    from radarsim.raycast.robot_boxes import Boxes
+    from radarsim.raycast.rays import Boxes
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 

@@ -1,11 +1,12 @@
-"""Configuration of a simulation.
+"""Configuration of a simulation, and limits of what clients may change in it.
 
 Imports no engine before a scanner is created.
 
-It limits how many rays a client may ask for by changing the settings of a scanner.
-
-All robots share the time of a tick: a client must not take that of the others. Whoever
-starts the simulation may configure more; that much is then allowed as well.
+``MOST_RAYS`` and the constants after it limit how many rays a client may ask for when
+it changes the settings of a scanner; ``check_rays`` checks them. All robots share the
+time of a tick: a client must not take that of the others. Whoever starts the simulation
+may configure more; that much is then allowed as well. ``presets.sensor_settings``
+limits what any scanner may have.
 """
 
 from __future__ import annotations
@@ -39,9 +40,7 @@ if TYPE_CHECKING:
 DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another one
 MOST_RAYS: Final = 2_000  # in a scan; that takes some ms with all echoes
 MOST_RAYS_A_SECOND: Final = 50_000
-MOST_EXTRA_RAYS: Final = (
-    500_000  # a second that all robots add to those of their classes
-)
+MOST_EXTRA_RAYS: Final = 500_000  # a second, which all robots together add by changes
 MOST_DIRECTIONS: Final = 5_000  # of which rays are drawn; preparing them takes 1 ms
 LIMITS: Final = (MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
 NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan")
@@ -255,54 +254,43 @@ def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, flo
     return rays, rays / interval, directions
 
 
-def check_rays(item: Item, config: SimulationConfig, first: SimulationConfig) -> None:
-    """Check how many rays a scanner would have.
-
-    Args:
-        item: A range scanner.
-        config: The changed configuration.
-        first: The configuration that the robot was spawned with.
-
-    Raises:
-        PresetError: If they are too many.
-    """
-    counts, before = _count_rays(item, config), _count_rays(item, first)
-    for name, count, old, limit in zip(NAMES, counts, before, LIMITS, strict=True):
-        if count > max(limit, old):
-            most = f"expected at most {max(limit, old):.0f}"
-            raise PresetError(f"item {item.name!r}: {count:.0f} {name}, {most}")
-
-
-def count_extra_rays(
-    items: Iterable[Item], config: SimulationConfig, first: SimulationConfig
+def check_rays(
+    items: Iterable[Item],
+    config: SimulationConfig,
+    first: SimulationConfig,
+    before: float,
+    others: float,
 ) -> float:
-    """Count the rays in a second that changed settings have added.
+    """Check how many rays the scanners of a robot would have.
 
     Args:
-        items: Range scanners of a robot.
+        items: Its range scanners.
         config: The changed configuration.
         first: The configuration that the robot was spawned with.
-    """
-    return sum(
-        max(0.0, _count_rays(item, config)[1] - _count_rays(item, first)[1])
-        for item in items
-    )
+        before: The rays in a second that changed settings have added so far; fewer are
+            always right.
+        others: Those that they have added to all other robots.
 
-
-def check_extra_rays(extra: float, before: float, others: float) -> None:
-    """Check how many rays in a second all robots together have added.
-
-    Args:
-        extra: Those that a robot would have added; fewer than before are always right.
-        before: Those that it has added.
-        others: Those that all other robots have added.
+    Returns:
+        The rays in a second that changed settings would have added.
 
     Raises:
         PresetError: If they are too many.
     """
+    extra = 0.0
+    for item in items:
+        counts, at_first = _count_rays(item, config), _count_rays(item, first)
+        for name, count, old, limit in zip(
+            NAMES, counts, at_first, LIMITS, strict=True
+        ):
+            if count > max(limit, old):
+                most = f"expected at most {max(limit, old):.0f}"
+                raise PresetError(f"item {item.name!r}: {count:.0f} {name}, {most}")
+        extra += max(0.0, counts[1] - at_first[1])
     left = max(before, MOST_EXTRA_RAYS - others)
     if extra > left:
         raise PresetError(
             f"{extra:.0f} rays a second more than the class has, expected at most"
             f" {left:.0f}, what other clients leave of {MOST_EXTRA_RAYS}"
         )
+    return extra

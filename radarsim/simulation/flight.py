@@ -13,14 +13,14 @@ from typing import Final, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.robots.fleet import WALL_RANGE, Fleet
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, slice_mesh
 from radarsim.robots.robot import UNKNOWN, Robot
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Faces, Mesh, concatenate
@@ -105,17 +105,21 @@ class Airspace:
         for each in known:
             if each.tile == tile and each.band == band:
                 return each
-        old = known[0].slices if known and known[0].tile == tile else {}
         left, lower = tile[0] * TILE - reach, tile[1] * TILE - reach
         width = TILE + 2 * reach
         area = left, left + width, lower, lower + width
-        slices = {}
-        for number in range(band, band + math.ceil(model.height / BAND) + 1):
-            cut = old.get(number)
-            if cut is None:
-                cut = self._mesh.slice(area, (number + 0.5) * BAND)
-            slices[number] = cut
-        obstacles = Obstacles(np.concatenate([*slices.values()]), floor=band * BAND)
+        numbers = range(band, band + math.ceil(model.height / BAND) + 1)
+        old = known[0].slices if known and known[0].tile == tile else {}
+        heights = {n: (n + 0.5) * BAND for n in numbers if n not in old}
+        faces = self._mesh.near(area, *heights.values()) if heights else _NOTHING[1]
+        cuts = old | {
+            number: slice_mesh(self._mesh.vertices, faces, height)
+            for number, height in heights.items()
+        }
+        slices = {number: cuts[number] for number in numbers}
+        walls = np.concatenate([*slices.values()])
+        walls = walls[_meet(walls.min(axis=1).T, walls.max(axis=1).T, area)]
+        obstacles = Obstacles(walls, floor=band * BAND)
         return Surroundings(tile, band, slices, obstacles)
 
     def lift(self, fleet: Fleet, robot: Robot, z: float, *known: Surroundings) -> None:
@@ -218,15 +222,18 @@ class Airspace:
 class SolidMesh:
     """The triangles of the solid ones among some parts, of which some are sliced fast.
 
-    Triangles are sorted by cells of space and cut into blocks of equal size. A slice
-    looks at the bounds of all blocks, and only then at the triangles of those that it
-    meets: how long it takes hardly depends on the size of a map.
+    Triangles are sorted by cells of space and cut into blocks of equal size. What is
+    near an area is found by the bounds of all blocks, and only triangles of those that
+    reach into it are sliced: how long it takes hardly depends on the size of a map.
+
+    Attributes:
+        vertices: (V, 3) m, map frame.
     """
 
     def __init__(self, parts: Iterable[Part]) -> None:
         """Sort the triangles of the solid ones among some parts."""
         solid = [(p.vertices, p.faces) for p in parts if p.material.solid]
-        self._vertices, self._faces = map(
+        self.vertices, self._faces = map(
             np.ascontiguousarray, concatenate(solid or [_NOTHING])
         )
         count = len(self._faces)
@@ -242,39 +249,36 @@ class SolidMesh:
             blocks = some.start // _BLOCK + np.arange(len(firsts))
             self._lows[:, blocks] = np.minimum.reduceat(lows, firsts).T
             self._highs[:, blocks] = np.maximum.reduceat(highs, firsts).T
-        self._packed = engine.structures["SolidMesh"].pack(
-            vertices=self._vertices,
-            faces=self._faces,
-            order=self._order,
-            lows=self._lows,
-            highs=self._highs,
-        )
-        self._room = np.zeros(0, np.int32), np.zeros((0, 2, 2))
 
-    def slice(self, area: Area, height: float) -> Floats:
-        """Slice the triangles in an area at one height.
+    def near(self, area: Area, *heights: float) -> Faces:
+        """Return all triangles that reach into an area at some heights, and some more.
 
         Args:
             area: Least and largest x, least and largest y, m, map frame.
-            height: z of the plane, m, map frame.
+            heights: z, m, map frame; at least one.
 
         Returns:
-            Line segments, as of ``slice_mesh``, in the order of the parts and of their
-            faces: all that reach into the area, and perhaps others.
+            (F, 3) vertex indices, in the order of the parts and of their faces.
         """
-        while (count := self._slice(area, height)) < 0:
-            self._room = np.zeros(-count, np.int32), np.zeros((-count, 2, 2))
-        return self._room[1][:count].copy()
-
-    def _slice(self, area: Area, height: float) -> int:
-        """Fill the room with the slice; return its size, or minus the room needed."""
-        count: int = engine.slice_area(self._packed, *area, height, *self._room)
-        return count
+        is_level = (self._lows[2] < max(heights)) & (min(heights) <= self._highs[2])
+        blocks = np.flatnonzero(is_level & _meet(self._lows, self._highs, area))
+        places = (blocks[:, None] * _BLOCK + np.arange(_BLOCK)).ravel()
+        numbers = np.sort(self._order[places[places < len(self._order)]])
+        faces: Faces = self._faces[numbers]
+        return faces
 
     def _bounds(self, faces: Faces) -> tuple[Floats, Floats]:
         """Return the smallest and the largest coordinates of triangles, (N, 3) m."""
-        a, b, c = (self._vertices[corners] for corners in faces.T)
+        a, b, c = (self.vertices[corners] for corners in faces.T)
         return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def _meet(lows: Floats, highs: Floats, area: Area) -> NDArray[np.bool_]:
+    """Return which bounds, (2 or 3, N) m, reach into an area."""
+    left, right, lower, upper = area
+    x_meets = (lows[0] <= right) & (left <= highs[0])
+    meets: NDArray[np.bool_] = x_meets & (lows[1] <= upper) & (lower <= highs[1])
+    return meets
 
 
 def _chunks(count: int) -> Iterator[slice]:

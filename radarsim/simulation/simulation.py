@@ -19,9 +19,7 @@ from radarsim.presets.robots import RobotModel
 from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.reports import RangeScan
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, EventKind, Rays, Traces
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
@@ -30,8 +28,7 @@ from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.ins import INS_DRIFT_INTERVAL
 from radarsim.sensors.readings import Program, ReadingTable
-from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import ScanRequest, scan_ranges
+from radarsim.sensors.scan_batch import ScanBatch, ScanRequest, take_scans
 from radarsim.sensors.sensor import Sensor
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
@@ -201,7 +198,7 @@ class Simulation:
             items.add(vehicle)
         if model.flight is not None:
             self._flying[vehicle] = None
-        if vehicle.battery.runs_out:
+        if vehicle.dialect.battery_runs_out:
             self._mortal[vehicle] = None
         if vehicle.drift.end > vehicle.drift.first:
             self._drifting.add(vehicle, DRIFT_TICKS)
@@ -277,46 +274,62 @@ class Simulation:
             items = self.faults.call(vehicle, vehicle.due)
             if items is not None:
                 due.append((vehicle, items))
+        # Robots are boxes of this tick for all sensors, so that no reading depends on
+        # the order in which they are taken.
+        has_rays = any(items.scanners or items.sensors for _, items in due)
+        boxes = self.boxes() if has_rays else NOTHING
+        sensors = [(v, sensor) for v, items in due for sensor in items.sensors]
+        # Before all that may be repeated: a reading can draw random numbers, or count.
+        cast = self._cast(sensors, boxes)
+        due = [each for each in due if each[0].number not in self.faults.errors]
         try:
-            return self._take_readings(due, read_by_others)
+            return self._take_readings(due, read_by_others, cast, boxes)
         except Exception:  # noqa: BLE001 - the robot that failed is found below
             outputs: dict[int, TickOutput] = {}
             for vehicle, items in due:
-                scans = [scan for scan in read_by_others if scan.vehicle is vehicle]
-                alone = [(vehicle, items)], scans
+                alone = [(vehicle, items)], read_by_others, cast, boxes
                 outputs |= self.faults.call(vehicle, self._take_readings, *alone) or {}
             return outputs
 
     def _take_readings(
-        self, due: list[tuple[Vehicle, DueItems]], read_by_others: list[DueScan]
+        self,
+        due: list[tuple[Vehicle, DueItems]],
+        read_by_others: list[DueScan],
+        cast: Mapping[int, Sequence[SensorReport]],
+        boxes: Boxes,
     ) -> dict[int, TickOutput]:
-        """Take the readings of robots, and return them as ``collect_reports`` does."""
+        """Take the other readings of robots, and return all; see ``collect_reports``.
+
+        Args:
+            due: The robots, and what is due of them.
+            read_by_others: What add-ons have read, also of other robots.
+            cast: The readings of ``_cast``.
+            boxes: All robots.
+        """
         scanners = [
             (v, each) for v, items in due for each in items.scanners if each.scans
         ]
-        sensors = [(v, sensor) for v, items in due for sensor in items.sensors]
-        # Robots are boxes of this tick for all sensors, so that no reading depends on
-        # the order in which they are taken.
-        boxes = self.boxes() if scanners or sensors else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v, _ in due}
         echoes: dict[int, list[ScanEchoes | DueScan]] = {}
         listing = self._select_listing(scanners)
-        read, taken = self._scan(scanners, listing, boxes)
-        for (vehicle, mounted), ranges in zip(scanners, read, strict=True):
-            name, settings = mounted.item.name, mounted.scanner.settings
-            report = report_scan(self.time, name, settings, ranges)
-            scans[vehicle.number].append(report)
+        taken = self._scan(scanners, listing, boxes)
         for k, (vehicle, mounted) in enumerate(scanners):
-            if not listing[k]:
-                continue
-            found = ScanEchoes(mounted.item.name, taken[k].echoes, mounted.sends_echoes)
-            echoes.setdefault(vehicle.number, []).append(found)
+            batch, row = taken[k]
+            name, scanner = mounted.item.name, mounted.scanner
+            ranges = batch.reported[row]
+            report = report_scan(self.time, name, scanner.settings, ranges)
+            scans[vehicle.number].append(report)
+            if listing[k]:
+                scan = batch.scan(row, scanner.name, vehicle.sensor_pose(mounted.item))
+                found = ScanEchoes(name, scan.echoes, mounted.sends_echoes)
+                echoes.setdefault(vehicle.number, []).append(found)
         for due_scan in read_by_others:
             number = due_scan.vehicle.number
+            if number not in scans:
+                continue
             scans[number].append(due_scan.scan)
             if due_scan.reports:
                 echoes.setdefault(number, []).append(due_scan)
-        cast = self._cast(sensors, boxes)
         # Found out for all robots at once, where a reading asks for it.
         self._fleet.touched([v.robot.slot for v, _ in due if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
@@ -378,8 +391,8 @@ class Simulation:
         due: list[tuple[Vehicle, MountedScanner]],
         listing: list[bool],
         boxes: Boxes,
-    ) -> tuple[list[Floats], dict[int, Scan]]:
-        """Take all scans in one batch, some of them with all echoes."""
+    ) -> list[tuple[ScanBatch, int]]:
+        """Take all scans at once, some of them with all echoes; see ``take_scans``."""
         requests = []
         for (vehicle, mounted), lists in zip(due, listing, strict=True):
             scanner = mounted.scanner
@@ -387,21 +400,31 @@ class Simulation:
                 scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
             requests.append(ScanRequest(scanner, pose, mounted.rng, vehicle.number))
-        return scan_ranges(self._tracer, requests, boxes)
+        return take_scans(self._tracer, requests, boxes)
 
     def _cast(
         self, due: list[tuple[Vehicle, Sensor]], boxes: Boxes
     ) -> dict[int, list[SensorReport]]:
         """Take the readings of sensors that cast rays, by number of the robot."""
-        if not due:
-            return {}
-        batches = [item.rays() for _, item in due]
-        traces = self._tracer.trace(Rays.concatenate(batches), boxes, incidence=True)
-        pieces = traces.split([len(rays.max_range) for rays in batches])
+        call, trace, time = self.faults.call, self._tracer.trace, self.time
+        asked = [(vehicle, item, call(vehicle, item.rays)) for vehicle, item in due]
+        cast = [(v, item, rays) for v, item, rays in asked if rays is not None]
         readings: dict[int, list[SensorReport]] = {}
-        for (vehicle, item), piece in zip(due, pieces, strict=True):
+        if not cast:
+            return readings
+        batches = [rays for *_, rays in cast]
+        pieces: Sequence[Traces | None]
+        try:
+            traces = trace(Rays.concatenate(batches), boxes, incidence=True)
+            pieces = traces.split([len(rays.max_range) for rays in batches])
+        except Exception:  # noqa: BLE001 - the rays of one of them are invalid
+            pieces = [
+                call(v, trace, rays, boxes, incidence=True) for v, _, rays in cast
+            ]
+        for (vehicle, item, _), piece in zip(cast, pieces, strict=True):
             its_readings = readings.setdefault(vehicle.number, [])
-            its_readings += item.read(self.time, piece)
+            if piece is not None:
+                its_readings += call(vehicle, item.read, time, piece) or ()
         return readings
 
     def _prepare_spawns(self) -> None:

@@ -9,7 +9,7 @@ from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.fields import ReportGroup, SensorReport
 from radarsim.protocol.reports import RangeScan, Status
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.sensors.scan import Echoes
 from radarsim.simulation.vehicle import Vehicle
 

@@ -3,7 +3,8 @@
 Nothing but pictures shows them.
 """
 
-from dataclasses import dataclass, field
+from collections import deque
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -20,23 +21,13 @@ Colour: TypeAlias = tuple[float, float, float]  # red, green and blue, 0 to 1
 
 @dataclass(slots=True)
 class _Trail:
-    """The trail of a robot: a mark every ``interval`` ticks, from ``start`` on.
-
-    The n-th mark is in row n modulo ``MOST_MARKS``; there have been ``count``.
-    """
+    """The trail of a robot: a mark every ``interval`` ticks, from ``start`` on."""
 
     robot: Robot
     start: int
     interval: int
     colour: Colour
-    rows: Floats = field(default_factory=lambda: np.zeros((MOST_MARKS, 6)))
-    count: int = 0
-
-    @property
-    def marks(self) -> Floats:
-        """The marks, the oldest first."""
-        oldest = self.count % MOST_MARKS if self.count > MOST_MARKS else 0
-        return np.roll(self.rows[: self.count], -oldest, axis=0)
+    marks: deque[tuple[float, ...]]
 
 
 class Trails:
@@ -54,10 +45,9 @@ class Trails:
             interval: Ticks between two marks, at least one.
             colour: Colour of the marks.
         """
-        trail = _Trail(robot, self._clock.ticks, interval, colour)
         known = self._trails.get(robot.number)
-        if known is not None:
-            trail.rows, trail.count = known.rows, known.count
+        marks = known.marks if known else deque(maxlen=MOST_MARKS)
+        trail = _Trail(robot, self._clock.ticks, interval, colour, marks)
         self._trails[robot.number] = trail
 
     def end(self, robot: Robot) -> None:
@@ -70,12 +60,10 @@ class Trails:
             if (self._clock.ticks - trail.start) % trail.interval == 0:
                 pose = trail.robot.pose
                 z = float(trail.robot.row["bottom"]) + LIFT
-                mark = (pose.x, pose.y, z, *trail.colour)
-                trail.rows[trail.count % MOST_MARKS] = mark
-                trail.count += 1
+                trail.marks.append((pose.x, pose.y, z, *trail.colour))
 
     @property
     def marks(self) -> Floats:
         """All marks, (M, 6): x, y, z, m, map frame; red, green and blue, 0 to 1."""
-        each = [trail.marks for trail in self._trails.values()]
-        return np.concatenate(each) if each else np.zeros((0, 6))
+        marks = [mark for trail in self._trails.values() for mark in trail.marks]
+        return np.array(marks, np.float64).reshape(-1, 6)

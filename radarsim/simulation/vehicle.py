@@ -12,11 +12,12 @@ from radarsim.engine import engine
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensors import has_fmcw
+from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.fields import ReportGroup
 from radarsim.protocol.packages import LinkOrder
 from radarsim.protocol.reports import AerialStatus, Status
 from radarsim.rng import generator_for
-from radarsim.robots.robot import Battery, Robot
+from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.body import TouchSensor
 from radarsim.sensors.ins import Ins
@@ -36,9 +37,7 @@ from radarsim.simulation.clock import Schedule, seconds, ticks_of
 from radarsim.simulation.config import (
     DEFAULT_INTERVAL,
     SimulationConfig,
-    check_extra_rays,
     check_rays,
-    count_extra_rays,
 )
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
@@ -102,7 +101,6 @@ class Vehicle:
         robot: The body that drives.
         config: Configuration of its items.
         spawn_tick: Tick of the spawn, from which all its intervals are counted.
-        battery: Remaining time of operation.
         scanners: Range scanners, in mounting order.
         drift: What lets its inertial navigation systems drift; empty without any.
         has_touch: Whether it has a touch sensor.
@@ -143,8 +141,7 @@ class Vehicle:
         self.config = self._first_config = config
         dialect = config.dialect.of_generation(robot.model.generation)
         self.dialect = dialect
-        self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
-        self._empty_age = _empty_age(self.battery)
+        self._empty_age = _empty_age(dialect)
         self._schedule, self._clock = schedule, schedule.clock
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
@@ -173,9 +170,10 @@ class Vehicle:
 
     def _power_status(self) -> dict[str, list[Job]]:
         """Return the jobs of the status, of which the battery has a state."""
-        charge = np.zeros(1, engine.rows["Charge"])
-        charge["life"], charge["spawn_tick"] = self.battery.life, self.spawn_tick
-        charge["least"] = 0.0 if self.battery.runs_out else 1.0
+        charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
+        charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
+        # Clients pause a robot whose battery reads 0.
+        charge["least"] = 0.0 if dialect.battery_runs_out else 1.0
         return {
             "time": [Job(Reading.TIME)],
             "battery": [Job(Reading.CHARGE, self._state.add(charge).start)],
@@ -305,15 +303,13 @@ class Vehicle:
         config = self.config
         for item in items:
             config = config.with_settings(item, settings)
-            # Against the first configuration: whoever started the server may allow
-            # more.
-            check_rays(item, config, self._first_config)
-        extra = count_extra_rays(
-            [mounted.item for mounted in self.scanners], config, self._first_config
-        )
+        scanners = [mounted.item for mounted in self.scanners]
         shared = sum(other.extra_rays for other in others if other is not self)
-        check_extra_rays(extra, self.extra_rays, shared)
-        self.config, self.extra_rays = config, extra
+        # Against the first configuration: whoever started the server may allow more.
+        self.extra_rays = check_rays(
+            scanners, config, self._first_config, self.extra_rays, shared
+        )
+        self.config = config
         self._changed |= {item.name for item in items}
         ticks = {item.name: ticks_of(config.interval(item)) for item in items}
         if not ticks.items() <= self._interval_ticks.items():
@@ -384,11 +380,14 @@ class Vehicle:
         )
 
 
-def _empty_age(battery: Battery) -> float:
-    """Return the number of ticks after which a battery is empty."""
-    if not battery.runs_out:
+def _empty_age(dialect: Dialect) -> float:
+    """Return the number of ticks after which a battery has less than a whole second.
+
+    It drains with time only, whatever the robot does.
+    """
+    life = dialect.battery_start
+    if not dialect.battery_runs_out:
         return math.inf
-    ages = range(ticks_of(battery.life) + 1)
-    # Searched for, so that the engine, status and this agree to the tick, whatever is
-    # rounded on the way to whole seconds.
-    return bisect_left(ages, True, key=lambda age: battery.is_empty(seconds(age)))
+    ages = range(ticks_of(life) + 1)
+    # Searched for, so that the engine, status and this agree to the tick.
+    return bisect_left(ages, True, key=lambda age: life - seconds(age) < 1.0)

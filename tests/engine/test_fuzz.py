@@ -25,7 +25,7 @@ from radarsim.engine import engine
 from radarsim.engine.library import Packed
 from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
@@ -42,7 +42,7 @@ REFUSALS: Final = (EngineError, TypeError, ValueError, OverflowError)
 FLOATS: Final = (math.nan, math.inf, -math.inf, 1e300, -1e300, 5e-324, -0.0)
 NUMBERS: Final = (0, -1, 1, 3, math.nan, 2**31, -(2**63))
 # They hold addresses, and indices that are checked when they are made.
-FIXED: Final = ("SceneHandle", "Hierarchy", "SolidMesh")
+FIXED: Final = ("SceneHandle", "Hierarchy")
 FUNCTIONS: Final = {name: each.call for name, each in engine.functions.items()}
 
 Calls = list[tuple[str, tuple[Any, ...]]]
@@ -226,7 +226,7 @@ class Mutator:
         return value.structure.pack(**value.fields | changes)
 
     def _other_form(self, value: Any) -> Any:
-        kind = self.choose(("f4", "f8", "i4", "i8", "?"))
+        kind = self.choose(("f4", "f8", "i4", "i8", "b1"))
         forms: tuple[Callable[[Any], Any], ...] = (
             lambda a: a.astype(kind) if not a.dtype.names else a.view("u1"),
             lambda a: a.astype(a.dtype.newbyteorder()),

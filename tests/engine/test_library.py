@@ -20,7 +20,7 @@ from radarsim.engine.library import Engine
 from radarsim.errors import EngineError
 from radarsim.protocol import line_template
 from radarsim.raycast import embree, traced_scene
-from radarsim.raycast.attenuation import EventKind, Outcome
+from radarsim.raycast.rays import EventKind, Outcome
 from radarsim.sensors import echo_extraction
 from radarsim.sensors.echo_extraction import _MODES
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joint_scans import scan_together
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -15,7 +16,7 @@ from radarsim.plotting.marks import add_ray_rows
 from radarsim.plotting.sight import BeamEnd, Sight
 from radarsim.plotting.style import QUIET, Legend, render
 from radarsim.raycast.tracer import tracer_of
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest
 
 
 def test_map_can_be_a_name_and_the_same_seed_gives_the_same_rays() -> None:
@@ -112,7 +113,7 @@ def test_notebooks_show_svg(empty_room: Scene) -> None:
 
 def test_scan_without_a_map_has_no_picture(empty_room: Scene) -> None:
     tracer, laser = tracer_of(empty_room), radarsim.load_sensor("laser")
-    (scan,) = scan_batch(tracer, [ScanRequest(laser, Pose3(0, 0, 1, 0, 0, 0))])
+    (scan,) = scan_together(tracer, [ScanRequest(laser, Pose3(0, 0, 1, 0, 0, 0))])
     assert scan._repr_html_() is None
     with pytest.raises(ValueError, match="without a map"):
         scan.plot()

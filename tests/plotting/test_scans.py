@@ -18,7 +18,7 @@ from radarsim.plotting.ray_segments import FULL_OPACITY, NO_RETURN_OPACITY
 from radarsim.plotting.scans import draw_scans, plot_scans
 from radarsim.plotting.sight import BeamEnd, find_sight, name_materials
 from radarsim.plotting.style import FORMS, scan_points
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import EventKind
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
 

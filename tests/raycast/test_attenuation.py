@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from parts import layer, rays_ahead
 
-from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import DEFAULT_CLASSES, RADAR, RayClass
+from radarsim.raycast.rays import DEFAULT_CLASSES, RADAR, EventKind, Outcome, RayClass
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from oracles.nearest_box import nearest_box
 
 from radarsim.geometry import Floats
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, Rays
 from radarsim.raycast.tracer import Tracer
 
 TRACER = Tracer([])

@@ -12,7 +12,7 @@ import pytest
 
 from radarsim.errors import EngineError
 from radarsim.raycast import embree
-from radarsim.raycast.embree import EmbreeScene, Mesh
+from radarsim.raycast.embree import EmbreeScene
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 FACE = np.array([[0, 1, 2]])
@@ -36,7 +36,7 @@ FACE = np.array([[0, 1, 2]])
 )
 def test_invalid_meshes_are_rejected(vertices: Any, faces: Any, text: str) -> None:
     with pytest.raises(EngineError) as caught:
-        EmbreeScene([Mesh(TRIANGLE, FACE), Mesh(vertices, faces)])
+        EmbreeScene([(TRIANGLE, FACE), (vertices, faces)])
     assert str(caught.value) == f"{text}, in mesh 1"
 
 
@@ -51,13 +51,13 @@ def test_error_of_embree_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(embree, "open_library", Failing)
     with pytest.raises(EngineError) as caught:
-        EmbreeScene([Mesh(TRIANGLE, FACE)])
+        EmbreeScene([(TRIANGLE, FACE)])
     assert str(caught.value) == "Embree error 4 over 1 triangles"
 
 
 def test_meshes_are_copied() -> None:
     vertices = TRIANGLE.copy()
-    scene = EmbreeScene([Mesh(vertices, FACE)])
+    scene = EmbreeScene([(vertices, FACE)])
     vertices += 50
     assert scene.triangles.tolist() == [TRIANGLE.ravel().tolist()]
 

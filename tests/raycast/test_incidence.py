@@ -7,8 +7,7 @@ import pytest
 from parts import block
 
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material

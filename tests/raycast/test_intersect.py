@@ -7,8 +7,7 @@ from parts import brick, rays_ahead
 from radarsim.engine import engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import LASER, RADAR, Boxes, RayClass, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 

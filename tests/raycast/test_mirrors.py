@@ -10,9 +10,15 @@ from hypothesis import strategies as st
 from parts import brick
 
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import (
+    LASER,
+    RADAR,
+    Boxes,
+    EventKind,
+    Outcome,
+    RayClass,
+    Rays,
+)
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material

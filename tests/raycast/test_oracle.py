@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import LASER, RADAR, Rays
+from radarsim.raycast.rays import LASER, RADAR, Outcome, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material

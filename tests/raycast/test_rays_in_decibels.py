@@ -5,8 +5,7 @@ import math
 import pytest
 from parts import layer, rays_ahead
 
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Traces
+from radarsim.raycast.rays import LASER, RADAR, Outcome, RayClass, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part

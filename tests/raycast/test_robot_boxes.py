@@ -5,8 +5,7 @@ import pytest
 from parts import Triple
 
 from radarsim.errors import EngineError
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, Rays
 from radarsim.raycast.tracer import Tracer
 
 # x, y, yaw, low, high, half length, half width, number

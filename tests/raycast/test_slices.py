@@ -25,7 +25,7 @@ MATERIALS = (
     Material("metal", radar_mirror=True),
 )
 REFLECTED = (RayClass(RADAR, max_reflections=2),)
-BALL = embree.Mesh(*shapes.sphere(5.0))
+BALL = shapes.sphere(5.0)
 RAYS_AT_ONCE = embree.RAYS_PER_SLICE // 2  # for which the whole scene gets no slice
 
 
@@ -126,7 +126,7 @@ def test_number_of_slices_is_limited() -> None:
 def test_large_slice_that_has_most_triangles_is_the_whole_scene() -> None:
     vertices, faces = shapes.box(1.0, 1.0, 1.0)
     many = np.tile(faces, (2 * embree.SMALL_SLICE // len(faces), 1))
-    scene = embree.EmbreeScene([embree.Mesh(vertices, many)])
+    scene = embree.EmbreeScene([(vertices, many)])
     scene.add_slice(0.0)
     assert scene.handle.addresses[1] == scene.handle.addresses[0]
     assert len(scene.handle.sliced) == 0

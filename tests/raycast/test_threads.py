@@ -8,8 +8,7 @@ import pytest
 from radarsim.errors import EngineError
 from radarsim.processes import process_cpu_count, thread_count
 from radarsim.raycast import tracer as tracer_module
-from radarsim.raycast.rays import Rays, Traces
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, Rays, Traces
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
 

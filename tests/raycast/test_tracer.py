@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 from parts import brick
 
 from radarsim.errors import EngineError
-from radarsim.raycast.attenuation import EVENT, EventKind, Outcome
-from radarsim.raycast.rays import Rays, Traces
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import EVENT, Boxes, EventKind, Outcome, Rays, Traces
 from radarsim.raycast.tracer import (
     INITIAL_CAPACITY,
     Tracer,

@@ -12,7 +12,7 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, finish
 from radarsim.robots.robot import Robot
 
 TICK = 0.01
@@ -71,9 +71,8 @@ def test_no_drive_ends_inside_an_obstacle(
     obstacles: Obstacles, yaw: float, orders: list[Command]
 ) -> None:
     start = Pose2(0, 0, yaw)
-    free = obstacles.nearest_free_pose(
-        robot(obstacles, start).footprint, start, within=2
-    )
+    footprint = robot(obstacles, start).footprint
+    free = finish(obstacles.search_free_pose(footprint, start, within=2))
     driven = robot(obstacles, free or start)
     solid = lines(obstacles)
     for left, right, ticks in orders if free else []:

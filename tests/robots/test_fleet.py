@@ -9,6 +9,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.motion import CONTACT_GAP, ReferenceRobot
+from wheel_odometry import add_odometry
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
@@ -61,7 +62,7 @@ def test_robots_move_as_in_plain_python(
     around, fleet = obstacles([*lines, *room(3)]), Fleet()
     for i, place in enumerate(start):
         add(fleet, around, Pose2(*place), model=i % len(MODELS))
-    odometry = [fleet.add_odometry(robot) for robot in fleet.robots]
+    odometry = [add_odometry(robot) for robot in fleet.robots]
     expected = references(fleet, around)
     for number, left, right, ticks in commands:
         robot, reference = (
@@ -101,12 +102,12 @@ def test_slots_stay_and_are_used_again() -> None:
 def test_robot_that_is_removed_stands_where_it_was() -> None:
     fleet, wall = Fleet(), obstacles([(1, -5, 1, 5)])
     leaving = add(fleet, wall, Pose2(0, 0))
-    odometry = fleet.add_odometry(leaving)
+    odometry = add_odometry(leaving)
     leaving.drive(FULL, FULL)
     fleet.step(TICK)
     pose, counted = leaving.pose, odometry.pose
     fleet.remove(leaving)
-    assert fleet.add_odometry(add(fleet, wall, Pose2(-2, 0))).row == odometry.row
+    assert fleet.add_odometry(add(fleet, wall, Pose2(-2, 0))) == odometry.row
     for _ in range(100):
         fleet.step(TICK)
         leaving.fleet.step(TICK)
@@ -213,8 +214,8 @@ def test_heights_of_a_robot_that_flies_are_forgotten_but_not_those_in_use() -> N
     )
     for number in range(2000):
         fleet.lift(drone, 1 + 0.1 * number, Obstacles(wall + number, floor=number))
-        assert len(fleet.floors) < 600
-    assert ground in fleet.floors
+        assert len(fleet._floors) < 600
+    assert ground in fleet._floors
     for robot in (rover, drone):
         robot.drive(2.0, 2.0)
     for _ in range(1000):

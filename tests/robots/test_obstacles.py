@@ -7,7 +7,7 @@ from flat_world import rectangle
 
 from radarsim.geometry import Pose2
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, finish
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
@@ -87,7 +87,7 @@ def test_bodies_do_not_overlap(other: StandingBody, free: bool) -> None:
 
 def test_nearest_free_pose_keeps_the_yaw() -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
-    pose = obstacles.nearest_free_pose(ROBOT, Pose2(-0.2, 7, 0))
+    pose = finish(obstacles.search_free_pose(ROBOT, Pose2(-0.2, 7, 0)))
     assert pose is not None
     assert pose.yaw == 0
     assert pose.x < -0.3
@@ -97,7 +97,8 @@ def test_nearest_free_pose_keeps_the_yaw() -> None:
 def test_nearest_free_pose_avoids_other_bodies() -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
     statue = StandingBody(Pose2(-0.35, 7))
-    pose = obstacles.nearest_free_pose(ROBOT, Pose2(-0.2, 7), [statue])
+    here, bodies = Pose2(-0.2, 7), [statue]
+    pose = finish(obstacles.search_free_pose(ROBOT, here, lambda: bodies))
     assert pose is not None
     assert obstacles.clear(ROBOT, pose, [statue])
 
@@ -108,7 +109,7 @@ def test_no_free_pose_within_the_radius_is_none() -> None:
     ]
     shifted = [sides + 0.5 for sides in grid]
     obstacles = Obstacles(np.concatenate(grid + shifted))
-    assert obstacles.nearest_free_pose(Footprint(1, 1), Pose2(0, 0)) is None
+    assert finish(obstacles.search_free_pose(Footprint(1, 1), Pose2(0, 0))) is None
 
 
 @pytest.mark.parametrize(
@@ -117,5 +118,5 @@ def test_no_free_pose_within_the_radius_is_none() -> None:
 )
 def test_search_radius_limits_the_search(within: float, found: bool) -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
-    pose = obstacles.nearest_free_pose(ROBOT, Pose2(0, 0), within=within)
+    pose = finish(obstacles.search_free_pose(ROBOT, Pose2(0, 0), within=within))
     assert (pose is not None) is found

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.geometry import Floats
-from radarsim.robots.obstacles import enclosed_area, slice_mesh, slice_parts
+from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.map_file import load_map
-from radarsim.scene.material import Material
-from radarsim.scene.scene import Part
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
 corners = st.lists(
@@ -70,16 +68,6 @@ def test_slice_of_a_closed_mesh_is_closed(
 def test_mesh_without_faces_has_an_empty_slice() -> None:
     empty = np.zeros((0, 3), dtype=np.int32)
     assert slice_mesh(np.zeros((0, 3)), empty, 0.5).shape == (0, 2, 2)
-
-
-def test_slices_of_parts_are_joined_in_order() -> None:
-    vertices, faces = cube()
-    stone, away = Material("stone"), np.array([3.0, 0.0, 0.0])
-    parts = [Part("cube", stone, vertices + k * away, faces) for k in (0, 1)]
-    one = slice_mesh(vertices, faces, 0.5)
-    both = np.concatenate([one, one + away[:2]])
-    np.testing.assert_array_equal(slice_parts(parts, 0.5), both)
-    assert slice_parts([], 0.5).shape == (0, 2, 2)
 
 
 def test_ring_inside_another_is_a_hole() -> None:

@@ -3,13 +3,14 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from wheel_odometry import WheelOdometry, add_odometry
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import Robot, WheelOdometry
+from radarsim.robots.robot import Robot
 
 P3AT = load_robot("P3AT").model_copy(
     update={"wheel_radius": 0.1, "wheel_separation": 0.4}
@@ -25,7 +26,7 @@ def robot(fleet: Fleet | None = None) -> Robot:
 
 def odometry() -> WheelOdometry:
     driven = robot()
-    return driven.fleet.add_odometry(driven)
+    return add_odometry(driven)
 
 
 def turn(wheels: WheelOdometry, left: float, right: float) -> None:
@@ -63,20 +64,10 @@ def test_odometry_does_not_wrap_its_angle() -> None:
     assert wheels.pose.yaw == pytest.approx(20)
 
 
-def test_odometry_restarts_at_a_reset() -> None:
-    wheels = odometry()
-    turn(wheels, 3, 4)
-    wheels.reset()
-    assert wheels.pose == Pose2(0, 0)
-    turn(wheels, 10, 10)
-    assert wheels.pose.x == pytest.approx(1)
-    assert wheels.pose.y == pytest.approx(0)
-
-
 def test_odometry_counts_from_where_it_is_added() -> None:
     wheels = odometry()
     turn(wheels, 10, 10)
-    later = wheels.robot.fleet.add_odometry(wheels.robot)
+    later = add_odometry(wheels.robot)
     turn(wheels, 10, 10)
     assert wheels.pose.x == pytest.approx(2)
     assert later.pose.x == pytest.approx(1)
@@ -85,7 +76,7 @@ def test_odometry_counts_from_where_it_is_added() -> None:
 def test_each_robot_has_its_own_odometry_when_another_leaves() -> None:
     fleet = Fleet()
     leaving, staying = robot(fleet), robot(fleet)
-    first, second = fleet.add_odometry(leaving), fleet.add_odometry(staying)
+    first, second = add_odometry(leaving), add_odometry(staying)
     leaving.drive(10, 10)
     staying.drive(-20, -20)
     fleet.step(1.0)

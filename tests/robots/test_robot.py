@@ -7,7 +7,7 @@ from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import DriveUnit, WheelDrive
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import Battery, Robot
+from radarsim.robots.robot import Robot
 
 TICK = 0.01
 ORIGIN = Pose2(0, 0)
@@ -125,24 +125,6 @@ def test_top_speed_is_never_exceeded() -> None:
     driven.drive(8.17, 8.17)
     driven.fleet.step(TICK)
     assert driven.pose.x <= driven.top_speed * TICK
-
-
-@pytest.mark.parametrize(
-    ("elapsed", "endless", "mortal"),
-    [
-        pytest.param(0.0, 1200, 1200, id="full"),
-        pytest.param(0.1, 1199, 1199, id="a tenth later"),
-        pytest.param(0.1 + 0.2 + 0.7, 1199, 1199, id="a second later"),
-        pytest.param(sum([0.01] * 100), 1199, 1199, id="a hundred ticks later"),
-        pytest.param(1199.0, 1, 1, id="last second"),
-        pytest.param(1199.5, 1, 0, id="last half second"),
-        pytest.param(1200.0, 1, 0, id="empty"),
-        pytest.param(5000.0, 1, 0, id="long after"),
-    ],
-)
-def test_battery_seconds_left(elapsed: float, endless: int, mortal: int) -> None:
-    assert Battery(1200.0).seconds_left(elapsed) == endless
-    assert Battery(1200.0, runs_out=True).seconds_left(elapsed) == mortal
 
 
 def advance(

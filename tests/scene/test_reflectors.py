@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 import radarsim
 from radarsim import MapError, Scene
 from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
+from radarsim.raycast.rays import LASER, RADAR, Outcome, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.scene import POINT_EDGE, Reflector
 

@@ -11,8 +11,14 @@ from parts import brick, layer, rays_ahead
 
 from radarsim.errors import EngineError
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.attenuation import EVENT, EventKind
-from radarsim.raycast.rays import DEFAULT_CLASSES, RADAR, RayClass, Traces
+from radarsim.raycast.rays import (
+    DEFAULT_CLASSES,
+    EVENT,
+    RADAR,
+    EventKind,
+    RayClass,
+    Traces,
+)
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part

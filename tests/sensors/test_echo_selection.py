@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import EventKind
 from radarsim.sensors import echo_extraction as extraction
 
 ENTER, HIT, SPENT = EventKind.ENTER, EventKind.HIT, EventKind.SPENT

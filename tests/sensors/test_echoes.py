@@ -6,18 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joint_scans import scan_together
 from parts import block
 
 import radarsim
 from radarsim import Echoes, Material, Part, Pose3, Scan, Scene
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.material import library_material
 from radarsim.scene.shapes import cylinder
 from radarsim.sensors.scan import Target
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest
 
 WALL = Material("wall")
 LEAF = Material("leaf", density=0.4)
@@ -109,7 +110,7 @@ def test_robot_is_a_target() -> None:
     tracer = tracer_of(world)
     boxes = Boxes(np.array([[3.0, 0, 0, 0, 1, 0.5, 0.5, 4.0]]))
     request = ScanRequest(radar, Pose3(0, 0, 0.3), generator_for(0))
-    (scan,) = scan_batch(tracer, [request], boxes)
+    (scan,) = scan_together(tracer, [request], boxes)
     assert set(scan.echoes.targets.values()) == {
         Target("robot 4", "robot", math.inf, 0.0, False, False)
     }

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 import yaml
+from joint_scans import scan_together
 from parts import block
 
 import radarsim
 from radarsim.geometry import Floats, Pose3
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.build import make_material
@@ -19,7 +19,7 @@ from radarsim.scene.map_schema import MaterialEntry
 from radarsim.scene.map_writer import material_keys
 from radarsim.scene.material import Material, library_material, library_names
 from radarsim.scene.scene import Part, Scene
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest
 
 WALL = 40.0  # m
 NARROW = {"fov_deg": 0.02, "resolution_deg": 0.0001}  # 201 beams, all straight ahead
@@ -97,7 +97,7 @@ def test_robot_in_smoke_is_read_by_the_beams_that_get_so_far() -> None:
     laser, db = radarsim.load_sensor("physical", **NARROW), 0.3
     tracer = tracer_of(smoky(cloud("smoke", 5, 20, db)))
     rng, pose = generator_for(2, "smoke"), Pose3(0, 0, 0)
-    scans = scan_batch(tracer, [ScanRequest(laser, pose, rng)] * 50, robot)
+    scans = scan_together(tracer, [ScanRequest(laser, pose, rng)] * 50, robot)
     ranges = np.array([scan.ranges for scan in scans]).ravel()
     at_robot = np.isclose(ranges, 8.0)
     assert ((ranges >= 5.0) & (ranges < 8.0) | at_robot).all()

@@ -13,7 +13,7 @@ from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
 from radarsim.scene.material import RAIN_RATES, RAIN_REFLECTIVITY_DB, rain_reflectivity
-from radarsim.sensors.rain import contrast
+from radarsim.sensors.rain_and_clouds import contrast
 
 WALL = Material("wall")
 POURING = Material("rain", density=0.0, laser_density=0.0, solid=False, rain=100.0)

@@ -5,16 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joint_scans import scan_together
 
 from radarsim.geometry import Pose3
 from radarsim.raycast import tracer as tracer_module
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors import scan_batch as scan_batch_module
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-from radarsim.sensors.scan_batch import ScanBatch, ScanRequest, scan_batch, scan_ranges
+from radarsim.sensors.scan_batch import ScanBatch, ScanRequest, take_scans
 
 APART = {"side_mode": "perpendicular", "side_offset_uu": 100}
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -160,9 +161,9 @@ def test_scans_among_robots_are_the_same_together_as_alone(
     preset, settings = SENSORS[name]
     tracer, (poses, boxes) = tracer_of(foliage_room), crowd(12)
     sensors = [load_sensor(preset, **settings), load_sensor("laser")]
-    together = scan_batch(tracer, requests(sensors, poses), boxes)
+    together = scan_together(tracer, requests(sensors, poses), boxes)
     for scan, request in zip(together, requests(sensors, poses), strict=True):
-        (alone,) = scan_batch(tracer, [request], boxes)
+        (alone,) = scan_together(tracer, [request], boxes)
         assert scan.to_dict() == alone.to_dict()
         for column in ("origins", "directions", "power", "carrier_id"):
             one, other = getattr(scan.cast, column), getattr(alone.cast, column)
@@ -179,19 +180,17 @@ LASTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("settings", LASTS.values(), ids=LASTS)
-def test_ranges_without_scans_are_those_of_scans(
+def test_reported_ranges_are_those_of_scans_up_to_the_maximum(
     settings: dict[str, Any], foliage_room: Scene
 ) -> None:
     tracer, (poses, boxes) = tracer_of(foliage_room), crowd(12)
     sensors = [load_sensor("radar", **settings), load_sensor("laser")]
-    read, found = scan_ranges(tracer, requests(sensors, poses), boxes)
-    scans = scan_batch(tracer, requests(sensors, poses), boxes)
-    for i, (ranges, scan) in enumerate(zip(read, scans, strict=True)):
+    taken = take_scans(tracer, requests(sensors, poses), boxes)
+    scans = scan_together(tracer, requests(sensors, poses), boxes)
+    for i, ((batch, row), scan) in enumerate(zip(taken, scans, strict=True)):
         most = sensors[i % 2].settings.max_range
-        assert ranges.tobytes() == np.minimum(scan.ranges, most).tobytes()
-        if i in found:
-            assert found[i].to_dict() == scan.to_dict()
-    assert bool(found) == (settings.get("return_mode") == "all")
+        ranges = np.minimum(scan.ranges, most)
+        assert batch.reported[row].tobytes() == ranges.tobytes()
 
 
 @pytest.mark.parametrize("settings", LASTS.values(), ids=LASTS)
@@ -201,8 +200,9 @@ def test_ranges_of_a_crowd_are_the_same_on_one_thread_and_on_five(
     tracer, (poses, boxes) = tracer_of(foliage_room), crowd(13)
     sensors = [load_sensor("radar", **settings)]
     requested = requests(sensors, poses)
-    alone = [scan_ranges(tracer, [one], boxes)[0][0] for one in requested]
+    alone = [take_scans(tracer, [one], boxes)[0][0].reported for one in requested]
     monkeypatch.setattr(tracer_module, "THREAD_RAYS", 0)
     monkeypatch.setattr(tracer_module, "thread_count", lambda: 5)
-    together = scan_ranges(tracer, requests(sensors, poses), boxes)[0]
-    assert [each.tobytes() for each in together] == [each.tobytes() for each in alone]
+    together = take_scans(tracer, requests(sensors, poses), boxes)
+    read = [batch.reported[row].tobytes() for batch, row in together]
+    assert read == [each.tobytes() for each in alone]

@@ -11,7 +11,7 @@ from mountings import mounting, robot_at
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import Item
 from radarsim.presets.sensors import item_settings
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part

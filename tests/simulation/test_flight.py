@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.raycast.tracer import tracer_of
-from radarsim.robots.obstacles import slice_parts
+from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.simulation.flight import BAND, TILE, Airspace, Area, SolidMesh
@@ -28,13 +28,13 @@ REACH = 1.5
 def areas(monkeypatch: pytest.MonkeyPatch) -> list[Area]:
     """Areas of all slices that are made."""
     made: list[Area] = []
-    original = SolidMesh.slice
+    original = SolidMesh.near
 
-    def counted(self: SolidMesh, area: Area, height: float) -> object:
-        made.append(area)
-        return original(self, area, height)
+    def counted(self: SolidMesh, area: Area, *heights: float) -> object:
+        made.extend([area] * len(heights))
+        return original(self, area, *heights)
 
-    monkeypatch.setattr(SolidMesh, "slice", counted)
+    monkeypatch.setattr(SolidMesh, "near", counted)
     return made
 
 
@@ -49,6 +49,12 @@ def step(simulation: Simulation, ticks: int) -> None:
         simulation.step()
 
 
+def slices(scene: Scene, height: float) -> Floats:
+    """Return the slices of all solid parts at a height, (S, 2, 2) m."""
+    solid = [part for part in scene.parts if part.material.solid]
+    return np.concatenate([slice_mesh(p.vertices, p.faces, height) for p in solid])
+
+
 @settings(max_examples=20)
 @given(x=st.floats(-9, 9), y=st.floats(-9, 9), z=st.floats(0.2, 5))
 def test_all_walls_that_a_robot_can_reach_are_around_it(
@@ -56,12 +62,11 @@ def test_all_walls_that_a_robot_can_reach_are_around_it(
 ) -> None:
     airspace = Airspace(foliage_room, tracer_of(foliage_room))
     around = airspace.surroundings(AIR_ROBOT, (x, y, z), REACH)
-    solid = [part for part in foliage_room.parts if part.material.solid]
     bottom = z - AIR_ROBOT.origin_height
     first = math.floor(bottom / BAND + 1e-9)
     last = first + math.ceil(AIR_ROBOT.height / BAND)
     heights = [(number + 0.5) * BAND for number in range(first, last + 1)]
-    whole = np.concatenate([slice_parts(solid, height) for height in heights])
+    whole = np.concatenate([slices(foliage_room, height) for height in heights])
     rows = {wall.tobytes(): row for row, wall in enumerate(whole)}
     found = [rows[wall.tobytes()] for wall in around.obstacles.segments]
     assert found == sorted(found)  # the order decides which of two walls counts
@@ -139,7 +144,7 @@ def test_robots_that_fly_away_leave_nothing_behind(foliage_room: Scene) -> None:
         vehicle = drone(simulation, -8.0, 0.0, 0.5)
         vehicle.robot.fly(ahead=2.0, up=2.0)
         step(simulation, 100)
-        assert len(vehicle.robot.fleet.floors) < 600
+        assert len(vehicle.robot.fleet._floors) < 600
         simulation.remove(vehicle)
         robots.append(weakref.ref(vehicle.robot))
         del vehicle
@@ -167,10 +172,10 @@ def test_a_slice_is_that_of_all_parts_in_the_same_order(
     foliage_room: Scene, x: float, y: float, size: float, height: float
 ) -> None:
     area = x, x + size, y, y + size
-    solid = [part for part in foliage_room.parts if part.material.solid]
-    expected = reaching_into(slice_parts(solid, height), area)
-    found = SolidMesh(foliage_room.parts).slice(area, height)
-    np.testing.assert_array_equal(found, expected)
+    expected = reaching_into(slices(foliage_room, height), area)
+    mesh = SolidMesh(foliage_room.parts)
+    found = slice_mesh(mesh.vertices, mesh.near(area, height), height)
+    np.testing.assert_array_equal(reaching_into(found, area), expected)
 
 
 @pytest.mark.parametrize("solid", [True, False])
@@ -178,8 +183,7 @@ def test_parts_that_are_not_solid_are_left_out(solid: bool) -> None:
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]])
     faces = np.array([[0, 1, 2]], np.int32)
     part = Part("p", Material("m", 1.0, 1.0, solid=solid), corners, faces)
-    found = SolidMesh([part]).slice((-1, 2, -1, 2), 0.5)
-    assert found.shape == (int(solid), 2, 2)
+    assert len(SolidMesh([part]).near((-1, 2, -1, 2), 0.5)) == int(solid)
 
 
 def test_sorting_takes_little_memory() -> None:

@@ -27,8 +27,7 @@ from radarsim.engine import engine
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.rays import Event
+from radarsim.raycast.rays import Event, EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.range_scanner import RangeScanner

@@ -39,9 +39,7 @@ from radarsim.addons.fmcw.radar_equation import (
 )
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import Traces
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes, Outcome, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import OPAQUE, Material
 

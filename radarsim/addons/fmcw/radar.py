@@ -37,8 +37,7 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.rays import RADAR, RayClass, Rays
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import RADAR, Boxes, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import NumberedStreams, fixed_number
 from radarsim.scene.scene import Scene

@@ -38,7 +38,7 @@ from radarsim.addons.fmcw.targets import find_targets, join_targets
 from radarsim.addons.fmcw.turn_echoes import TurnEchoes
 from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.rng import NumberedStreams, fixed_number
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Targets

@@ -29,7 +29,7 @@ from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import BackgroundThread
 from radarsim.protocol.echoes import target_lines
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.clock import TICK, Clock
 from radarsim.simulation.tick_output import DueScan, Faults, report_scan

@@ -31,7 +31,7 @@ from radarsim.addons.fmcw.beat_signal import Power
 from radarsim.addons.fmcw.speckle import Scatterers, hash_levels
 from radarsim.engine import Packed, engine
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.raycast.attenuation import Events
+from radarsim.raycast.rays import Events
 
 NEAREST: Final = 0.3  # m; nearer the far field, and 1 / R^2, do not hold
 

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import Item, RobotModel, load_robot
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, finish
 from radarsim.robots.robot import COLUMN
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_ranges
+from radarsim.sensors.scan_batch import ScanRequest, take_scans
 from radarsim.simulation.clock import TICK, ticks_of
 from radarsim.simulation.config import SimulationConfig
 
@@ -124,7 +124,7 @@ class Arena:
         """
         obstacles = self._obstacles_at(pose.x, pose.y)
         footprint = Footprint(self.model.length, self.model.width)
-        free = obstacles.nearest_free_pose(footprint, pose)
+        free = finish(obstacles.search_free_pose(footprint, pose))
         if free is None:
             raise ValueError(
                 f"start {pose.x:g},{pose.y:g}: no free place within 1 m of it"
@@ -177,8 +177,7 @@ class Arena:
             and for robots that do not scan or were taken out; and the other values.
         """
         shape = len(self._robots), len(self.scanner.angles)
-        most = self.scanner.settings.max_range
-        found = {"ranges": np.full(shape, most)}
+        found = {"ranges": np.full(shape, self.scanner.settings.max_range)}
         found |= {name: np.zeros(shape) for name in values}
         rows = np.flatnonzero(chosen & self._present)
         requests = [
@@ -190,15 +189,13 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        if requests and not values:
-            found["ranges"][rows], _ = scan_ranges(self._tracer, requests, self._seen())
-            return found
-        scans = scan_batch(self._tracer, requests, self._seen())
-        for row, scan in zip(rows, scans, strict=True):
-            found["ranges"][row] = np.minimum(scan.ranges, most)
-            if "rays" in values and scan.rays is not None:
-                found["rays"][row] = scan.rays
+        taken = take_scans(self._tracer, requests, self._seen())
+        for row, request, (batch, k) in zip(rows, requests, taken, strict=True):
+            found["ranges"][row] = batch.reported[k]
+            if "rays" in values and batch.rays is not None:
+                found["rays"][row] = batch.rays[k]
             if "power" in values:
+                scan = batch.scan(k, request.scanner.name, request.pose)
                 found["power"][row] = _power_left(scan)
         return found
 

@@ -25,7 +25,7 @@ from radarsim.autonomy.mapping.occupancy_grid import CellClass, GridFrame
 from radarsim.geometry import Floats, Pose3
 from radarsim.plotting.palette import colour_of
 from radarsim.presets.robots import load_robot
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.server.views import View

@@ -27,8 +27,7 @@ from radarsim.addons.fmcw.antenna import (
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import radar_constant
 from radarsim.geometry import Pose3
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.rays import Rays
+from radarsim.raycast.rays import EventKind, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.scene import Scene
 

@@ -10,7 +10,7 @@ from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.rotation import Rotation, Sector
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Pose3
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.scene.scene import Reflector, Scene
 
 EYE = Pose3(-8.0, 0.0, 0.5, 0.0, 0.0, 0.3)

@@ -21,7 +21,7 @@ from radarsim.addons.fmcw.targets import beams_of, read_ranges
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.reports import RadarTargets, RangeScan, decode_report
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Targets
 from radarsim.server.host import Host

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import radarsim
 from radarsim import Scan, Scene
 from radarsim.geometry import Floats
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import EventKind
 from radarsim.rng import generator_for
 
 NAME: Final = "marulan_trial"

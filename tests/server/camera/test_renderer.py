@@ -10,7 +10,7 @@ from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.plotting.palette import FAMILY_COLOURS, Family
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.images import HEIGHT, WIDTH
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.rays import Boxes
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose
 from radarsim.scene.shapes import box

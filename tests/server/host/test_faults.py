@@ -1,8 +1,10 @@
 """Errors of single robots, and numbers at the limits of what commands may have."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -13,8 +15,10 @@ from radarsim.protocol import line_template
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.line_template import Block
 from radarsim.protocol.reports import StartPoses
+from radarsim.raycast.rays import Rays
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
+from radarsim.sensors.gps import GpsReceiver
 from radarsim.server.host import Host
 from radarsim.server.host.connection import SendQueue
 from radarsim.server.host.lockstep import InProcessTransport
@@ -73,6 +77,8 @@ def play(scene: Scene, ticks: int = 40) -> tuple[Host, list[bytes]]:
         (Vehicle, "sensor_pose"),
         (Robot, "lean"),
         (SendQueue, "put_readings"),
+        (GpsReceiver, "rays"),
+        (GpsReceiver, "read"),  # that of the other has drawn its random numbers before
     ],
 )
 def test_error_of_one_robot_ends_that_robot_alone(
@@ -95,6 +101,23 @@ def test_error_of_one_robot_ends_that_robot_alone(
     host.step()
     with pytest.raises(KeyError):
         host.close_reason(2)
+
+
+def test_invalid_rays_of_one_robot_end_that_robot_alone(
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def rays(sensor: GpsReceiver) -> Rays:
+        valid = whole(sensor)
+        is_bad = sensor.robot.name == "bad"
+        return replace(valid, origins=valid.origins * np.nan) if is_bad else valid
+
+    whole = GpsReceiver.rays
+    _, (undisturbed, _) = play(empty_room)
+    monkeypatch.setattr(GpsReceiver, "rays", rays)
+    host, (good, bad) = play(empty_room)
+    assert good == undisturbed
+    assert b"expected finite numbers" in bad.splitlines()[-1]
+    assert [host.fault(number) is None for number in (1, 2)] == [True, False]
 
 
 def test_line_that_cannot_be_written_ends_that_robot_alone(
