@@ -90,22 +90,22 @@ class NumberedStreams:
         (child,) = rng.spawn(1)
         self._seed: Any = child.bit_generator.seed_seq
 
-    def fill_normal(self, number: int, out: NDArray[np.float32]) -> None:
+    def fill_normal(self, first: int, out: NDArray[np.float32]) -> None:
         """Fill rows with the first standard normal numbers of neighbouring streams.
 
         Threads may do so at once.
 
         Args:
-            number: Number of the stream of the first row, at least 0.
+            first: Number of the stream of the first row, at least 0.
             out: (N, S), each row contiguous.
         """
         bits = np.random.PCG64(self._seed)
         start = bits.state
-        for number, row in enumerate(out, number):
+        for number, row in enumerate(out, first):
             bits.state = start
             bits.advance(number * _STRIDE % _PERIOD)
             # Each word of 64 bits makes two numbers.
             words = bits.random_raw(-(-row.size // 2))
             ones = np.bitwise_count(words.view(np.uint32)[: row.size])
             np.subtract(ones, np.float32(_BITS / 2), out=row)
-            row *= np.float32(2 / math.sqrt(_BITS))
+        out *= np.float32(2 / math.sqrt(_BITS))
