@@ -21,6 +21,7 @@ from radarsim.protocol.commands import (
     GetStartPoses,
     Init,
     SetItem,
+    Watch,
     encode_command,
 )
 from radarsim.protocol.line_template import printable_name
@@ -47,7 +48,7 @@ from radarsim.protocol.reports import (
     WatchedLine,
     decode_report,
 )
-from radarsim.protocol.watch import RobotChoice, Watch
+from radarsim.protocol.watch import RobotChoice
 
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"

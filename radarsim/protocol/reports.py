@@ -17,7 +17,6 @@ import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.protocol.control import CrateStates
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
 from radarsim.protocol.fields import (
@@ -66,6 +65,7 @@ from radarsim.protocol.line_template import (
     WRAPPED,
     NumberFormat,
     marks,
+    printable_name,
 )
 from radarsim.protocol.message import (
     Message,
@@ -75,6 +75,7 @@ from radarsim.protocol.message import (
     parse_flipped,
     parse_number,
     parse_numbers,
+    parse_triple,
     wrapped_pose,
 )
 from radarsim.protocol.packages import PackageConf, PackageGeo, PackageState
@@ -308,6 +309,54 @@ class AerialStatus(Status):
         "udk": "{Time} {Battery} {Type AerialVehicle} {LightToggle}"
         " {LightIntensity 100}",
     }
+
+
+@dataclass(frozen=True, slots=True)
+class CrateStates:
+    """Where crates are.
+
+    Attributes:
+        crates: Name of each, its length, width and height, m, and its pose.
+    """
+
+    crates: tuple[tuple[str, Triple, Pose3], ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message.
+
+        Raises:
+            MalformedMessage: If four fields of each do not follow each other, or are
+                not readable.
+        """
+        keys = [key.lower() for key, _ in message.segments]
+        if keys != ["name", "size", "location", "rotation"] * (len(keys) // 4):
+            expected = "Name, Size, Location and Rotation of each"
+            raise MalformedMessage(f"fields {keys!r:.80}, expected {expected}")
+        texts = [text for _, text in message.segments]
+        rows = zip(*(texts[k::4] for k in range(4)), strict=True)
+        return cls(
+            tuple(
+                (
+                    name,
+                    parse_triple(size),
+                    wrapped_pose(parse_flipped(place), parse_flipped(angles)),
+                )
+                for name, size, place, angles in rows
+            )
+        )
+
+    def encode(self, dialect: Dialect) -> str:
+        """Write the report as one line without its end."""
+        join, fields = dialect.robot.join_flipped, []
+        for name, size, pose in self.crates:
+            numbers = pose.numbers()
+            fields.append(
+                f" {{Name {printable_name(name)}}} {{Size {dialect.robot.join(size)}}}"
+                f" {{Location {join(numbers[:3])}}}"
+                f" {{Rotation {join(numbers[3:], WRAPPED)}}}"
+            )
+        return f"STA{''.join(fields)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

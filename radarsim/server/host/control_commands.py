@@ -7,15 +7,11 @@ from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import expected_one_of, list_names
 from radarsim.geometry import Pose3
-from radarsim.protocol.control import (
-    CRATE,
-    LARGEST_PLACE,
-    Action,
-    Control,
-    CrateStates,
-)
+from radarsim.protocol.commands import LARGEST_PLACE, Action, Control
+from radarsim.protocol.reports import CrateStates
 from radarsim.scene.scene import LARGEST, MOST_CRATES, SMALLEST, Crate
 from radarsim.server.host.connection import Diagnostic
+from radarsim.simulation.crates import CRATE
 
 if TYPE_CHECKING:
     from radarsim.simulation.crates import Crates, PlacedCrate

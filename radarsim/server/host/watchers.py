@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from radarsim.protocol.commands import Watch
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import Report, to_bytes
 from radarsim.protocol.watch import (
     ClockTick,
     RobotJoined,
     RobotLeft,
-    Watch,
     Watching,
     see_head,
 )
