@@ -257,10 +257,12 @@ def test_a_car_is_steered_in_the_same_curve(
     session.receive(SHAPE % b"Sedan")
     assert session.car is None  # of a robot before
     session.receive(SHAPE % b"Hummer")
-    parsed = parse_command(drive(left, right, session.car).decode().strip(), COMPAT)
-    assert isinstance(parsed.command, Drive)
-    assert parsed.command.speed == pytest.approx(speed)
-    assert parsed.command.front_steer == pytest.approx(angle)
+    command, *_ = parse_command(
+        drive(left, right, session.car).decode().strip(), COMPAT
+    )
+    assert isinstance(command, Drive)
+    assert command.speed == pytest.approx(speed)
+    assert command.front_steer == pytest.approx(angle)
     session.receive(CONF % b"SkidSteered" + LIMITS)
     assert session.car is None
     assert drive(left, right, session.car).startswith(b"DRIVE {Left ")
