@@ -28,9 +28,8 @@ from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import (
     CommandError,
-    EncoderConf,
     Greeting,
-    IntervalConf,
+    ItemConf,
     ItemGeo,
     NameConf,
     RangeScan,
@@ -39,12 +38,9 @@ from radarsim.protocol.reports import (
     RobotGeo,
     RobotJoined,
     RobotLeft,
-    ScannerConf,
     SensorReport,
-    SonarConf,
     StartPoses,
     Status,
-    TouchConf,
     WatchedLine,
     decode_report,
 )
@@ -58,7 +54,6 @@ MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
 
 # Three or two numbers are those of a Pose2, six those of a Pose3.
 PoseLike: TypeAlias = Pose2 | Pose3 | Sequence[float]
-ItemConf: TypeAlias = ScannerConf | SonarConf | IntervalConf | EncoderConf | TouchConf
 
 
 def check_timeout(timeout: float) -> None:

@@ -24,6 +24,7 @@ from radarsim.protocol.fields import (
     Field,
     Flag,
     FormattedField,
+    ItemReport,
     Layouts,
     LineReport,
     Number,
@@ -48,6 +49,7 @@ from radarsim.protocol.geo_conf import (
     EncoderConf,
     Geo,
     IntervalConf,
+    ItemConf,
     ItemGeo,
     NameConf,
     RobotConf,
@@ -120,6 +122,7 @@ __all__ = [
     "Imu",
     "Ins",
     "IntervalConf",
+    "ItemConf",
     "ItemGeo",
     "MissionTime",
     "NameConf",
@@ -360,11 +363,10 @@ class CrateStates:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RangeScan(SensorReport):
+class RangeScan(ItemReport):
     """One scan of a laser or radar.
 
     Attributes:
-        name: Name of the scanner.
         resolution: Angle between neighbouring beams, rad.
         fov: Angle between the first beam and the last, rad.
         ranges: (N,) m, counter-clockwise from the right, finite: a beam without
@@ -373,7 +375,6 @@ class RangeScan(SensorReport):
 
     sensor_type: ClassVar[str] = "RangeScanner"
 
-    name: Annotated[str, Text("Name")]
     resolution: Annotated[float, Number("Resolution", "angle")]
     fov: Annotated[float, Number("FOV", "angle")]
     ranges: Annotated[Floats, Series("Range", "ranges")]
@@ -389,64 +390,52 @@ class RangeScan(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         if isnan(self.time):
-            return SensorReport.split(self, dialect)
+            return ItemReport.split(self, dialect)
         key = (dialect, self.name, self.resolution, self.fov, len(self.ranges))
         # A scan is most of what a server sends: only time and ranges differ from one to
         # the next, so that the rest of the line is built once.
         if key not in _KEPT:
             if len(_KEPT) >= MOST_KEPT:
                 _KEPT.clear()
-            template, numbers, _ = SensorReport.split(self, dialect)
+            template, numbers, _ = ItemReport.split(self, dialect)
             _KEPT[key] = template, numbers[1:]
         template, fan = _KEPT[key]
         return template, (self.time, *fan), self.ranges
 
 
 @dataclass(frozen=True, slots=True)
-class GroundTruth(SensorReport):
+class GroundTruth(ItemReport):
     """The true pose of the robot's body in the world."""
 
     sensor_type: ClassVar[str] = "GroundTruth"
 
-    name: Annotated[str, Text("Name")]
     pose: Annotated[Pose3, Pose("truth")]
 
 
 @dataclass(frozen=True, slots=True)
-class Ins(SensorReport):
+class Ins(ItemReport):
     """The pose in the world that the inertial navigation system estimates."""
 
     sensor_type: ClassVar[str] = "INS"
 
-    name: Annotated[str, Text("Name")]
     pose: Annotated[Pose3, Pose("ins")]
-
-    @staticmethod
-    def has_time(dialect: Dialect) -> bool:
-        return dialect.ins_has_time
 
 
 @dataclass(frozen=True, slots=True)
-class Odometry(SensorReport):
+class Odometry(ItemReport):
     """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
 
     sensor_type: ClassVar[str] = "Odometry"
 
-    name: Annotated[str, Text("Name")]
     pose: Annotated[Pose2, WheelPose("Pose", "plain")]
-
-    @staticmethod
-    def has_time(dialect: Dialect) -> bool:
-        return dialect.odometry_has_time
 
 
 @dataclass(frozen=True, slots=True)
-class Tachometer(SensorReport):
+class Tachometer(ItemReport):
     """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
 
     sensor_type: ClassVar[str] = "Tachometer"
 
-    name: Annotated[str, Text("Name")]
     velocities: Annotated[tuple[float, ...], Numbers("Vel", "plain")]
     positions: Annotated[tuple[float, ...], Numbers("Pos", "plain")]
 
@@ -460,56 +449,40 @@ class Encoder(SensorReport):
 
     ticks: Annotated[tuple[tuple[str, int], ...], Rows(Text("Name"), Whole("Tick"))]
 
-    @staticmethod
-    def has_time(dialect: Dialect) -> bool:
-        return dialect.encoder_has_time
-
-    @staticmethod
-    def joins_items(dialect: Dialect) -> bool:
-        return dialect.joins_encoders
-
 
 @dataclass(frozen=True, slots=True)
-class Touch(SensorReport):
+class Touch(ItemReport):
     """Whether something touches the robot."""
 
     sensor_type: ClassVar[str] = "Touch"
     item_keys: ClassVar[tuple[str, ...]] = ("Touch",)
 
-    name: Annotated[str, Text("Name")]
     touched: Annotated[bool, Flag("Touch")]
-
-    @staticmethod
-    def joins_items(dialect: Dialect) -> bool:
-        return dialect.joins_touch
 
 
 @dataclass(frozen=True, slots=True)
-class Acceleration(SensorReport):
+class Acceleration(ItemReport):
     """How the velocity changes, m/s2, along the axes of the sensor."""
 
     sensor_type: ClassVar[str] = "Accel"
 
-    name: Annotated[str, Text("Name")]
     acceleration: Annotated[Triple, Point("Acceleration", "robot")]
 
 
 @dataclass(frozen=True, slots=True)
-class ProperAcceleration(SensorReport):
+class ProperAcceleration(ItemReport):
     """How the velocity changes, with gravity, m/s2, along the axes of the sensor."""
 
     sensor_type: ClassVar[str] = "AcceleroMeter"
 
-    name: Annotated[str, Text("Name")]
     acceleration: Annotated[Triple, Point("ProperAcceleration", "robot")]
 
 
 @dataclass(frozen=True, slots=True)
-class Imu(SensorReport):
+class Imu(ItemReport):
     """What an inertial measurement unit reads.
 
     Attributes:
-        name: Name of the unit.
         acceleration: How the velocity changes, m/s2, along the axes of the sensor.
         rates: Rates of roll, pitch and yaw, rad/s.
         rate_changes: How these change, rad/s2.
@@ -518,7 +491,6 @@ class Imu(SensorReport):
 
     sensor_type: ClassVar[str] = "IMU"
 
-    name: Annotated[str, Text("Name")]
     acceleration: Annotated[Triple, Point("XYZAcceleration", "robot")]
     rates: Annotated[Triple, Point("AngularVel", "robot")]
     rate_changes: Annotated[Triple, Point("AngularAccel", "robot")]
@@ -526,12 +498,11 @@ class Imu(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
-class Altitude(SensorReport):
+class Altitude(ItemReport):
     """The height of the robot above its spawn, and above the sea, m."""
 
     sensor_type: ClassVar[str] = "AltitudeSensor"
 
-    name: Annotated[str, Text("Name")]
     above_start: Annotated[float, Number("relativeAltitude", "robot")]
     above_sea: Annotated[float, Number("absoluteAltitude", "robot")]
 
@@ -548,22 +519,20 @@ class CompassAngle(FormattedField[float]):
 
 
 @dataclass(frozen=True, slots=True)
-class Compass(SensorReport):
+class Compass(ItemReport):
     """The heading of the robot from the x axis of the map, the north, rad."""
 
     sensor_type: ClassVar[str] = "MagneticCompass"
 
-    name: Annotated[str, Text("Name")]
     heading: Annotated[float, CompassAngle("MagneticAngle", "plain")]
 
 
 @dataclass(frozen=True, slots=True)
-class MissionTime(SensorReport):
+class MissionTime(ItemReport):
     """The whole minutes since the spawn of the robot."""
 
     sensor_type: ClassVar[str] = "MissionTime"
 
-    name: Annotated[str, Text("Name")]
     minutes: Annotated[int, Whole("Minutes")]
 
 
@@ -582,10 +551,6 @@ class Sonar(SensorReport):
     ranges: Annotated[
         tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Range", "robot"))
     ]
-
-    @staticmethod
-    def joins_items(dialect: Dialect) -> bool:
-        return dialect.joins_sonars
 
 
 class GlobePosition(Field[tuple[float, float] | None]):
@@ -613,11 +578,10 @@ class GlobePosition(Field[tuple[float, float] | None]):
 
 
 @dataclass(frozen=True, slots=True)
-class Gps(SensorReport):
+class Gps(ItemReport):
     """A position on the globe.
 
     Attributes:
-        name: Name of the receiver.
         position: Latitude and longitude, degrees, north and east positive; None without
             a fix.
         satellites: Number of satellites in sight.
@@ -625,7 +589,6 @@ class Gps(SensorReport):
 
     sensor_type: ClassVar[str] = "GPS"
 
-    name: Annotated[str, Text("Name")]
     position: Annotated[tuple[float, float] | None, GlobePosition("Latitude")]
     satellites: Annotated[int, Whole("Satellites")]
 
