@@ -41,6 +41,7 @@ from radarsim.client.session import (
 )
 from radarsim.errors import ClientError, ClientTimeout, expected_one_of
 from radarsim.geometry import Pose3
+from radarsim.protocol.commands import bare_class
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
     ClockTick,
@@ -180,8 +181,9 @@ class Requests:
     def greeting(self) -> Exchange[Greeting]:
         """Return the greeting, which names the map."""
         if self.session.greeting is None:
-            question = questions.greeting()
-            yield from self._skip(self._waiter(question.what, question.accepts))
+            yield from self._skip(
+                self._waiter("greeting", lambda report: isinstance(report, Greeting))
+            )
         assert self.session.greeting is not None
         return self.session.greeting
 
@@ -272,12 +274,13 @@ class Requests:
         Raises:
             ClientError: If the robot is still of the class before.
         """
-        if not self._class_name or same_name(*map(_bare, (wanted, self._class_name))):
+        before = bare_class(self._class_name)
+        if not before or same_name(bare_class(wanted), before):
             return
         with suppress(ClientTimeout):
             question = questions.configuration(ROBOT)
             conf = yield from self._ask(question, RobotConf, SILENCE_LIMIT)
-            if same_name(conf.name, _bare(self._class_name)):
+            if same_name(conf.name, before):
                 reason = "; ".join(self._diagnostics) or REFUSED
                 text = f"the robot is still a {conf.name!r}, expected {wanted!r}"
                 raise ClientError(f"{text}: {reason}")
@@ -702,11 +705,6 @@ def check_kind(kind: object) -> None:
     if not isinstance(kind, type):
         text = f"kind {kind!r}, expected a class of reports such as RangeScan"
         raise TypeError(text)
-
-
-def _bare(class_name: str) -> str:
-    """Return the name of a class without its package."""
-    return class_name.rpartition(".")[2]
 
 
 def reading_of(report: Report) -> tuple[Hashable, float] | None:

@@ -188,7 +188,7 @@ class Question:
     """A line to send and the answer to wait for.
 
     Attributes:
-        data: Line to send; empty if the answer comes by itself.
+        data: Line to send.
         what: Name of the answer for error texts.
         accepts: Returns whether a report is the answer.
     """
@@ -196,11 +196,6 @@ class Question:
     data: bytes
     what: str
     accepts: Callable[[Report], bool]
-
-
-def greeting() -> Question:
-    """Return the question for the greeting, which comes by itself."""
-    return Question(b"", "greeting", lambda report: isinstance(report, Greeting))
 
 
 def start_poses() -> Question:

@@ -24,8 +24,7 @@ import numpy as np
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.message import LineBuffer, Triple, is_http_request
-from radarsim.protocol.truth import VICTIM, answer_truth
-from radarsim.protocol.wireless import answer_wireless
+from radarsim.protocol.questions import VICTIM, answer_truth, answer_wireless
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of

@@ -164,7 +164,6 @@ def test_unknown_lines_are_counted_and_the_last_line_is_stored() -> None:
 @pytest.mark.parametrize(
     ("question", "answer", "others"),
     [
-        (questions.greeting(), Greeting("a"), [StartPoses(())]),
         (questions.start_poses(), StartPoses(()), [Greeting("a")]),
         (
             questions.geometry("robot"),
@@ -214,7 +213,6 @@ def test_question_accepts_only_its_reply(
 @pytest.mark.parametrize(
     ("data", "line"),
     [
-        (questions.greeting().data, b""),
         (questions.geometry("INS", "I").data, b"GETGEO {Type INS} {Name I}"),
         (
             questions.echoes("S", on=False),

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 from radarsim.errors import MalformedMessage, list_names
 from radarsim.protocol.commands import (
-    CONTROLLER,
     TRACE_COLOURS,
     Action,
     Command,
@@ -53,7 +52,6 @@ from radarsim.server.host.replies import (
     geometry,
     items_reporting,
 )
-from radarsim.server.host.watchers import MAX_WATCHERS
 
 if TYPE_CHECKING:
     from radarsim.server.host.host import Host
@@ -126,9 +124,9 @@ def _execute(
         case GetGeo() | GetConf():
             problem = _answer(host, client, command)
         case Watch():
-            problem = _watch(host, client, command)
+            problem = host.watchers.watch(client, command)
         case Control():
-            problem = _control(host, client, command)
+            problem = control(host.simulation, client, command)
         case ShowCamera():
             problem = show_camera(host.simulation, command)
         case Unsupported():
@@ -336,27 +334,6 @@ def _reply_key(
     if isinstance(question, GetConf) and question.type.casefold() == CAMERA.lower():
         return ()
     return question.verb, vehicle.model.name, question.type, question.name
-
-
-def _watch(host: Host, client: Client, command: Watch) -> Diagnostic | None:
-    """Let a client watch robots."""
-    if command.robots.names != () and not host.watchers.takes(client):
-        text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
-        return Diagnostic("watchers", text)
-    host.watchers.watch(client, command)
-    return None
-
-
-def _control(host: Host, client: Client, command: Control) -> Diagnostic | None:
-    """Create, move, remove or list crates."""
-    if not client.controls:
-        expected = f"expected INIT of {CONTROLLER}"
-        text = f"CONTROL by a client that is no controller, {expected}"
-        return Diagnostic("no controller", text)
-    states, problem = control(host.simulation, command, client.number)
-    if states is not None:
-        client.reply(states, host.config.dialect)
-    return problem
 
 
 def _describe(vehicle: Vehicle, question: Question) -> Report | Diagnostic:
