@@ -8,7 +8,7 @@ missing; such a number is NaN.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import degrees, nan, pi, radians
-from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
@@ -397,22 +397,8 @@ class NameConf(LineReport):
     names: Annotated[tuple[str, ...], ItemNames("Name")]
 
 
-Geo: TypeAlias = RobotGeo | AerialGeo | ItemGeo | PackageGeo
-Conf: TypeAlias = (
-    RobotConf
-    | AerialConf
-    | ScannerConf
-    | SonarConf
-    | IntervalConf
-    | TouchConf
-    | EncoderConf
-    | CameraConf
-    | PackageConf
-    | NameConf
-)
-
 # By a key that no report after it has.
-_CONFS: Final[Sequence[tuple[str, type[Conf]]]] = (
+_CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
     ("JointType", PackageConf),
     ("CameraFov", CameraConf),
     ("CameraDefFov", CameraConf),
@@ -424,7 +410,7 @@ _CONFS: Final[Sequence[tuple[str, type[Conf]]]] = (
 )
 
 
-def decode_geo(message: Message) -> Geo:
+def decode_geo(message: Message) -> LineReport:
     """Read a GEO message.
 
     Raises:
@@ -436,7 +422,7 @@ def decode_geo(message: Message) -> Geo:
     return (PackageGeo if is_package else ItemGeo).decode(message)
 
 
-def decode_conf(message: Message) -> Conf:
+def decode_conf(message: Message) -> LineReport:
     """Read a CONF message; its keys determine the kind of report.
 
     Raises:

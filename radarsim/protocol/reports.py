@@ -45,9 +45,7 @@ from radarsim.protocol.geo_conf import (
     AerialGeo,
     CameraConf,
     CameraLimits,
-    Conf,
     EncoderConf,
-    Geo,
     IntervalConf,
     ItemConf,
     ItemGeo,
@@ -647,24 +645,14 @@ SensorReading: TypeAlias = (
     | Sound
     | GasDensity
 )
-Report: TypeAlias = (
-    SensorReading
-    | Geo
-    | Conf
-    | Greeting
-    | StartPoses
-    | Status
-    | AerialStatus
-    | CrateStates
-    | PackageState
-    | RobotJoined
-    | RobotLeft
-    | ClockTick
-    | CommandError
-    | Watching
-    | WatchedLine
-)
+Report: TypeAlias = LineReport | StartPoses | CrateStates | WatchedLine
 
+# By a key that no report after it has.
+_INFOS: Final = (
+    *(("StartPoses", StartPoses), ("Clock", ClockTick), ("Watching", Watching)),
+    *(("Joined", RobotJoined), ("Level", Greeting), ("Left", RobotLeft)),
+    ("Error", CommandError),
+)
 _SENSOR_REPORTS: Final[dict[str, type[SensorReading]]] = {
     report.sensor_type.lower(): report for report in get_args(SensorReading)
 }
@@ -697,22 +685,9 @@ def to_bytes(lines: Iterable[str]) -> bytes:
 
 
 def _decode_info(message: Message) -> Report | None:
-    if message.get("StartPoses") is not None:
-        return StartPoses.decode(message)
-    if message.get("Clock") is not None:
-        return ClockTick.decode(message)
-    if message.get("Watching") is not None:
-        return Watching.decode(message)
-    if message.get("Joined") is not None:
-        return RobotJoined.decode(message)
-    for key, report in (
-        ("Level", Greeting),
-        ("Left", RobotLeft),
-        ("Error", CommandError),
-    ):
-        text = message.get(key)
-        if text is not None:
-            return report(text)
+    for key, report in _INFOS:
+        if message.get(key) is not None:
+            return report.decode(message)
     return None
 
 
