@@ -594,7 +594,7 @@ class Control(KeyedCommand):
 
     action: Annotated[Action, "Type", _one_of([*Action]), str]
     name: Annotated[str | None, "Name", *TEXT] = None
-    class_name: Annotated[str | None, "ClassName", bare_class, str] = None
+    class_name: Annotated[str | None, "ClassName", bare_class, TEXT[1]] = None
     position: Annotated[Triple, "Location", *CRATE_PLACE] = NOWHERE
     rotation: Annotated[Triple, "Rotation", *CRATE_PLACE] = NOWHERE
     scale: Annotated[Triple, "Scale", _parse_scale, _write_vector] = CUBE

@@ -4,11 +4,11 @@
 USARBot.P3AT} {Name R1}``; each field limits the answer, and ``{Actors}`` or a blank
 line does not. The answer is a line for each robot and each victim, and ``{End}``.
 
-**Wireless servers** (WSS) know how well robots hear each other.
-Such a server is between the robots and their operators. As a program of its own, it
-asks on a port of the simulator with ``GETPOS`` where all robots are, and with
-``GETOBS`` how many obstacles are between two robots, or between two places. Robots and
-operators ask it for ports to each other.
+**Wireless servers** (WSS) are between the robots and their operators, and know how well
+they hear each other. As a program of its own, such a server asks on a port of the
+simulator with ``GETPOS`` where all robots are, and with ``GETOBS`` how many obstacles
+are between two robots, or between two places. Robots and operators ask it for ports to
+each other.
 
 Source of lines and model: USARSim for UDK (repository hrnr/robocup-usarsim),
 ``USARBotAPI/classes/ComServerInterface.uc`` and ``ComServerNewCon.uc``; its WSS
