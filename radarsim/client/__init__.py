@@ -5,10 +5,9 @@ the code that writes requests and reads answers, which does no I/O. Reports are 
 ``radarsim.protocol.reports``: metres, radians and REP-103, whatever is on the wire.
 """
 
-from radarsim.client.aio import AsyncClient
+from radarsim.client.clients import AsyncClient, Client
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, beam_angles
 from radarsim.client.session import Question, Session
-from radarsim.client.sync import Client
 from radarsim.client.transport import SocketTransport, Transport
 from radarsim.errors import ClientError, ClientTimeout
 from radarsim.protocol.dialect import DriveUnit

@@ -7,7 +7,7 @@ the longest time to wait for bytes, s. Its runner passes received bytes to ``rec
 and resumes it, or throws the ``TimeoutError`` or ``ConnectionError`` that its transport
 raised into it. The exchange turns that into a ``ClientError`` that names what was
 expected. So the blocking and the asynchronous client are a few lines each and behave
-alike.
+alike: their methods are those of ``Requests``, and so are the docstrings.
 
 Several exchanges may wait at once. Of their runners one reads, and ``receive`` gives
 each report to those that wait for it, or keeps it for later calls. The answer to a
@@ -22,7 +22,6 @@ from collections.abc import (
     Generator,
     Hashable,
     Iterable,
-    Mapping,
     Sequence,
 )
 from contextlib import suppress
@@ -42,6 +41,7 @@ from radarsim.client.session import (
 )
 from radarsim.errors import ClientError, ClientTimeout, expected_one_of
 from radarsim.geometry import Pose3
+from radarsim.protocol.commands import bare_class
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
     ClockTick,
@@ -179,15 +179,22 @@ class Requests:
             self._passed.append(report)
 
     def greeting(self) -> Exchange[Greeting]:
-        """Return the greeting; wait for it if it has not come yet."""
+        """Return the greeting, which names the map."""
         if self.session.greeting is None:
-            question = questions.greeting()
-            yield from self._skip(self._waiter(question.what, question.accepts))
+            yield from self._skip(
+                self._waiter("greeting", lambda report: isinstance(report, Greeting))
+            )
         assert self.session.greeting is not None
         return self.session.greeting
 
-    def start_poses(self, timeout: float | None = None) -> Exchange[dict[str, Pose3]]:
-        """Request the start poses of the map."""
+    def start_poses(
+        self, *, timeout: float | None = None
+    ) -> Exchange[dict[str, Pose3]]:
+        """Request the start poses of the map by name.
+
+        Args:
+            timeout: Timeout, s; None for the default.
+        """
         question = questions.start_poses()
         waiter = self._waiter(
             question.what, question.accepts, timeout, asked=True, asks_poses=True
@@ -200,12 +207,35 @@ class Requests:
     def spawn(
         self,
         class_name: str,
-        name: str | None,
-        start: str | None,
-        pose: PoseLike | None,
-        timeout: float | None,
+        *,
+        name: str | None = None,
+        start: str | None = None,
+        pose: PoseLike | None = None,
+        timeout: float | None = None,
     ) -> Exchange[None]:
-        """Request a robot and wait for its first report, which can still be read."""
+        """Spawn a robot and wait for its first report, which can still be read.
+
+        A server does not report a failure: without such a class, or without a free
+        place, no report comes. As long as a busy server answers nothing that is sent
+        after the request, the client waits up to 60 s.
+
+        Args:
+            class_name: Class of the robot, such as ``P3AT``.
+            name: Name of the robot; None lets the server choose.
+            start: Name of a start pose, in any case.
+            pose: Pose of the robot if ``start`` is None; also as numbers, ``(x, y)``,
+                ``(x, y, yaw)`` or the six of a ``Pose3``. Without both, it takes the
+                first start of the map at which radarsim has room for it, or the first
+                one of another server.
+            timeout: Longest time to wait, s, also for a busy server; None for
+                the default.
+
+        Raises:
+            ClientError: If no report comes, the map has no such start, or the robot is
+                still that of a class before.
+            ValueError: If both ``start`` and ``pose`` are given, the pose is none, or a
+                text cannot be written on a line.
+        """
         takes_free = start is None and pose is None
         limit = self.timeout if timeout is None else timeout
         until = self._clock() + limit
@@ -223,7 +253,7 @@ class Requests:
             # Commands are executed in their order: what comes before the answer is of
             # the robot before.
             with suppress(ClientTimeout):
-                yield from self.start_poses(limit)
+                yield from self.start_poses(timeout=limit)
         if had_robot:
             yield from self._check_class(class_name)
         # A report from before would pass for the first one of this robot.
@@ -244,12 +274,13 @@ class Requests:
         Raises:
             ClientError: If the robot is still of the class before.
         """
-        if not self._class_name or same_name(*map(_bare, (wanted, self._class_name))):
+        before = bare_class(self._class_name)
+        if not before or same_name(bare_class(wanted), before):
             return
         with suppress(ClientTimeout):
             question = questions.configuration(ROBOT)
             conf = yield from self._ask(question, RobotConf, SILENCE_LIMIT)
-            if same_name(conf.name, _bare(self._class_name)):
+            if same_name(conf.name, before):
                 reason = "; ".join(self._diagnostics) or REFUSED
                 text = f"the robot is still a {conf.name!r}, expected {wanted!r}"
                 raise ClientError(f"{text}: {reason}")
@@ -264,7 +295,7 @@ class Requests:
         """
         if self._starts is None and not self._poses_asked:
             with suppress(ClientTimeout):
-                yield from self.start_poses(min(SILENCE_LIMIT, limit / 2))
+                yield from self.start_poses(timeout=min(SILENCE_LIMIT, limit / 2))
         if self._starts is None:
             return wanted
         if wanted is None:
@@ -320,15 +351,29 @@ class Requests:
         return (yield from self._await(waiter, question.data))
 
     def geometry(
-        self, kind: str, name: str | None, robot: str | None
+        self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request the robot's dimensions or the mounts of items."""
+        """Request the robot's dimensions or the mounts of items.
+
+        Args:
+            kind: ``Robot``, or a type of items such as ``RangeScanner``.
+            name: Name of one item; None for all items of the type.
+            robot: Name of the robot of another client, of which only radarsim tells;
+                None for the client's own.
+
+        Returns:
+            A ``RobotGeo`` or an ``ItemGeo``.
+        """
         return self._describe(questions.geometry(kind, name, robot))
 
     def configuration(
-        self, kind: str, name: str | None, robot: str | None
+        self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request settings."""
+        """Request settings; arguments as in ``geometry``.
+
+        Returns:
+            A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
+        """
         return self._describe(questions.configuration(kind, name, robot))
 
     def _describe(self, question: Question) -> Exchange[Report]:
@@ -340,8 +385,19 @@ class Requests:
             return answer.report
         return answer
 
-    def robot_info(self, drive_unit: DriveUnit) -> Exchange[RobotInfo]:
-        """Request the properties of the robot and its scanners."""
+    def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> Exchange[RobotInfo]:
+        """Request the robot's dimensions and limits and its scanners.
+
+        Properties of a scanner that a server does not report within 2 s are taken from
+        its scans.
+
+        Args:
+            drive_unit: Unit of the server's wheel speeds, which no server reports.
+
+        Raises:
+            ClientError: If the geometry or the configuration of the robot does not
+                come, or is not plausible.
+        """
         geo = yield from self._ask(questions.geometry(ROBOT), RobotGeo)
         conf = yield from self._ask(questions.configuration(ROBOT), RobotConf)
         descriptions = ScannerDescriptions()
@@ -365,7 +421,11 @@ class Requests:
         return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
     def send(self, data: bytes) -> Exchange[None]:
-        """Send a command that has no answer."""
+        """Send whole lines as they are, and wait for no answer.
+
+        Raises:
+            ClientError: If the connection is lost.
+        """
         try:
             yield data
         except ConnectionError as error:
@@ -373,13 +433,54 @@ class Requests:
             text = f"{error}, expected to send {line[:80]!r}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
 
+    def drive(self, left: float, right: float) -> Exchange[None]:
+        """Set the speeds of the left and the right wheels in the server's unit.
+
+        They hold until the next call. ``RobotInfo.wheel_speeds`` computes them. A car
+        is steered instead, once ``robot_info`` has told that it is one.
+        """
+        return self.send(questions.drive(left, right, self.session.car))
+
+    def stop(self) -> Exchange[bool]:
+        """Stop the wheels; return whether that could be sent, and never raise."""
+        try:
+            yield from self.drive(0.0, 0.0)
+        except ClientError:
+            return False
+        return True
+
+    def echoes(self, scanner: str, on: bool = True) -> Exchange[None]:
+        """Switch the ``EchoLine`` reports before each scan of a scanner on or off."""
+        return self.send(questions.echoes(scanner, on))
+
+    def targets(self, scanner: str, on: bool = True) -> Exchange[None]:
+        """Switch the ``RadarTargets`` reports of a scanner's detector on or off."""
+        return self.send(questions.targets(scanner, on))
+
     def watch(
         self,
-        robots: str | Iterable[str] | None,
-        echoes: bool | str | Iterable[str],
-        clock: bool,
+        robots: str | Iterable[str] | None = None,
+        *,
+        echoes: bool | str | Iterable[str] = False,
+        clock: bool = False,
     ) -> Exchange[None]:
-        """Send ``WATCH`` and wait for its answer, which can still be read."""
+        """Ask radarsim for copies of what the clients of robots are sent.
+
+        They come as ``WatchedLine`` reports. ``RobotJoined`` and ``RobotLeft`` tell
+        which robots there are, if all are watched. A later call replaces this one.
+
+        Args:
+            robots: Name or names, in any case; None for all, an empty list for none.
+            echoes: Whether their scanners shall list all echoes, or the names of those
+                robots whose scanners shall.
+            clock: Whether the server shall tell the time in every tick of 10 ms, as
+                ``ClockTick`` reports.
+
+        Raises:
+            ClientError: If the server refuses it or, like others than radarsim, does
+                not answer.
+            ValueError: If a name is empty, or has a comma.
+        """
 
         def accepts(report: Report) -> bool:
             return isinstance(report, Watching | CommandError)
@@ -391,16 +492,30 @@ class Requests:
         self._pending.insert(0, answer)
 
     def set_item(
-        self, kind: str, name: str | None, opcode: str, params: str
+        self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> Exchange[None]:
-        """Send an opcode; raise what the server has against settings."""
+        """Send an opcode to the items of a type, such as ``RESET`` to ``Odometry``.
+
+        ``SETTING`` is waited for, as in ``change_settings``.
+        """
         data = questions.set_item(kind, name, opcode, params)
         return self._change(data) if opcode.upper() == SETTING else self.send(data)
 
     def change_settings(
-        self, scanner: str | None, settings: Mapping[str, Any]
+        self, scanner: str | None = None, /, **settings: Any
     ) -> Exchange[None]:
-        """Change settings; raise what the server has against them."""
+        """Change settings of a scanner of the client's robot, from its next scan on.
+
+        Only radarsim can. Scans from before, which have not been read, are dropped.
+
+        Args:
+            scanner: Name of the scanner; None for all.
+            **settings: Values by the names of settings, such as ``side_offset_uu``.
+
+        Raises:
+            ClientError: If there is no such scanner or setting, or a value is refused.
+            ValueError: If there are none, or a text cannot be written on a line.
+        """
         return self._change(questions.change_settings(scanner, settings))
 
     def _change(self, data: bytes) -> Exchange[None]:
@@ -425,8 +540,11 @@ class Requests:
         if refusals:
             raise ClientError("; ".join(refusals))
 
-    def read(self, timeout: float | None) -> Exchange[list[Report]]:
-        """Return the reports that were kept, or else the next ones."""
+    def read(self, timeout: float | None = None) -> Exchange[list[Report]]:
+        """Return the next reports, at least one, in order.
+
+        Those come first that another call has passed over.
+        """
         first = []
         if not self._passed and not self._pending:
             waiter = self._waiter("report", lambda _: True, timeout)
@@ -437,14 +555,30 @@ class Requests:
 
     def next_report(self) -> Exchange[Report]:
         """Return the next report; the others of a ``read`` are kept."""
-        report, *others = yield from self.read(None)
+        report, *others = yield from self.read()
         self._pending[:0] = others
         return report
 
     def wait_for(
-        self, kind: type[AnyReport], name: str | None, timeout: float | None
+        self,
+        kind: type[AnyReport],
+        *,
+        name: str | None = None,
+        timeout: float | None = None,
     ) -> Exchange[AnyReport]:
-        """Return the first report of a kind and, if given, of a name."""
+        """Return the first report of a kind that no call has returned.
+
+        All others can still be read or waited for. Of the readings of one sensor that
+        are passed over, only the newest is kept.
+
+        Args:
+            kind: Class of the report, such as ``RangeScan``.
+            name: Name of the item; None accepts any.
+            timeout: Timeout, s; None for the default.
+
+        Raises:
+            TypeError: If the kind is no class.
+        """
         check_kind(kind)
 
         def accepts(report: Report) -> bool:
@@ -571,11 +705,6 @@ def check_kind(kind: object) -> None:
     if not isinstance(kind, type):
         text = f"kind {kind!r}, expected a class of reports such as RangeScan"
         raise TypeError(text)
-
-
-def _bare(class_name: str) -> str:
-    """Return the name of a class without its package."""
-    return class_name.rpartition(".")[2]
 
 
 def reading_of(report: Report) -> tuple[Hashable, float] | None:

@@ -21,15 +21,15 @@ from radarsim.protocol.commands import (
     GetStartPoses,
     Init,
     SetItem,
+    Watch,
     encode_command,
 )
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import (
     CommandError,
-    EncoderConf,
     Greeting,
-    IntervalConf,
+    ItemConf,
     ItemGeo,
     NameConf,
     RangeScan,
@@ -38,16 +38,13 @@ from radarsim.protocol.reports import (
     RobotGeo,
     RobotJoined,
     RobotLeft,
-    ScannerConf,
     SensorReport,
-    SonarConf,
     StartPoses,
     Status,
-    TouchConf,
     WatchedLine,
     decode_report,
 )
-from radarsim.protocol.watch import RobotChoice, Watch
+from radarsim.protocol.watch import RobotChoice
 
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
@@ -57,7 +54,6 @@ MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
 
 # Three or two numbers are those of a Pose2, six those of a Pose3.
 PoseLike: TypeAlias = Pose2 | Pose3 | Sequence[float]
-ItemConf: TypeAlias = ScannerConf | SonarConf | IntervalConf | EncoderConf | TouchConf
 
 
 def check_timeout(timeout: float) -> None:
@@ -195,7 +191,7 @@ class Question:
     """A line to send and the answer to wait for.
 
     Attributes:
-        data: Line to send; empty if the answer comes by itself.
+        data: Line to send.
         what: Name of the answer for error texts.
         accepts: Returns whether a report is the answer.
     """
@@ -203,11 +199,6 @@ class Question:
     data: bytes
     what: str
     accepts: Callable[[Report], bool]
-
-
-def greeting() -> Question:
-    """Return the question for the greeting, which comes by itself."""
-    return Question(b"", "greeting", lambda report: isinstance(report, Greeting))
 
 
 def start_poses() -> Question:

@@ -45,6 +45,7 @@ from radarsim.protocol.reports import (
     decode_report,
 )
 from radarsim.server.host.connection import SendQueue
+from radarsim.server.host.lockstep import receive_stepwise
 from radarsim.server.host.replies import configuration, geometry
 from radarsim.simulation.clock import TICK
 from radarsim.validation import check_number
@@ -146,17 +147,13 @@ class LocalTransport:
         Raises:
             TimeoutError: If nothing has come by then.
         """
-        for _ in range(max(1, round(timeout / TICK))):
-            if data := self._take():
-                return data
-            self._robot.simulation.step(TICK)
-        if data := self._take():
-            return data
-        raise TimeoutError(f"nothing came within {timeout:g} s of simulated time")
-
-    def _take(self) -> bytes:
-        # Between two ticks: the server's thread may add to it.
-        return self._robot.simulation.call(lambda _: self.unread.take())
+        simulation = self._robot.simulation
+        return receive_stepwise(
+            # Between two ticks: the server's thread may add to it.
+            lambda: simulation.call(lambda _: self.unread.take()),
+            lambda: simulation.step(TICK),
+            timeout,
+        )
 
     def close(self) -> None:
         """Do nothing: the robot stays in the simulation."""

@@ -1,31 +1,34 @@
-"""The commands of a client, from lines and to lines.
+"""The commands of a client: one table of fields each, from lines and to lines.
+
+An attribute of a command is annotated with its key, how its text is read, and how its
+value is written; an attribute without a default is required. Fields come in any order,
+and an empty field is a missing one, which leaves the attribute its default.
 
 Positions and angles are in REP-103 frames; the axes of the wire are converted here. A
 command is parsed completely or refused, so that a bad number in one field never leaves
-half of the command.
+half of the command. Written numbers have all their digits and no exponent, vectors have
+commas, and truth values are lower case: servers of all generations read that.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, dataclass, fields, replace
+from enum import StrEnum
+from functools import partial
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Final,
+    Self,
+    TypeAlias,
+    get_type_hints,
+)
+
+import numpy as np
 
 from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.geometry import Pose3, wrap_angle
-from radarsim.protocol.command_fields import (
-    ANGLE,
-    FLAG,
-    NUMBER,
-    SWITCH,
-    Key,
-    KeyedCommand,
-    Values,
-    format_number,
-    format_place,
-    parse_commanded,
-    parse_place,
-)
-from radarsim.protocol.control import UNSUPPORTED_ACTIONS, Control
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import (
     LARGEST_COMMANDED,
@@ -33,21 +36,22 @@ from radarsim.protocol.message import (
     Triple,
     decode_message,
     flip_axes,
+    parse_flag,
     parse_flipped,
+    parse_number,
     parse_numbers,
+    parse_triple,
     wrapped_pose,
 )
 from radarsim.protocol.packages import ABSOLUTE, LinkOrder
-from radarsim.protocol.watch import Watch
+from radarsim.protocol.watch import ECHO_WORDS, NO_ROBOTS, RobotChoice
+
+Values: TypeAlias = Sequence[str | None]  # one for each key; None leaves it out
+Read: TypeAlias = Callable[[str], Any]  # of a text that is not empty
+Write: TypeAlias = Callable[[Any], str | None]  # of a value that is not None
+Form: TypeAlias = tuple[Read, Write]
 
 PACKAGE: Final = "USARBot."  # of robot classes
-
-
-def _parse_attitude(text: str) -> Triple:
-    roll, pitch, yaw = parse_flipped(text, largest=LARGEST_COMMANDED)
-    return wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw)
-
-
 FOV: Final = "FOV"
 VIEWPORTS: Final = tuple(f"Viewport{number}" for number in range(1, 5))
 _CONFIGS: Final = ("singleview", "quadview", "0", "1")
@@ -62,9 +66,141 @@ TRACE_COLOURS: Final = {
     "Purple": (0.5, 0.0, 0.5),
 }
 
+# World controllers: clients that move things instead of driving a robot. Source of the
+# lines: USARSim for UDK (repository hrnr/robocup-usarsim),
+# ``USARBotAPI/classes/WorldController.uc`` and ``BotConnection.uc``.
+CONTROLLER: Final = "WorldController"  # class of robots; it has no body
+UNSUPPORTED_ACTIONS: Final = ("Conveyor", "Rotate", "SetWP", "AddWP", "ClearWP")
+NOWHERE: Final = (0.0, 0.0, 0.0)  # as the original, in which what is missing is 0
+CUBE: Final = (1.0, 1.0, 1.0)
+LARGEST_PLACE: Final = 1e4  # m; rad
+_FALLING: Final = ("rigidbody", "falling", "ground")
+
+
+def format_number(value: float) -> str:
+    """Write a number.
+
+    Raises:
+        ValueError: If it is not finite, or too large to be read.
+    """
+    if not math.isfinite(value) or abs(value) > LARGEST_COMMANDED:
+        limit = f"at most {LARGEST_COMMANDED:g} in size"
+        raise ValueError(f"number {value!r}, expected {limit}")
+    # The sum makes 0.0 of -0.0, whose sign no server needs.
+    return np.format_float_positional(value + 0.0, trim="0")
+
+
+def _write_vector(values: Sequence[float]) -> str:
+    return ",".join(map(format_number, values))
+
+
+def _write_flipped(values: Triple) -> str:
+    return _write_vector(flip_axes(values))
+
+
+def bare_class(name: str) -> str:
+    """Return the name of a class without its package."""
+    return name.rpartition(".")[2]
+
 
 def _write_class(name: str) -> str:
     return name if "." in _checked(name) else PACKAGE + name
+
+
+def _parse_angle(text: str) -> float:
+    return 0.0 - parse_commanded(text)
+
+
+def _parse_attitude(text: str) -> Triple:
+    roll, pitch, yaw = _parse_place(text)
+    return wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw)
+
+
+def _one_of(words: Sequence[str]) -> Read:
+    """Return what reads one of some words in any case."""
+
+    def read(text: str) -> str:
+        for word in words:
+            if word.lower() == text.lower():
+                return word
+        raise MalformedMessage(expected_one_of(text, list(map(str, words))))
+
+    return read
+
+
+def _parse_echoes(text: str) -> RobotChoice:
+    """Parse a choice of robots, or whether all of them are meant."""
+    return RobotChoice.parse(ECHO_WORDS.get(text.strip().casefold(), text))
+
+
+parse_commanded: Final = partial(parse_number, largest=LARGEST_COMMANDED)
+_parse_place: Final = partial(parse_flipped, largest=LARGEST_COMMANDED)
+_parse_crate_place: Final = partial(parse_flipped, largest=LARGEST_PLACE)
+
+# How attributes are read and written.
+TEXT: Final[Form] = str, lambda text: text or None
+NUMBER: Final[Form] = parse_commanded, format_number
+# On the wire the right is positive.
+ANGLE: Final[Form] = _parse_angle, lambda angle: format_number(-angle)
+FLAG: Final[Form] = parse_flag, lambda flag: str(flag).lower()
+# A truth value that is false where it is missing.
+SWITCH: Final[Form] = parse_flag, lambda flag: "true" if flag else None
+PLACE: Final[Form] = _parse_place, _write_flipped
+ATTITUDE: Final[Form] = _parse_attitude, _write_flipped
+CRATE_PLACE: Final[Form] = _parse_crate_place, _write_flipped
+
+
+_FIELDS: Final[dict[type, Sequence[tuple[str, str, Read, Write, bool]]]] = {}
+
+
+def _fields_of(command: type) -> Sequence[tuple[str, str, Read, Write, bool]]:
+    """Return name, key, reader and writer of each attribute, and if it is required."""
+    if command not in _FIELDS:
+        hints = get_type_hints(command, include_extras=True)
+        _FIELDS[command] = [
+            (each.name, *hints[each.name].__metadata__, each.default is MISSING)
+            for each in fields(command)
+        ]
+    return _FIELDS[command]
+
+
+class KeyedCommand:
+    """A command whose line follows from the annotations of its attributes.
+
+    Attributes:
+        verb: First word of the line.
+    """
+
+    verb: ClassVar[str]
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message.
+
+        Raises:
+            MalformedMessage: If a field is missing or not readable.
+        """
+        values = {}
+        for name, key, read, _write, is_required in _fields_of(cls):
+            parse = message.parse if is_required else message.parse_optional
+            value = parse(key, read)
+            if value is not None:
+                values[name] = value
+        create: Callable[..., Self] = cls
+        return create(**values)
+
+    @property
+    def keys(self) -> Sequence[str]:
+        """The keys of its fields."""
+        return [key for _, key, *_others in _fields_of(type(self))]
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        attributes = [
+            (getattr(self, name), write)
+            for name, _, _read, write, _required in _fields_of(type(self))
+        ]
+        return [None if each is None else write(each) for each, write in attributes]
 
 
 @dataclass(frozen=True)
@@ -83,25 +219,12 @@ class Init(KeyedCommand):
 
     verb: ClassVar[str] = "INIT"
 
-    class_name: Annotated[
-        str,
-        Key(
-            "ClassName",
-            lambda text: text.rpartition(".")[2],
-            _write_class,
-            is_required=True,
-        ),
-    ]
-    name: Annotated[str | None, Key("Name")] = None
-    start: Annotated[str | None, Key("Start")] = None
-    position: Annotated[
-        Triple | None,
-        Key("Location", parse_place, format_place),
-    ] = None
-    rotation: Annotated[
-        Triple | None, Key("Rotation", _parse_attitude, format_place)
-    ] = None
-    takes_free: Annotated[bool, Key("FreeStart", *SWITCH)] = False
+    class_name: Annotated[str, "ClassName", bare_class, _write_class]
+    name: Annotated[str | None, "Name", *TEXT] = None
+    start: Annotated[str | None, "Start", *TEXT] = None
+    position: Annotated[Triple | None, "Location", *PLACE] = None
+    rotation: Annotated[Triple | None, "Rotation", *ATTITUDE] = None
+    takes_free: Annotated[bool, "FreeStart", *SWITCH] = False
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
@@ -226,10 +349,6 @@ class MultiDrive:
         return tuple(format_number(order.value) for order in self.orders)
 
 
-def _write_order(order: int) -> str | None:
-    return str(order) if order else None
-
-
 @dataclass(frozen=True)
 class Drive(KeyedCommand):
     """Set wheel speeds and lamps; None leaves them as they are.
@@ -255,23 +374,26 @@ class Drive(KeyedCommand):
 
     verb: ClassVar[str] = "DRIVE"
 
-    left: Annotated[float | None, Key("Left", *NUMBER)] = None
-    right: Annotated[float | None, Key("Right", *NUMBER)] = None
-    normalized: Annotated[bool | None, Key("Normalized", *FLAG)] = None
-    light: Annotated[bool | None, Key("Light", *FLAG)] = None
-    flip: Annotated[bool | None, Key("Flip", *FLAG)] = None
-    speed: Annotated[float | None, Key("Speed", *NUMBER)] = None
-    front_steer: Annotated[float | None, Key("FrontSteer", *ANGLE)] = None
-    rear_steer: Annotated[float | None, Key("RearSteer", *ANGLE)] = None
-    joint: Annotated[str | None, Key("Name")] = None
-    value: Annotated[float | None, Key("Value", *NUMBER)] = None
+    left: Annotated[float | None, "Left", *NUMBER] = None
+    right: Annotated[float | None, "Right", *NUMBER] = None
+    normalized: Annotated[bool | None, "Normalized", *FLAG] = None
+    light: Annotated[bool | None, "Light", *FLAG] = None
+    flip: Annotated[bool | None, "Flip", *FLAG] = None
+    speed: Annotated[float | None, "Speed", *NUMBER] = None
+    front_steer: Annotated[float | None, "FrontSteer", *ANGLE] = None
+    rear_steer: Annotated[float | None, "RearSteer", *ANGLE] = None
+    joint: Annotated[str | None, "Name", *TEXT] = None
+    value: Annotated[float | None, "Value", *NUMBER] = None
     order: Annotated[
-        int, Key("Order", lambda text: int(parse_commanded(text)), _write_order)
+        int,
+        "Order",
+        lambda text: int(parse_commanded(text)),
+        lambda order: str(order) if order else None,
     ] = ABSOLUTE
-    altitude: Annotated[float | None, Key("AltitudeVelocity", *NUMBER)] = None
-    linear: Annotated[float | None, Key("LinearVelocity", *NUMBER)] = None
-    lateral: Annotated[float | None, Key("LateralVelocity", *ANGLE)] = None
-    rotational: Annotated[float | None, Key("RotationalVelocity", *ANGLE)] = None
+    altitude: Annotated[float | None, "AltitudeVelocity", *NUMBER] = None
+    linear: Annotated[float | None, "LinearVelocity", *NUMBER] = None
+    lateral: Annotated[float | None, "LateralVelocity", *ANGLE] = None
+    rotational: Annotated[float | None, "RotationalVelocity", *ANGLE] = None
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
@@ -308,9 +430,9 @@ class _ItemQuery(KeyedCommand):
         robot: Name of the robot, in any case; None for the client's own.
     """
 
-    type: Annotated[str, Key("Type", is_required=True)]
-    name: Annotated[str | None, Key("Name")] = None
-    robot: Annotated[str | None, Key("Robot")] = None
+    type: Annotated[str, "Type", *TEXT]
+    name: Annotated[str | None, "Name", *TEXT] = None
+    robot: Annotated[str | None, "Robot", *TEXT] = None
 
 
 @dataclass(frozen=True)
@@ -342,11 +464,11 @@ class SetItem(KeyedCommand):
 
     verb: ClassVar[str] = "SET"
 
-    type: Annotated[str, Key("Type", is_required=True)]
-    name: Annotated[str | None, Key("Name")] = None
-    opcode: Annotated[str, Key("Opcode", is_required=True)] = ""
-    params: Annotated[str, Key("Params")] = ""
-    fov: Annotated[None, Key(FOV, lambda _: None)] = None
+    type: Annotated[str, "Type", *TEXT]
+    name: Annotated[str | None, "Name", *TEXT] = None
+    opcode: Annotated[str, "Opcode", *TEXT] = ""
+    params: Annotated[str, "Params", *TEXT] = ""
+    fov: Annotated[None, FOV, lambda _: None, str] = None
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
@@ -355,7 +477,9 @@ class SetItem(KeyedCommand):
         if angle and message.get("Opcode") is None:
             opcode = ("Opcode", FOV), ("Params", angle)
             message = Message(message.verb, (*opcode, *message.segments))
-        return super().decode(message, dialect)
+        command = super().decode(message, dialect)
+        message.require("Opcode")
+        return command
 
 
 @dataclass(frozen=True)
@@ -371,10 +495,10 @@ class ShowCamera(KeyedCommand):
 
     verb: ClassVar[str] = "SET"
 
-    client: Annotated[str, Key("Client", is_required=True)]
-    robot: Annotated[str | None, Key("Robot")] = None
-    name: Annotated[str | None, Key("Name")] = None
-    type: Annotated[str, Key("Type", str.capitalize)] = "Camera"
+    client: Annotated[str, "Client", *TEXT]
+    robot: Annotated[str | None, "Robot", *TEXT] = None
+    name: Annotated[str | None, "Name", *TEXT] = None
+    type: Annotated[str, "Type", str.capitalize, str] = "Camera"
 
 
 @dataclass(frozen=True, slots=True)
@@ -427,9 +551,96 @@ class Trace(KeyedCommand):
 
     verb: ClassVar[str] = "TRACE"
 
-    is_on: Annotated[bool, Key("On", *FLAG)] = False
-    interval: Annotated[float, Key("Interval", *NUMBER)] = 1.0
-    colour: Annotated[str, Key("Color", words=tuple(TRACE_COLOURS))] = "Red"
+    is_on: Annotated[bool, "On", *FLAG] = False
+    interval: Annotated[float, "Interval", *NUMBER] = 1.0
+    colour: Annotated[str, "Color", _one_of([*TRACE_COLOURS]), str] = "Red"
+
+
+class Action(StrEnum):
+    """What a world controller does."""
+
+    CREATE = "Create"
+    KILL = "Kill"
+    KILL_ALL = "KillAll"
+    MOVE_TO = "AbsMove"
+    MOVE_BY = "RelMove"
+    GET_STATE = "GetSTA"
+
+
+def _parse_scale(text: str) -> Triple:
+    scale = parse_triple(text)
+    return scale if any(scale) else CUBE  # as the original
+
+
+@dataclass(frozen=True)
+class Control(KeyedCommand):
+    """Create, move, remove or list crates.
+
+    Attributes:
+        action: What to do.
+        name: Name of the crate, in any case; None for all of them.
+        class_name: Class of what is created or listed.
+        position: Where it is put, or by what it is moved: x, y, z, m.
+        rotation: Roll, pitch, yaw, rad.
+        scale: Length, width and height of what is created, in those of its class.
+        start: Start of the map at which it is created instead.
+        falls: Whether what is created falls to the floor.
+        stays: Whether it is still there when its client has left.
+        low: A corner of the space in which all are removed; None for everywhere.
+        high: The opposite corner, likewise.
+    """
+
+    verb: ClassVar[str] = "CONTROL"
+
+    action: Annotated[Action, "Type", _one_of([*Action]), str]
+    name: Annotated[str | None, "Name", *TEXT] = None
+    class_name: Annotated[str | None, "ClassName", bare_class, TEXT[1]] = None
+    position: Annotated[Triple, "Location", *CRATE_PLACE] = NOWHERE
+    rotation: Annotated[Triple, "Rotation", *CRATE_PLACE] = NOWHERE
+    scale: Annotated[Triple, "Scale", _parse_scale, _write_vector] = CUBE
+    start: Annotated[str | None, "Start", *TEXT] = None
+    falls: Annotated[
+        bool,
+        "Physics",
+        lambda text: text.lower() in _FALLING,
+        lambda falls: "RigidBody" if falls else None,
+    ] = False
+    stays: Annotated[bool, "Permanent", *SWITCH] = False
+    low: Annotated[Triple | None, "MinPos", *CRATE_PLACE] = None
+    high: Annotated[Triple | None, "MaxPos", *CRATE_PLACE] = None
+
+    @property
+    def corners(self) -> tuple[Triple, Triple] | None:
+        """Lowest and highest x, y, z of the space in which all are removed.
+
+        None for everywhere.
+        """
+        if self.low is None or self.high is None or self.low == self.high:
+            return None
+        low, high = np.sort([self.low, self.high], axis=0).tolist()
+        return tuple(low), tuple(high)
+
+
+@dataclass(frozen=True)
+class Watch(KeyedCommand):
+    """Watch robots from now on, instead of those watched before.
+
+    Attributes:
+        robots: The robots; only with all of them the watcher is told which there are.
+        echoes: Those of them whose scanners list their echoes.
+        clock: Whether the watcher is told the time in every tick.
+    """
+
+    verb: ClassVar[str] = "WATCH"
+
+    robots: Annotated[RobotChoice, "Robots", RobotChoice.parse, str]
+    echoes: Annotated[
+        RobotChoice,
+        "Echoes",
+        _parse_echoes,
+        lambda echoes: None if echoes == NO_ROBOTS else str(echoes),
+    ] = NO_ROBOTS
+    clock: Annotated[bool, "Clock", *SWITCH] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -445,40 +656,18 @@ class Unsupported:
         return ()
 
 
-Command: TypeAlias = (
-    Init
-    | Drive
-    | MovePackage
-    | MultiDrive
-    | GetStartPoses
-    | GetGeo
-    | GetConf
-    | SetItem
-    | ShowCamera
-    | SetViewports
-    | Trace
-    | Control
-    | Watch
-    | Unsupported
+# Those that need a robot.
+RobotCommand: TypeAlias = (
+    Drive | MovePackage | MultiDrive | Trace | SetViewports | SetItem
 )
+OtherCommand: TypeAlias = (
+    GetStartPoses | GetGeo | GetConf | ShowCamera | Control | Watch | Unsupported
+)
+Command: TypeAlias = Init | RobotCommand | OtherCommand
 
-
-@dataclass(frozen=True, slots=True)
-class ParsedCommand:
-    """A command and what its line has besides.
-
-    Attributes:
-        command: The command.
-        unknown_keys: Keys of fields that the command does not have; clients of other
-            servers send some. Empty for a command without effect. Fields that drive
-            commands of common clients have without need are not among them.
-        unsupported_keys: Keys of fields for vehicles that this server does not have.
-    """
-
-    command: Command
-    unknown_keys: tuple[str, ...] = ()
-    unsupported_keys: tuple[str, ...] = ()
-
+# A command, keys of fields that it does not have, since clients of other servers send
+# some, and keys of fields for vehicles that this server does not have.
+Parsed: TypeAlias = tuple[Command, Sequence[str], Sequence[str]]
 
 COMMANDS: Final = {
     command.verb: command
@@ -546,8 +735,13 @@ _UNSUPPORTED: Final = frozenset(
 )
 
 
-def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
+def parse_command(line: str, dialect: Dialect) -> Parsed:
     """Parse one line of a client.
+
+    Returns:
+        The command, and the keys of its line that have no effect. Of a command without
+        effect there are none, and fields that drive commands of common clients have
+        without need are not among them.
 
     Raises:
         MalformedMessage: If the line is not a command, lacks a required field, or has
@@ -558,7 +752,7 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
     # one does not has to pass in silence too.
     verb = message.verb.upper()
     if verb in _UNSUPPORTED:
-        return ParsedCommand(Unsupported(verb))
+        return Unsupported(verb), [], []
     if verb not in COMMANDS:
         expected = expected_one_of(message.verb, sorted(COMMANDS))
         raise MalformedMessage(f"verb {expected}")
@@ -566,7 +760,7 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
     if verb == Control.verb:
         for action in UNSUPPORTED_ACTIONS:
             if action.casefold() == (message.get("Type") or "").casefold():
-                return ParsedCommand(Unsupported(f"{verb} {action}"))
+                return Unsupported(f"{verb} {action}"), [], []
     if verb == SetItem.verb and message.get("Opcode") is None:
         wanted = (message.get("Type") or "").casefold()
         if wanted == "viewports":
@@ -576,14 +770,13 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
         for kind in UNSUPPORTED_TYPES:
             # They have fields of their own instead, such as those of Gripper.
             if kind.casefold() == wanted:
-                return ParsedCommand(Unsupported(kind))
+                return Unsupported(kind), [], []
     command: Command = form.decode(message, dialect)
     known = {key.lower() for key in (*command.keys, *_NEEDLESS_KEYS.get(verb, ()))}
     of_others = {key.lower() for key in _UNSUPPORTED_KEYS.get(verb, ())}
     keys = [key for key, _ in message.segments if key.lower() not in known]
-    unknown = tuple(key for key in keys if key.lower() not in of_others)
-    unsupported = tuple(key for key in keys if key.lower() in of_others)
-    return ParsedCommand(command, unknown, unsupported)
+    unknown = [key for key in keys if key.lower() not in of_others]
+    return command, unknown, [key for key in keys if key.lower() in of_others]
 
 
 def encode_command(command: Command) -> str:

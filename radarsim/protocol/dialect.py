@@ -50,14 +50,9 @@ class Dialect:
         dimensions_are_wheels: Whether the robot's dimensions are wheel base and
             separation instead of the hull's.
         joins_mounts: Whether the mount of an item is in the segment of its name.
-        joins_touch: Whether the reading of a touch sensor is in the segment of its
-            name.
-        joins_sonars: Whether all sonars are in one line, each in the segment of its
-            name.
-        joins_encoders: Whether all encoders are in one line, likewise.
-        encoder_has_time: Whether encoder lines have a time stamp.
-        odometry_has_time: Whether odometry lines have a time stamp.
-        ins_has_time: Whether INS lines have a time stamp.
+        joined: Types of sensors whose readings are in the segments of their names; all
+            of such sonars or encoders are in one line.
+        timeless: Types of sensors whose lines have no time stamp.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         has_actuators: Whether mission packages are reported as actuators.
         cameras_in_degrees: Whether fields of view of cameras are in degrees.
@@ -91,12 +86,8 @@ class Dialect:
     no_steering: str
     dimensions_are_wheels: bool
     joins_mounts: bool
-    joins_touch: bool
-    joins_sonars: bool
-    joins_encoders: bool
-    encoder_has_time: bool
-    odometry_has_time: bool
-    ins_has_time: bool
+    joined: frozenset[str]
+    timeless: frozenset[str]
     ins_angles_positive: bool
     has_actuators: bool
     cameras_in_degrees: bool
@@ -152,12 +143,9 @@ COMPAT = Dialect(
     no_steering="0.0000",
     dimensions_are_wheels=False,
     joins_mounts=True,
-    joins_touch=True,  # one client stops reading at a segment of its own
-    joins_sonars=True,
-    joins_encoders=False,
-    encoder_has_time=True,
-    odometry_has_time=True,
-    ins_has_time=True,
+    # One client stops reading at a segment of its own for a touch sensor.
+    joined=frozenset(("Touch", "Sonar")),
+    timeless=frozenset(),
     ins_angles_positive=False,
     has_actuators=False,
     cameras_in_degrees=False,
@@ -179,7 +167,9 @@ COMPAT = Dialect(
 # What clients that were written for the servers of UT2004 expect of their robots: they
 # read the fields of these lines by position.
 COMPAT_UT2004 = replace(
-    COMPAT, joins_encoders=True, encoder_has_time=False, odometry_has_time=False
+    COMPAT,
+    joined=COMPAT.joined | {"Encoder"},
+    timeless=frozenset(("Encoder", "Odometry")),
 )
 
 UDK = Dialect(
@@ -197,12 +187,8 @@ UDK = Dialect(
     no_steering="0",
     dimensions_are_wheels=True,
     joins_mounts=False,
-    joins_touch=False,
-    joins_sonars=False,
-    joins_encoders=False,
-    encoder_has_time=True,
-    odometry_has_time=True,
-    ins_has_time=False,
+    joined=frozenset(),
+    timeless=frozenset(("INS",)),
     ins_angles_positive=True,
     has_actuators=True,
     cameras_in_degrees=True,

@@ -24,11 +24,10 @@ from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.fields import (
     Field,
     Flag,
+    ItemReport,
     Number,
     PrintableText,
     Segment,
-    SensorReport,
-    Text,
     Whole,
     fields_of,
 )
@@ -136,11 +135,10 @@ class SeenEchoes(Field[TargetEchoes | None]):
 
 
 @dataclass(frozen=True, slots=True)
-class EchoLine(SensorReport):
+class EchoLine(ItemReport):
     """Echoes of one scan, as many as fit into a line.
 
     Attributes:
-        name: Name of the scanner.
         line: Number of the line, from 1 to ``lines``; 0 for a scan without echoes.
         lines: Number of lines of the scan; 0 for a scan without echoes.
         echoes: None for a scan without echoes.
@@ -148,7 +146,6 @@ class EchoLine(SensorReport):
 
     sensor_type: ClassVar[str] = "Echoes"
 
-    name: Annotated[str, Text("Name")]
     line: Annotated[int, Whole("Line")]
     lines: Annotated[int, Whole("Lines")]
     echoes: Annotated[TargetEchoes | None, SeenEchoes("Echoes")]
@@ -186,11 +183,10 @@ def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RadarTargets(SensorReport):
+class RadarTargets(ItemReport):
     """Targets of one turn of a radar, as many as fit into a line.
 
     Attributes:
-        name: Name of the scanner.
         line: Number of the line, from 1 to ``lines``; 0 for a turn without targets.
         lines: Number of lines of the turn; 0 for one without targets.
         beams: (T,) int64, beam of each target, counted from 0 at the right.
@@ -200,7 +196,6 @@ class RadarTargets(SensorReport):
 
     sensor_type: ClassVar[str] = "RadarTargets"
 
-    name: Annotated[str, Text("Name")]
     line: Annotated[int, Whole("Line")]
     lines: Annotated[int, Whole("Lines")]
     beams: NDArray[np.int64]
@@ -215,7 +210,7 @@ class RadarTargets(SensorReport):
         return [name, line, lines, numbers[:, 0].astype(np.int64), *numbers[:, 1:].T]
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
-        segments = SensorReport.segments(self, dialect)
+        segments = ItemReport.segments(self, dialect)
         if not len(self.beams):
             return segments
         target = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges, 2)}"

@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from math import isnan, nan
 from typing import (
+    Annotated,
     Any,
     ClassVar,
     Final,
@@ -448,29 +449,30 @@ class SensorReport(LineReport):
         create: Callable[..., Self] = cls
         return create(message.number_or_nan("Time"), *cls._read(message))
 
-    @staticmethod
-    def has_time(_: Dialect) -> bool:
-        """Return whether the lines of a dialect have a time stamp."""
-        return True
-
-    @staticmethod
-    def joins_items(_: Dialect) -> bool:
-        """Return whether values are in the segments of their items' names."""
-        return False
-
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         segments = LineReport.segments(self, dialect)
-        if self.joins_items(dialect):
+        if self.sensor_type in dialect.joined:
             segments = join_items(segments)
         sensor_type = Segment("Type", self.sensor_type)
-        if isnan(self.time) or not self.has_time(dialect):
+        if isnan(self.time) or self.sensor_type in dialect.timeless:
             return (sensor_type, *segments)
         time = Segment("Time", marks(dialect.time), (self.time,))
         return (time, sensor_type, *segments)
 
     def sources(self, dialect: Dialect) -> list[str]:
-        time = ["time"] if self.has_time(dialect) else []
+        time = [] if self.sensor_type in dialect.timeless else ["time"]
         return time + LineReport.sources(self, dialect)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ItemReport(SensorReport):
+    """One reading of one item.
+
+    Attributes:
+        name: Name of the item.
+    """
+
+    name: Annotated[str, Text("Name")]
 
 
 class ReportGroup:

@@ -8,7 +8,7 @@ missing; such a number is NaN.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import degrees, nan, pi, radians
-from typing import Annotated, ClassVar, Final, NamedTuple, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
@@ -207,17 +207,28 @@ class AerialConf(RobotConf):
 
 
 @dataclass(frozen=True, slots=True)
-class ScannerConf(LineReport):
-    """The settings of scanners.
+class ItemConf(LineReport):
+    """The settings of items of one type.
 
     Attributes:
         type: Type of the items in the spelling of the request.
-        items: Name, maximum and minimum range, m, resolution and field of view, rad.
+        items: Name and settings of each item.
     """
 
     verb: ClassVar[str] = "CONF"
 
     type: Annotated[str, RequiredText("Type")]
+    items: tuple[tuple[Any, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ScannerConf(ItemConf):
+    """The settings of scanners.
+
+    Attributes:
+        items: Name, maximum and minimum range, m, resolution and field of view, rad.
+    """
+
     items: Annotated[
         tuple[tuple[str, float, float, float, float], ...],
         Rows(
@@ -235,18 +246,14 @@ class ScannerConf(LineReport):
 
 
 @dataclass(frozen=True, slots=True)
-class SonarConf(LineReport):
+class SonarConf(ItemConf):
     """The settings of sonars.
 
     Attributes:
-        type: Type of the items in the spelling of the request.
         items: Name, maximum and minimum range, m, angle of the cone, rad, and interval,
             s, which is NaN if it is not reported.
     """
 
-    verb: ClassVar[str] = "CONF"
-
-    type: Annotated[str, RequiredText("Type")]
     items: Annotated[
         tuple[tuple[str, float, float, float, float], ...],
         Rows(
@@ -266,12 +273,9 @@ class SonarConf(LineReport):
 
 
 @dataclass(frozen=True, slots=True)
-class IntervalConf(LineReport):
+class IntervalConf(ItemConf):
     """The intervals of items, s."""
 
-    verb: ClassVar[str] = "CONF"
-
-    type: Annotated[str, RequiredText("Type")]
     items: Annotated[
         tuple[tuple[str, float], ...],
         Rows(Text("Name"), Number("ScanInterval", "plain")),
@@ -279,24 +283,18 @@ class IntervalConf(LineReport):
 
 
 @dataclass(frozen=True, slots=True)
-class TouchConf(LineReport):
+class TouchConf(ItemConf):
     """The diameters of touch sensors, m."""
 
-    verb: ClassVar[str] = "CONF"
-
-    type: Annotated[str, RequiredText("Type")]
     items: Annotated[
         tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Diameter", "robot"))
     ]
 
 
 @dataclass(frozen=True, slots=True)
-class EncoderConf(LineReport):
+class EncoderConf(ItemConf):
     """The angles of one tick of encoders, rad."""
 
-    verb: ClassVar[str] = "CONF"
-
-    type: Annotated[str, RequiredText("Type")]
     items: Annotated[
         tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Resolution", "angle"))
     ]
@@ -399,22 +397,8 @@ class NameConf(LineReport):
     names: Annotated[tuple[str, ...], ItemNames("Name")]
 
 
-Geo: TypeAlias = RobotGeo | AerialGeo | ItemGeo | PackageGeo
-Conf: TypeAlias = (
-    RobotConf
-    | AerialConf
-    | ScannerConf
-    | SonarConf
-    | IntervalConf
-    | TouchConf
-    | EncoderConf
-    | CameraConf
-    | PackageConf
-    | NameConf
-)
-
 # By a key that no report after it has.
-_CONFS: Final[Sequence[tuple[str, type[Conf]]]] = (
+_CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
     ("JointType", PackageConf),
     ("CameraFov", CameraConf),
     ("CameraDefFov", CameraConf),
@@ -426,7 +410,7 @@ _CONFS: Final[Sequence[tuple[str, type[Conf]]]] = (
 )
 
 
-def decode_geo(message: Message) -> Geo:
+def decode_geo(message: Message) -> LineReport:
     """Read a GEO message.
 
     Raises:
@@ -438,7 +422,7 @@ def decode_geo(message: Message) -> Geo:
     return (PackageGeo if is_package else ItemGeo).decode(message)
 
 
-def decode_conf(message: Message) -> Conf:
+def decode_conf(message: Message) -> LineReport:
     """Read a CONF message; its keys determine the kind of report.
 
     Raises:

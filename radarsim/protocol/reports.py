@@ -17,7 +17,6 @@ import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.protocol.control import CrateStates
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
 from radarsim.protocol.fields import (
@@ -25,6 +24,7 @@ from radarsim.protocol.fields import (
     Field,
     Flag,
     FormattedField,
+    ItemReport,
     Layouts,
     LineReport,
     Number,
@@ -45,10 +45,9 @@ from radarsim.protocol.geo_conf import (
     AerialGeo,
     CameraConf,
     CameraLimits,
-    Conf,
     EncoderConf,
-    Geo,
     IntervalConf,
+    ItemConf,
     ItemGeo,
     NameConf,
     RobotConf,
@@ -66,6 +65,7 @@ from radarsim.protocol.line_template import (
     WRAPPED,
     NumberFormat,
     marks,
+    printable_name,
 )
 from radarsim.protocol.message import (
     Message,
@@ -75,6 +75,7 @@ from radarsim.protocol.message import (
     parse_flipped,
     parse_number,
     parse_numbers,
+    parse_triple,
     wrapped_pose,
 )
 from radarsim.protocol.packages import PackageConf, PackageGeo, PackageState
@@ -119,6 +120,7 @@ __all__ = [
     "Imu",
     "Ins",
     "IntervalConf",
+    "ItemConf",
     "ItemGeo",
     "MissionTime",
     "NameConf",
@@ -310,12 +312,59 @@ class AerialStatus(Status):
     }
 
 
+@dataclass(frozen=True, slots=True)
+class CrateStates:
+    """Where crates are.
+
+    Attributes:
+        crates: Name of each, its length, width and height, m, and its pose.
+    """
+
+    crates: tuple[tuple[str, Triple, Pose3], ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message.
+
+        Raises:
+            MalformedMessage: If four fields of each do not follow each other, or are
+                not readable.
+        """
+        keys = [key.lower() for key, _ in message.segments]
+        if keys != ["name", "size", "location", "rotation"] * (len(keys) // 4):
+            expected = "Name, Size, Location and Rotation of each"
+            raise MalformedMessage(f"fields {keys!r:.80}, expected {expected}")
+        texts = [text for _, text in message.segments]
+        rows = zip(*(texts[k::4] for k in range(4)), strict=True)
+        return cls(
+            tuple(
+                (
+                    name,
+                    parse_triple(size),
+                    wrapped_pose(parse_flipped(place), parse_flipped(angles)),
+                )
+                for name, size, place, angles in rows
+            )
+        )
+
+    def encode(self, dialect: Dialect) -> str:
+        """Write the report as one line without its end."""
+        join, fields = dialect.robot.join_flipped, []
+        for name, size, pose in self.crates:
+            numbers = pose.numbers()
+            fields.append(
+                f" {{Name {printable_name(name)}}} {{Size {dialect.robot.join(size)}}}"
+                f" {{Location {join(numbers[:3])}}}"
+                f" {{Rotation {join(numbers[3:], WRAPPED)}}}"
+            )
+        return f"STA{''.join(fields)}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class RangeScan(SensorReport):
+class RangeScan(ItemReport):
     """One scan of a laser or radar.
 
     Attributes:
-        name: Name of the scanner.
         resolution: Angle between neighbouring beams, rad.
         fov: Angle between the first beam and the last, rad.
         ranges: (N,) m, counter-clockwise from the right, finite: a beam without
@@ -324,7 +373,6 @@ class RangeScan(SensorReport):
 
     sensor_type: ClassVar[str] = "RangeScanner"
 
-    name: Annotated[str, Text("Name")]
     resolution: Annotated[float, Number("Resolution", "angle")]
     fov: Annotated[float, Number("FOV", "angle")]
     ranges: Annotated[Floats, Series("Range", "ranges")]
@@ -340,64 +388,52 @@ class RangeScan(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         if isnan(self.time):
-            return SensorReport.split(self, dialect)
+            return ItemReport.split(self, dialect)
         key = (dialect, self.name, self.resolution, self.fov, len(self.ranges))
         # A scan is most of what a server sends: only time and ranges differ from one to
         # the next, so that the rest of the line is built once.
         if key not in _KEPT:
             if len(_KEPT) >= MOST_KEPT:
                 _KEPT.clear()
-            template, numbers, _ = SensorReport.split(self, dialect)
+            template, numbers, _ = ItemReport.split(self, dialect)
             _KEPT[key] = template, numbers[1:]
         template, fan = _KEPT[key]
         return template, (self.time, *fan), self.ranges
 
 
 @dataclass(frozen=True, slots=True)
-class GroundTruth(SensorReport):
+class GroundTruth(ItemReport):
     """The true pose of the robot's body in the world."""
 
     sensor_type: ClassVar[str] = "GroundTruth"
 
-    name: Annotated[str, Text("Name")]
     pose: Annotated[Pose3, Pose("truth")]
 
 
 @dataclass(frozen=True, slots=True)
-class Ins(SensorReport):
+class Ins(ItemReport):
     """The pose in the world that the inertial navigation system estimates."""
 
     sensor_type: ClassVar[str] = "INS"
 
-    name: Annotated[str, Text("Name")]
     pose: Annotated[Pose3, Pose("ins")]
-
-    @staticmethod
-    def has_time(dialect: Dialect) -> bool:
-        return dialect.ins_has_time
 
 
 @dataclass(frozen=True, slots=True)
-class Odometry(SensorReport):
+class Odometry(ItemReport):
     """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
 
     sensor_type: ClassVar[str] = "Odometry"
 
-    name: Annotated[str, Text("Name")]
     pose: Annotated[Pose2, WheelPose("Pose", "plain")]
-
-    @staticmethod
-    def has_time(dialect: Dialect) -> bool:
-        return dialect.odometry_has_time
 
 
 @dataclass(frozen=True, slots=True)
-class Tachometer(SensorReport):
+class Tachometer(ItemReport):
     """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
 
     sensor_type: ClassVar[str] = "Tachometer"
 
-    name: Annotated[str, Text("Name")]
     velocities: Annotated[tuple[float, ...], Numbers("Vel", "plain")]
     positions: Annotated[tuple[float, ...], Numbers("Pos", "plain")]
 
@@ -411,56 +447,40 @@ class Encoder(SensorReport):
 
     ticks: Annotated[tuple[tuple[str, int], ...], Rows(Text("Name"), Whole("Tick"))]
 
-    @staticmethod
-    def has_time(dialect: Dialect) -> bool:
-        return dialect.encoder_has_time
-
-    @staticmethod
-    def joins_items(dialect: Dialect) -> bool:
-        return dialect.joins_encoders
-
 
 @dataclass(frozen=True, slots=True)
-class Touch(SensorReport):
+class Touch(ItemReport):
     """Whether something touches the robot."""
 
     sensor_type: ClassVar[str] = "Touch"
     item_keys: ClassVar[tuple[str, ...]] = ("Touch",)
 
-    name: Annotated[str, Text("Name")]
     touched: Annotated[bool, Flag("Touch")]
-
-    @staticmethod
-    def joins_items(dialect: Dialect) -> bool:
-        return dialect.joins_touch
 
 
 @dataclass(frozen=True, slots=True)
-class Acceleration(SensorReport):
+class Acceleration(ItemReport):
     """How the velocity changes, m/s2, along the axes of the sensor."""
 
     sensor_type: ClassVar[str] = "Accel"
 
-    name: Annotated[str, Text("Name")]
     acceleration: Annotated[Triple, Point("Acceleration", "robot")]
 
 
 @dataclass(frozen=True, slots=True)
-class ProperAcceleration(SensorReport):
+class ProperAcceleration(ItemReport):
     """How the velocity changes, with gravity, m/s2, along the axes of the sensor."""
 
     sensor_type: ClassVar[str] = "AcceleroMeter"
 
-    name: Annotated[str, Text("Name")]
     acceleration: Annotated[Triple, Point("ProperAcceleration", "robot")]
 
 
 @dataclass(frozen=True, slots=True)
-class Imu(SensorReport):
+class Imu(ItemReport):
     """What an inertial measurement unit reads.
 
     Attributes:
-        name: Name of the unit.
         acceleration: How the velocity changes, m/s2, along the axes of the sensor.
         rates: Rates of roll, pitch and yaw, rad/s.
         rate_changes: How these change, rad/s2.
@@ -469,7 +489,6 @@ class Imu(SensorReport):
 
     sensor_type: ClassVar[str] = "IMU"
 
-    name: Annotated[str, Text("Name")]
     acceleration: Annotated[Triple, Point("XYZAcceleration", "robot")]
     rates: Annotated[Triple, Point("AngularVel", "robot")]
     rate_changes: Annotated[Triple, Point("AngularAccel", "robot")]
@@ -477,12 +496,11 @@ class Imu(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
-class Altitude(SensorReport):
+class Altitude(ItemReport):
     """The height of the robot above its spawn, and above the sea, m."""
 
     sensor_type: ClassVar[str] = "AltitudeSensor"
 
-    name: Annotated[str, Text("Name")]
     above_start: Annotated[float, Number("relativeAltitude", "robot")]
     above_sea: Annotated[float, Number("absoluteAltitude", "robot")]
 
@@ -499,22 +517,20 @@ class CompassAngle(FormattedField[float]):
 
 
 @dataclass(frozen=True, slots=True)
-class Compass(SensorReport):
+class Compass(ItemReport):
     """The heading of the robot from the x axis of the map, the north, rad."""
 
     sensor_type: ClassVar[str] = "MagneticCompass"
 
-    name: Annotated[str, Text("Name")]
     heading: Annotated[float, CompassAngle("MagneticAngle", "plain")]
 
 
 @dataclass(frozen=True, slots=True)
-class MissionTime(SensorReport):
+class MissionTime(ItemReport):
     """The whole minutes since the spawn of the robot."""
 
     sensor_type: ClassVar[str] = "MissionTime"
 
-    name: Annotated[str, Text("Name")]
     minutes: Annotated[int, Whole("Minutes")]
 
 
@@ -533,10 +549,6 @@ class Sonar(SensorReport):
     ranges: Annotated[
         tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Range", "robot"))
     ]
-
-    @staticmethod
-    def joins_items(dialect: Dialect) -> bool:
-        return dialect.joins_sonars
 
 
 class GlobePosition(Field[tuple[float, float] | None]):
@@ -564,11 +576,10 @@ class GlobePosition(Field[tuple[float, float] | None]):
 
 
 @dataclass(frozen=True, slots=True)
-class Gps(SensorReport):
+class Gps(ItemReport):
     """A position on the globe.
 
     Attributes:
-        name: Name of the receiver.
         position: Latitude and longitude, degrees, north and east positive; None without
             a fix.
         satellites: Number of satellites in sight.
@@ -576,7 +587,6 @@ class Gps(SensorReport):
 
     sensor_type: ClassVar[str] = "GPS"
 
-    name: Annotated[str, Text("Name")]
     position: Annotated[tuple[float, float] | None, GlobePosition("Latitude")]
     satellites: Annotated[int, Whole("Satellites")]
 
@@ -637,24 +647,14 @@ SensorReading: TypeAlias = (
     | Sound
     | GasDensity
 )
-Report: TypeAlias = (
-    SensorReading
-    | Geo
-    | Conf
-    | Greeting
-    | StartPoses
-    | Status
-    | AerialStatus
-    | CrateStates
-    | PackageState
-    | RobotJoined
-    | RobotLeft
-    | ClockTick
-    | CommandError
-    | Watching
-    | WatchedLine
-)
+Report: TypeAlias = LineReport | StartPoses | CrateStates | WatchedLine
 
+# By a key that no report after it has.
+_INFOS: Final = (
+    *(("StartPoses", StartPoses), ("Clock", ClockTick), ("Watching", Watching)),
+    *(("Joined", RobotJoined), ("Level", Greeting), ("Left", RobotLeft)),
+    ("Error", CommandError),
+)
 _SENSOR_REPORTS: Final[dict[str, type[SensorReading]]] = {
     report.sensor_type.lower(): report for report in get_args(SensorReading)
 }
@@ -691,22 +691,9 @@ def to_bytes(lines: Iterable[str]) -> bytes:
 
 
 def _decode_info(message: Message) -> Report | None:
-    if message.get("StartPoses") is not None:
-        return StartPoses.decode(message)
-    if message.get("Clock") is not None:
-        return ClockTick.decode(message)
-    if message.get("Watching") is not None:
-        return Watching.decode(message)
-    if message.get("Joined") is not None:
-        return RobotJoined.decode(message)
-    for key, report in (
-        ("Level", Greeting),
-        ("Left", RobotLeft),
-        ("Error", CommandError),
-    ):
-        text = message.get(key)
-        if text is not None:
-            return report(text)
+    for key, report in _INFOS:
+        if message.get(key) is not None:
+            return report.decode(message)
     return None
 
 

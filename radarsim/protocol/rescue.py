@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, NamedTuple
 
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.fields import Field, Number, Segment, SensorReport, Text
+from radarsim.protocol.fields import Field, ItemReport, Number, Segment, Text
 from radarsim.protocol.line_template import marks, reduce_text, vector_marks
 from radarsim.protocol.message import Message, Triple, parse_flipped, parse_number
 
@@ -66,22 +66,20 @@ class Sightings(Field[tuple[Sighting, ...]]):
 
 
 @dataclass(frozen=True, slots=True)
-class RfidTags(SensorReport):
+class RfidTags(ItemReport):
     """The tags that a reader reads, with their numbers as labels."""
 
     sensor_type: ClassVar[str] = "RFID"
 
-    name: Annotated[str, Text("Name")]
     tags: Annotated[tuple[Sighting, ...], Sightings("ID")]
 
 
 @dataclass(frozen=True, slots=True)
-class VictimParts(SensorReport):
+class VictimParts(ItemReport):
     """The parts of bodies that a sensor sees, such as ``Head``."""
 
     sensor_type: ClassVar[str] = "VictSensor"
 
-    name: Annotated[str, Text("Name")]
     parts: Annotated[
         tuple[Sighting, ...],
         Sightings("PartName", nothing=Segment("Status", "NoVictims")),
@@ -100,32 +98,29 @@ class Probability(Field[float]):
 
 
 @dataclass(frozen=True, slots=True)
-class HumanMotion(SensorReport):
+class HumanMotion(ItemReport):
     """How likely it is that somebody moves in front of a sensor."""
 
     sensor_type: ClassVar[str] = "HumanMotion"
 
-    name: Annotated[str, Text("Name")]
     probability: Annotated[float, Probability("Prob")]
 
 
 @dataclass(frozen=True, slots=True)
-class Sound(SensorReport):
+class Sound(ItemReport):
     """How loud it is at a microphone, dB, and how long the loudest sound lasts, s."""
 
     sensor_type: ClassVar[str] = "Sound"
 
-    name: Annotated[str, Text("Name")]
     loudness: Annotated[float, Number("Loudness", "robot")]
     duration: Annotated[float, Number("Duration", "robot")]
 
 
 @dataclass(frozen=True, slots=True)
-class GasDensity(SensorReport):
+class GasDensity(ItemReport):
     """The share of a gas in the air, %."""
 
     sensor_type: ClassVar[str] = "CO2Sensor"
 
-    name: Annotated[str, Text("Name")]
     gas: Annotated[str, Text("Gas")]
     density: Annotated[float, Number("Density", "robot")]

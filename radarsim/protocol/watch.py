@@ -1,4 +1,4 @@
-"""Watching robots: the command, and the lines that only those get who send it.
+"""Watching robots: which of them, and the lines that only those get who watch.
 
 Robots are named in it as in all lines: in characters that a line can contain, so that
 two names with other characters may be the same there.
@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Final, Self
 
 from radarsim.errors import MalformedMessage
-from radarsim.protocol.command_fields import SWITCH, Key, KeyedCommand
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.fields import (
     Field,
@@ -30,7 +29,7 @@ SEE: Final = "SEE"
 
 _ALL: Final = "all"
 _NONE: Final = "none"
-_ECHO_WORDS: Final = {"true": _ALL, "false": _NONE}
+ECHO_WORDS: Final = {"true": _ALL, "false": _NONE}
 _SEE: Final = re.compile(
     r"SEE\s*\{\s*Robot\s([^{}]*)\}\s*(\S.*)", re.IGNORECASE | re.DOTALL
 )
@@ -77,7 +76,7 @@ class RobotChoice:
             return _ALL.capitalize()
         text = ",".join(self.names)
         # A robot may be called "All"; the comma makes a list of one name of it.
-        if text.casefold() in (_ALL, _NONE, *_ECHO_WORDS):
+        if text.casefold() in (_ALL, _NONE, *ECHO_WORDS):
             return f"{text},"
         return text or _NONE.capitalize()
 
@@ -92,34 +91,7 @@ class RobotChoice:
         return frozenset(name.casefold() for name in self.names or ())
 
 
-def _parse_echoes(text: str) -> RobotChoice:
-    """Parse a choice of robots, or whether all of them are meant."""
-    return RobotChoice.parse(_ECHO_WORDS.get(text.strip().casefold(), text))
-
-
-def _write_echoes(echoes: RobotChoice) -> str | None:
-    return None if echoes == RobotChoice() else str(echoes)
-
-
-@dataclass(frozen=True)
-class Watch(KeyedCommand):
-    """Watch robots from now on, instead of those watched before.
-
-    Attributes:
-        robots: The robots; only with all of them the watcher is told which there are.
-        echoes: Those of them whose scanners list their echoes.
-        clock: Whether the watcher is told the time in every tick.
-    """
-
-    verb: ClassVar[str] = "WATCH"
-
-    robots: Annotated[
-        RobotChoice, Key("Robots", RobotChoice.parse, str, is_required=True)
-    ]
-    echoes: Annotated[RobotChoice, Key("Echoes", _parse_echoes, _write_echoes)] = (
-        RobotChoice()
-    )
-    clock: Annotated[bool, Key("Clock", *SWITCH)] = False
+NO_ROBOTS: Final = RobotChoice()
 
 
 class Choice(Field[RobotChoice]):
@@ -144,7 +116,7 @@ class Watching(LineReport):
     verb: ClassVar[str] = "NFO"
 
     robots: Annotated[RobotChoice, Choice("Watching")]
-    echoes: Annotated[RobotChoice, Choice("Echoes")] = RobotChoice()
+    echoes: Annotated[RobotChoice, Choice("Echoes")] = NO_ROBOTS
 
 
 @dataclass(frozen=True, slots=True)

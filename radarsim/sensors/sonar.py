@@ -71,7 +71,7 @@ class Sonars(Sensor, types=["Sonar"]):
     def __init__(self, *mountings: Mounting) -> None:
         """Aim the rays of all cones in the body frame."""
         super().__init__(*mountings)
-        self._in_one_report = mountings[0].dialect.joins_sonars
+        self._in_one_report = "Sonar" in mountings[0].dialect.joined
         self._names = [mounting.item.name for mounting in mountings]
         settings = [mounting.settings for mounting in mountings]
         mounts = [mounting.item.mount for mounting in mountings]

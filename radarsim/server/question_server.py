@@ -24,8 +24,7 @@ import numpy as np
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.message import LineBuffer, Triple, is_http_request
-from radarsim.protocol.truth import VICTIM, answer_truth
-from radarsim.protocol.wireless import answer_wireless
+from radarsim.protocol.questions import VICTIM, answer_truth, answer_wireless
 from radarsim.raycast.rays import EventKind, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.server.peer_connections import PeerConnection, PeerServer

@@ -36,7 +36,7 @@ from radarsim.listening import (
     first_of,
 )
 from radarsim.protocol.line_template import printable_name
-from radarsim.protocol.wireless import (
+from radarsim.protocol.questions import (
     CUTOFF,
     read_request,
     signal_strength,

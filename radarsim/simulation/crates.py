@@ -6,16 +6,18 @@ other robots touch and all sensors see.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import RobotModel
-from radarsim.protocol.control import CRATE
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import MOST_CRATES, Crate, Scene
+
+CRATE: Final = "WCCrate"  # class of crates on the wire
 
 
 @dataclass(frozen=True, slots=True)

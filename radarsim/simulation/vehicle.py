@@ -351,7 +351,7 @@ class Vehicle:
             due.clear()
         sensors = [each for each in self._sensors if each.item.name in due]
         sources = [each.source for each in sensors if isinstance(each, EngineSensor)]
-        if self.dialect.joins_encoders:
+        if "Encoder" in self.dialect.joined:
             sources = join_encoders(sources)
         lit = sources
         steering = None if self.robot.bicycle is None else (0.0, 0.0)

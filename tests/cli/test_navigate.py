@@ -52,7 +52,7 @@ class FaultyHost(Host):
 
     def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         for line in data.decode().splitlines():
-            command = parse_command(line, COMPAT).command
+            command = parse_command(line, COMPAT)[0]
             if isinstance(command, Drive):
                 self.driven.append((self.simulation.time, command))
         return super().receive(number, data)

@@ -8,7 +8,7 @@ import pytest
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import AsyncClient, ClientError
-from radarsim.client.aio import Connecting
+from radarsim.client.clients import Connecting
 from radarsim.protocol import reports
 
 from .conftest import DEADLINE, Serve

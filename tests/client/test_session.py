@@ -164,7 +164,6 @@ def test_unknown_lines_are_counted_and_the_last_line_is_stored() -> None:
 @pytest.mark.parametrize(
     ("question", "answer", "others"),
     [
-        (questions.greeting(), Greeting("a"), [StartPoses(())]),
         (questions.start_poses(), StartPoses(()), [Greeting("a")]),
         (
             questions.geometry("robot"),
@@ -214,7 +213,6 @@ def test_question_accepts_only_its_reply(
 @pytest.mark.parametrize(
     ("data", "line"),
     [
-        (questions.greeting().data, b""),
         (questions.geometry("INS", "I").data, b"GETGEO {Type INS} {Name I}"),
         (
             questions.echoes("S", on=False),
@@ -257,10 +255,12 @@ def test_a_car_is_steered_in_the_same_curve(
     session.receive(SHAPE % b"Sedan")
     assert session.car is None  # of a robot before
     session.receive(SHAPE % b"Hummer")
-    parsed = parse_command(drive(left, right, session.car).decode().strip(), COMPAT)
-    assert isinstance(parsed.command, Drive)
-    assert parsed.command.speed == pytest.approx(speed)
-    assert parsed.command.front_steer == pytest.approx(angle)
+    command, *_ = parse_command(
+        drive(left, right, session.car).decode().strip(), COMPAT
+    )
+    assert isinstance(command, Drive)
+    assert command.speed == pytest.approx(speed)
+    assert command.front_steer == pytest.approx(angle)
     session.receive(CONF % b"SkidSteered" + LIMITS)
     assert session.car is None
     assert drive(left, right, session.car).startswith(b"DRIVE {Left ")

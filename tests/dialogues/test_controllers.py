@@ -198,7 +198,10 @@ CREATED = "CONTROL {Type Create} {ClassName WCCrate} {Name c}"
             "CONTROL RelMove to (10000.5, 3, 1) m, expected at most 10000 m",
         ),
         ("CONTROL {Type AbsMove} {Name foo} {Location 1e5,0,0}", "'1e5', expected at"),
-        ("CONTROL {Type Dance}", "Type 'Dance', expected one of ['Create', 'Kill', "),
+        (
+            "CONTROL {Type Dance}",
+            "CONTROL Type: 'Dance', expected one of ['Create', 'Kill', ",
+        ),
         ("CONTROL", "'CONTROL', expected a field '{Type ...}'"),
         (
             "CONTROL {Type rotate} {Name foo} {Speed 0,0,1}",

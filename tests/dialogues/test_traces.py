@@ -77,7 +77,10 @@ def test_walls_and_robots_hide_trails(empty_room: Scene, renderer: Renderer) -> 
 @pytest.mark.parametrize(
     ("line", "news"),
     [
-        ("TRACE {On true} {Color Pink}", "Color 'Pink', expected one of ['Red', "),
+        (
+            "TRACE {On true} {Color Pink}",
+            "TRACE Color: 'Pink', expected one of ['Red', ",
+        ),
         ("TRACE {On true} {Interval x}", "TRACE Interval: 'x', expected a number"),
         ("TRACE {On true} {Size 3}", "TRACE field 'Size', expected one of"),
     ],

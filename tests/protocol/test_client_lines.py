@@ -120,7 +120,6 @@ def test_lines_of_real_clients_are_parsed(
     stream: bytes, expected: list[commands.Command]
 ) -> None:
     parsed = [
-        commands.parse_command(line, COMPAT).command
-        for line in LineBuffer().feed(stream)
+        commands.parse_command(line, COMPAT)[0] for line in LineBuffer().feed(stream)
     ]
     assert parsed == expected

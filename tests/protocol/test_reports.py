@@ -1,7 +1,7 @@
 import re
 from dataclasses import replace
 from math import inf, isinf, isnan, nan, pi, radians
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -358,17 +358,12 @@ def _transmitted(report: reports.Report, dialect: Dialect) -> reports.Report:
             changes["echoes"] = replace(echoes, density=1e9)
         case reports.SonarConf(items=items) if items and dialect is not UDK:
             changes["items"] = tuple((*item[:4], nan) for item in items)
-        case (
-            reports.ScannerConf()
-            | reports.SonarConf()
-            | reports.IntervalConf()
-            | reports.EncoderConf()
-            | reports.TouchConf()
-        ):
+        case reports.ItemConf():
             return report if report.items else reports.NameConf(report.type, ())
         case _:
             pass
-    return replace(report, **changes)
+    transmitted: reports.Report = replace(cast(Any, report), **changes)
+    return transmitted
 
 
 class Angle(float):

@@ -6,7 +6,7 @@ from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import decode_message
 from radarsim.protocol.packages import PackageConf
-from radarsim.protocol.truth import END, answer_truth
+from radarsim.protocol.questions import END, answer_truth
 
 ACTORS = (
     ("R1", "P3AT", Pose3(1.0, 2.0, 0.1)),

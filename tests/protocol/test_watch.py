@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.errors import MalformedMessage
-from radarsim.protocol.commands import encode_command, parse_command
+from radarsim.protocol.commands import Watch, encode_command, parse_command
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.watch import (
     MOST_NAMES,
@@ -15,7 +15,6 @@ from radarsim.protocol.watch import (
     RobotChoice,
     RobotJoined,
     RobotLeft,
-    Watch,
     see_head,
     split_seen,
 )
@@ -27,7 +26,7 @@ LINE = re.compile(r"[A-Z]+( \{[ -z|~]+\})+")
 def test_clock_of_a_watch_is_read_and_written() -> None:
     line = "WATCH {Robots All} {Clock true}"
     watch = Watch(ALL, clock=True)
-    assert parse_command(line, COMPAT).command == watch
+    assert parse_command(line, COMPAT)[0] == watch
     assert encode_command(watch) == line
 
 
@@ -54,8 +53,8 @@ def test_watch_is_read_and_written(
 ) -> None:
     watch = Watch(robots, echoes)
     for dialect in (COMPAT, UDK):
-        assert parse_command(line, dialect).command == watch
-        assert parse_command(encode_command(watch), dialect).command == watch
+        assert parse_command(line, dialect)[0] == watch
+        assert parse_command(encode_command(watch), dialect)[0] == watch
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from radarsim.protocol import wireless
+from radarsim.protocol import questions
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.message import Triple
 
@@ -40,16 +40,16 @@ def count(start: Triple, end: Triple) -> int:
     ],
 )
 def test_question_is_answered_as_by_the_original(line: str, expected: str) -> None:
-    answer = wireless.answer_wireless(line, ROBOTS, count, UDK)
+    answer = questions.answer_wireless(line, ROBOTS, count, UDK)
     assert answer.decode("ascii") == f"{expected}\r\n"
 
 
 def test_a_blank_line_has_no_answer() -> None:
-    assert wireless.answer_wireless("", ROBOTS, count, UDK) == b""
+    assert questions.answer_wireless("", ROBOTS, count, UDK) == b""
 
 
 def test_decimals_are_those_of_the_dialect() -> None:
-    line = wireless.answer_wireless("GETPOS", ROBOTS[:1], count, COMPAT)
+    line = questions.answer_wireless("GETPOS", ROBOTS[:1], count, COMPAT)
     assert b"Location 1.0000,-2.0000,-0.1000 " in line
 
 
@@ -69,14 +69,14 @@ def test_decimals_are_those_of_the_dialect() -> None:
 def test_requests_are_read(
     line: str, request_: tuple[str, str, tuple[int, ...] | None]
 ) -> None:
-    assert wireless.read_request(line) == request_
+    assert questions.read_request(line) == request_
 
 
 def test_signal_falls_with_distance_and_obstacles() -> None:
-    assert wireless.signal_strength(2.0, 0) == pytest.approx(-49.67)
-    assert wireless.signal_strength(20.0, 0) == pytest.approx(-59.67)
-    assert wireless.signal_strength(20.0, 2) == pytest.approx(-59.67 - 12.65)
-    assert wireless.signal_strength(0.0, 3) == math.inf
+    assert questions.signal_strength(2.0, 0) == pytest.approx(-49.67)
+    assert questions.signal_strength(20.0, 0) == pytest.approx(-59.67)
+    assert questions.signal_strength(20.0, 2) == pytest.approx(-59.67 - 12.65)
+    assert questions.signal_strength(0.0, 3) == math.inf
 
 
 @pytest.mark.parametrize(
@@ -91,4 +91,4 @@ def test_signal_falls_with_distance_and_obstacles() -> None:
 def test_strengths_are_written_as_by_the_original(
     strength: float | None, text: str
 ) -> None:
-    assert wireless.strength_text(strength) == text
+    assert questions.strength_text(strength) == text

@@ -199,7 +199,7 @@ class CallConverter:
             # What the host does not understand either is only among the bytes of the
             # wire.
             with suppress(MalformedMessage):
-                command = parse_command(line, self._dialect).command
+                command = parse_command(line, self._dialect)[0]
                 if isinstance(command, Drive):
                     message = connection.topics.of_drive(command, time)
                     if message is not None:

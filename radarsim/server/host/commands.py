@@ -1,13 +1,19 @@
-"""Execute the commands of clients, one line at a time."""
+"""Execute the commands of clients, one line at a time.
+
+Of those to a robot, only those that drive it are here; ``item_commands`` has those to
+what it carries.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from radarsim.errors import MalformedMessage, list_names
 from radarsim.protocol.commands import (
-    Act,
+    TRACE_COLOURS,
+    Action,
     Command,
+    Control,
     Drive,
     GetConf,
     GetGeo,
@@ -15,18 +21,30 @@ from radarsim.protocol.commands import (
     Init,
     MovePackage,
     MultiDrive,
+    OtherCommand,
+    RobotCommand,
     SetItem,
     SetViewports,
     ShowCamera,
     Trace,
     Unsupported,
+    Watch,
     parse_command,
 )
-from radarsim.protocol.control import CONTROLLER, Action, Control
+from radarsim.protocol.packages import LinkOrder
 from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
-from radarsim.protocol.watch import CommandError, Watch
+from radarsim.protocol.watch import CommandError
 from radarsim.server.host.connection import Client, Diagnostic, join_diagnostics
 from radarsim.server.host.control_commands import control
+from radarsim.server.host.item_commands import (
+    SETTING,
+    describe_missing,
+    move_links,
+    robots_named,
+    set_items,
+    set_viewports,
+    show_camera,
+)
 from radarsim.server.host.replies import (
     CAMERA,
     camera_configuration,
@@ -34,23 +52,9 @@ from radarsim.server.host.replies import (
     geometry,
     items_reporting,
 )
-from radarsim.server.host.robot_commands import (
-    SETTING,
-    describe_missing,
-    drive,
-    move_links,
-    robots_named,
-    set_items,
-    set_viewports,
-    show_camera,
-    trace,
-)
-from radarsim.server.host.watchers import MAX_WATCHERS, Watchers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from radarsim.server.host.spawning import Spawner
+    from radarsim.server.host.host import Host
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
@@ -70,148 +74,266 @@ SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
 CHARACTERS_A_UNIT: Final = 300
 ROBOTS_A_UNIT: Final = 8  # that a watcher may have to be told of
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
+LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 
 
-class CommandHandler:
-    """Executes commands; what each type of them does is in ``COMMAND_TABLE``.
+def handle(host: Host, client: Client, line: str) -> Handled:
+    """Execute the command in a line of a client."""
+    reading = len(line) // CHARACTERS_A_UNIT
+    dialect = host.config.dialect
+    try:
+        command, unknown, unsupported = parse_command(line, dialect)
+    except MalformedMessage as error:
+        malformed = Diagnostic.of_malformed(line, error)
+        # A line in UTF-16, of a client of today that needs to be told.
+        if malformed.kind == f"malformed {Watch.verb}" or line[1:4:2] == "\0\0":
+            client.reply(CommandError(malformed.text), dialect)
+        return True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading
+    # The line stays where it is and all later ones of this client wait behind it:
+    # GETGEO often follows INIT in the same packet.
+    if isinstance(command, Init) and host.spawner.is_too_early(client):
+        return False, None, LIGHT_WORK + reading
+    work = _work_of(host, client, command) + reading
+    if isinstance(command, Init):
+        is_done, diagnostic = host.spawner.spawn(client, command)
+        if not is_done:
+            return False, None, work
+    else:
+        diagnostic = _execute(host, client, command)
+    if diagnostic is not None and _is_answered(command):
+        client.reply(CommandError(diagnostic.text), dialect)
+    if unsupported:
+        fields = list_names(unsupported)
+        others = Diagnostic.of_unsupported(command.verb, f" with {fields}")
+        diagnostic = join_diagnostics(others, diagnostic)
+    if unknown:
+        work += SUGGESTION_WORK
+        others = Diagnostic.of_unknown_field(command, unknown[0])
+        diagnostic = join_diagnostics(others, diagnostic)
+    return True, diagnostic, work
 
-    Attributes:
-        spawner: Spawns the robots of clients.
-        watchers: The clients that watch robots.
-        simulation: The simulation that commands act on.
+
+def _execute(
+    host: Host, client: Client, command: RobotCommand | OtherCommand
+) -> Diagnostic | None:
+    """Execute a command other than INIT; return why it had not its full effect."""
+    problem: Diagnostic | None = None
+    match command:
+        case GetStartPoses():
+            _tell_starts(host, client, command)
+        case GetGeo() | GetConf():
+            problem = _answer(host, client, command)
+        case Watch():
+            problem = host.watchers.watch(client, command)
+        case Control():
+            problem = control(host.simulation, client, command)
+        case ShowCamera():
+            problem = show_camera(host.simulation, command)
+        case Unsupported():
+            problem = Diagnostic.of_unsupported(command.verb)
+        case _:
+            vehicle = _find_robot(client, command.verb)
+            if isinstance(vehicle, Diagnostic):
+                return vehicle
+            problem = _execute_on(host.simulation, vehicle, command)
+    return problem
+
+
+def _execute_on(
+    simulation: Simulation, vehicle: Vehicle, command: RobotCommand
+) -> Diagnostic | None:
+    """Execute a command to a robot; return why it had not its full effect."""
+    match command:
+        case Drive():
+            return _drive(vehicle, command)
+        case MovePackage() | MultiDrive():
+            return move_links(vehicle, command.verb, command.orders)
+        case Trace():
+            _trace(simulation, vehicle, command)
+            return None
+        case SetViewports():
+            return set_viewports(vehicle, command)
+        case _:
+            return set_items(simulation, vehicle, command)
+
+
+def _find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
+    """Return the robot of a client, or why it executes no commands."""
+    if client.vehicle is None:
+        text = f"{verb} without a robot, expected INIT"
+        return Diagnostic(f"{verb} without robot", text)
+    if not client.vehicle.alive:
+        text = f"{verb} with an empty battery, expected nothing"
+        return Diagnostic("battery", text)
+    return client.vehicle
+
+
+def _work_of(host: Host, client: Client, command: Command) -> int:
+    """Return the units of work that a command takes."""
+    work = LIGHT_WORK
+    among_robots = HEAVY_WORK + len(host.spawner.clients_by_robot) // ROBOTS_A_UNIT
+    match command:
+        case Init() | SetViewports():
+            work = HEAVY_WORK
+        case MovePackage() | MultiDrive():
+            work = HEAVY_WORK + len(command.orders) // 2
+        case SetItem():
+            work = SETTING_WORK if _changes_settings(command) else HEAVY_WORK
+        case GetGeo(robot=str()) | GetConf(robot=str()) | ShowCamera() | Watch():
+            work = among_robots
+        case GetStartPoses() | GetGeo() | GetConf():
+            # Clients ask for every item at the start, many of them at once: what is
+            # known already must not use up the work of a tick.
+            is_known = _reply_key(host, client, command) in host.known_replies
+            work = LIGHT_WORK if is_known else HEAVY_WORK
+        case Control():
+            is_of_all = command.action in (Action.GET_STATE, Action.KILL_ALL)
+            crates = len(host.simulation.crates) if is_of_all else 2
+            work = among_robots + CRATE_WORK * crates
+        case _:
+            pass
+    return work
+
+
+def _is_answered(command: Command) -> bool:
+    """Return whether a client is told why a command had no effect.
+
+    Only clients of radarsim are: to all others an answer would be unknown.
     """
+    match command:
+        case Watch() | GetGeo(robot=str()) | GetConf(robot=str()):
+            return True
+        case _:
+            return isinstance(command, SetItem) and _changes_settings(command)
 
-    def __init__(self, spawner: Spawner, watchers: Watchers) -> None:
-        self.spawner, self.watchers = spawner, watchers
-        self.simulation = spawner.simulation
-        self._dialect = self.simulation.config.dialect
-        self._replies: dict[tuple[str | None, ...], bytes] = {}
 
-    def handle(self, client: Client, line: str) -> Handled:
-        """Execute the command in a line."""
-        reading = len(line) // CHARACTERS_A_UNIT
-        try:
-            parsed = parse_command(line, self._dialect)
-        except MalformedMessage as error:
-            malformed = Diagnostic.of_malformed(line, error)
-            # A line in UTF-16, of a client of today that needs to be told.
-            if malformed.kind == f"malformed {Watch.verb}" or line[1:4:2] == "\0\0":
-                self.reply(client, CommandError(malformed.text))
-            return True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading
-        command = parsed.command
-        # The line stays where it is and all later ones of this client wait behind it:
-        # GETGEO often follows INIT in the same packet.
-        if isinstance(command, Init) and self.spawner.is_too_early(client):
-            return False, None, LIGHT_WORK + reading
-        row = COMMAND_TABLE[type(command)]
-        work = row.work(self, client, command) + reading
-        if isinstance(command, Init):
-            is_done, diagnostic = self.spawner.spawn(client, command)
-            if not is_done:
-                return False, None, work
-        else:
-            diagnostic = row.execute(self, client, command)
-        if diagnostic is not None and row.is_answered(command):
-            self.reply(client, CommandError(diagnostic.text))
-        if parsed.unsupported_keys:
-            fields = list_names(parsed.unsupported_keys)
-            unsupported = Diagnostic.of_unsupported(command.verb, f" with {fields}")
-            diagnostic = join_diagnostics(unsupported, diagnostic)
-        if parsed.unknown_keys:
-            work += SUGGESTION_WORK
-            unknown = Diagnostic.of_unknown_fields(parsed)
-            diagnostic = join_diagnostics(unknown, diagnostic)
-        return True, diagnostic, work
+def _changes_settings(command: SetItem) -> bool:
+    return command.opcode.upper() == SETTING
 
-    def reply(self, client: Client, report: Report) -> None:
-        """Add a reply to those that a client gets next."""
-        client.replies.append(to_bytes([report.encode(self._dialect)]))
 
-    def tell_starts(self, client: Client, question: GetStartPoses) -> None:
-        """Reply with the start poses."""
-        key = (question.verb,)
-        if key not in self._replies:
-            starts = self.simulation.scene.starts
-            poses = StartPoses(tuple((start.name, start.pose) for start in starts))
-            self._replies[key] = to_bytes([poses.encode(self._dialect)])
-        client.replies.append(self._replies[key])
+def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Drive a robot, as far as the command has what its drive needs."""
+    if command.value is not None and command.joint is not None:
+        order = LinkOrder(command.joint, None, command.value, command.order)
+        return move_links(vehicle, command.verb, [order])
+    left, right = command.left, command.right
+    normalized, light = command.normalized, command.light
+    vehicle.robot.drive(left, right, normalized=normalized, light=light)
+    if vehicle.model.flight is not None:
+        return _fly(vehicle, command)
+    return _roll(vehicle, command)
 
-    def describe(self, client: Client, question: Question) -> Diagnostic | None:
-        """Reply to a question; what is the same for all robots is encoded once."""
-        if question.robot is not None:
-            return self._describe_others(question.robot, client, question)
-        vehicle = find_robot(client, question.verb)
-        if isinstance(vehicle, Diagnostic):
-            return vehicle
-        key = self.reply_key(client, question)
-        line = self._replies.get(key)
-        if line is None:
-            report = _describe(vehicle, question)
-            if isinstance(report, Diagnostic):
-                return report
-            # Cleared as a whole: an order of use would cost more than the few replies
-            # that have to be built again.
-            line = to_bytes([report.encode(self._dialect)])
-            if len(self._replies) >= CACHED_REPLIES:
-                self._replies.clear()
-            if key:
-                self._replies[key] = line
-        client.replies.append(line)
+
+def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Steer a car, or tell what a robot on wheels misses in a command."""
+    robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
+    left, right = command.left, command.right
+    if is_car and command.speed is not None:
+        robot.steer(command.speed, command.front_steer, command.rear_steer)
         return None
+    steers = (command.front_steer, command.rear_steer) != (None, None)
+    sides = (left is not None) + (right is not None)
+    if is_car and (steers or sides):
+        text = f"DRIVE of {vehicle.model.name} without Speed, expected Speed"
+        return Diagnostic("no speed", f"{text}, FrontSteer and RearSteer")
+    if sides == 1:
+        missing = "Left" if left is None else "Right"
+        text = f"DRIVE without {missing}, expected Left and Right"
+        return Diagnostic("one side", f"{text}, or none of them")
+    # A client stops any robot with all speeds of all vehicles, but without angles.
+    if steers:
+        text = f"DRIVE with FrontSteer of {vehicle.model.name}, which is skid-steered"
+        return Diagnostic("steering", f"{text}, expected Left and Right")
+    return None
 
-    def _describe_others(
-        self, robot: str, client: Client, question: Question
-    ) -> Diagnostic | None:
-        """Reply to a question about the robots of a name, which others may drive."""
-        named = robots_named(self.simulation, robot)
-        if not named:
-            text = f"{question.verb} of robot {robot[:80]!r}, which is not there"
-            return Diagnostic("no robot", text)
-        for vehicle in named:
-            report = _describe(vehicle, question)
-            if isinstance(report, Diagnostic):
-                return report
-            line = report.encode(self._dialect)
-            self.watchers.tell(client, WatchedLine(vehicle.robot.name, line, report))
-        return None
 
-    def reply_key(
-        self, client: Client, question: Question | GetStartPoses
-    ) -> tuple[str | None, ...]:
-        """Return what a reply depends on; nothing if it is not kept."""
-        if isinstance(question, GetStartPoses):
-            return (question.verb,)
-        vehicle = client.vehicle
-        # A robot may have settings of its own. Cameras are zoomed, and change their
-        # places in pictures.
-        if vehicle is None or vehicle.config is not self.simulation.config:
-            return ()
-        if isinstance(question, GetConf) and question.type.casefold() == CAMERA.lower():
-            return ()
-        return question.verb, vehicle.model.name, question.type, question.name
+def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Fly a robot, which also takes the speeds of two sides, as if it had wheels."""
+    speeds = command.linear, command.lateral, command.altitude, command.rotational
+    vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
+    others = command.speed, command.front_steer, command.rear_steer
+    if speeds.count(None) == len(speeds) and others.count(None) < len(others):
+        text = f"DRIVE with Speed of {vehicle.model.name}, which flies, expected"
+        return Diagnostic("no speed", f"{text} AltitudeVelocity and LinearVelocity")
+    return None
 
-    def is_known(self, client: Client, question: Question | GetStartPoses) -> bool:
-        """Return whether the reply to a question has been encoded before."""
-        return self.reply_key(client, question) in self._replies
 
-    def watch(self, client: Client, command: Watch) -> Diagnostic | None:
-        """Let a client watch robots."""
-        if command.robots.names != () and not self.watchers.takes(client):
-            text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
-            return Diagnostic("watchers", text)
-        self.watchers.watch(client, command)
-        return None
+def _trace(simulation: Simulation, vehicle: Vehicle, command: Trace) -> None:
+    """Begin or end a trail."""
+    interval = round(100 * min(max(command.interval, 0.01), LONGEST_TRACE))
+    if command.is_on:
+        colour = TRACE_COLOURS[command.colour]
+        simulation.trails.begin(vehicle.robot, interval, colour)
+    else:
+        simulation.trails.end(vehicle.robot)
 
-    def control(self, client: Client, command: Control) -> Diagnostic | None:
-        """Create, move, remove or list crates."""
-        if not client.controls:
-            expected = f"expected INIT of {CONTROLLER}"
-            text = f"CONTROL by a client that is no controller, {expected}"
-            return Diagnostic("no controller", text)
-        states, problem = control(self.simulation, command, client.number)
-        if states is not None:
-            self.reply(client, states)
-        return problem
+
+def _tell_starts(host: Host, client: Client, question: GetStartPoses) -> None:
+    """Reply with the start poses."""
+    key = _reply_key(host, client, question)
+    if key not in host.known_replies:
+        starts = host.scene.starts
+        poses = StartPoses(tuple((start.name, start.pose) for start in starts))
+        host.known_replies[key] = to_bytes([poses.encode(host.config.dialect)])
+    client.replies.append(host.known_replies[key])
+
+
+def _answer(host: Host, client: Client, question: Question) -> Diagnostic | None:
+    """Reply to a question; what is the same for all robots is encoded once."""
+    if question.robot is not None:
+        return _answer_of_others(host, client, question)
+    vehicle = _find_robot(client, question.verb)
+    if isinstance(vehicle, Diagnostic):
+        return vehicle
+    key = _reply_key(host, client, question)
+    line = host.known_replies.get(key)
+    if line is None:
+        report = _describe(vehicle, question)
+        if isinstance(report, Diagnostic):
+            return report
+        # Cleared as a whole: an order of use would cost more than the few replies
+        # that have to be built again.
+        line = to_bytes([report.encode(host.config.dialect)])
+        if len(host.known_replies) >= CACHED_REPLIES:
+            host.known_replies.clear()
+        if key:
+            host.known_replies[key] = line
+    client.replies.append(line)
+    return None
+
+
+def _answer_of_others(
+    host: Host, client: Client, question: Question
+) -> Diagnostic | None:
+    """Reply to a question about the robots of a name, which others may drive."""
+    name = question.robot or ""
+    named = robots_named(host.simulation, name)
+    if not named:
+        text = f"{question.verb} of robot {name[:80]!r}, which is not there"
+        return Diagnostic("no robot", text)
+    for vehicle in named:
+        report = _describe(vehicle, question)
+        if isinstance(report, Diagnostic):
+            return report
+        line = report.encode(host.config.dialect)
+        host.watchers.tell(client, WatchedLine(vehicle.robot.name, line, report))
+    return None
+
+
+def _reply_key(
+    host: Host, client: Client, question: Question | GetStartPoses
+) -> tuple[str | None, ...]:
+    """Return what a reply depends on; nothing if it is not kept."""
+    if isinstance(question, GetStartPoses):
+        return (question.verb,)
+    vehicle = client.vehicle
+    # A robot may have settings of its own. Cameras are zoomed, and change their
+    # places in pictures.
+    if vehicle is None or vehicle.config is not host.simulation.config:
+        return ()
+    if isinstance(question, GetConf) and question.type.casefold() == CAMERA.lower():
+        return ()
+    return question.verb, vehicle.model.name, question.type, question.name
 
 
 def _describe(vehicle: Vehicle, question: Question) -> Report | Diagnostic:
@@ -227,113 +349,3 @@ def _describe(vehicle: Vehicle, question: Question) -> Report | Diagnostic:
         return report
     of_type = items_reporting(vehicle.model, item_type)
     return describe_missing(vehicle, question, of_type)
-
-
-def find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
-    """Return the robot of a client, or why it executes no commands."""
-    if client.vehicle is None:
-        text = f"{verb} without a robot, expected INIT"
-        return Diagnostic(f"{verb} without robot", text)
-    if not client.vehicle.alive:
-        text = f"{verb} with an empty battery, expected nothing"
-        return Diagnostic("battery", text)
-    return client.vehicle
-
-
-Execute: TypeAlias = "Callable[[CommandHandler, Client, Any], Diagnostic | None]"
-Work: TypeAlias = "Callable[[CommandHandler, Client, Any], int]"
-
-
-def _on_robot(
-    act: Callable[[Simulation, Vehicle, Any], Diagnostic | None],
-) -> Execute:
-    """Return what executes a command that needs a robot."""
-
-    def execute(
-        handler: CommandHandler, client: Client, command: Command
-    ) -> Diagnostic | None:
-        vehicle = find_robot(client, command.verb)
-        if isinstance(vehicle, Diagnostic):
-            return vehicle
-        return act(handler.simulation, vehicle, command)
-
-    return execute
-
-
-def _light(*_: object) -> int:
-    return LIGHT_WORK
-
-
-def _heavy(*_: object) -> int:
-    return HEAVY_WORK
-
-
-def _link_work(_: object, __: object, command: MovePackage | MultiDrive) -> int:
-    return HEAVY_WORK + len(command.orders) // 2
-
-
-def _set_work(_: object, __: object, command: SetItem) -> int:
-    return SETTING_WORK if _changes_settings(command) else HEAVY_WORK
-
-
-def _work_among_robots(handler: CommandHandler, *_: object) -> int:
-    return HEAVY_WORK + len(handler.spawner.clients_by_robot) // ROBOTS_A_UNIT
-
-
-def _control_work(handler: CommandHandler, _: object, command: Control) -> int:
-    is_of_all = command.action in (Action.GET_STATE, Action.KILL_ALL)
-    crates = len(handler.simulation.crates) if is_of_all else 2
-    return _work_among_robots(handler) + CRATE_WORK * crates
-
-
-def _question_work(
-    handler: CommandHandler, client: Client, question: Question | GetStartPoses
-) -> int:
-    if not isinstance(question, GetStartPoses) and question.robot is not None:
-        return _work_among_robots(handler)
-    # Clients ask for every item at the start, many of them at once: what is known
-    # already must not use up the work of a tick.
-    return LIGHT_WORK if handler.is_known(client, question) else HEAVY_WORK
-
-
-def _changes_settings(command: SetItem) -> bool:
-    return command.opcode.upper() == SETTING
-
-
-class Row(NamedTuple):
-    """How a type of commands is handled.
-
-    Attributes:
-        execute: Executes a command.
-        work: Returns the units of work that a command takes.
-        is_answered: Returns whether a client is told why a command had no effect. Only
-            clients of radarsim are: to all others an answer would be unknown.
-    """
-
-    execute: Execute
-    work: Work = _light
-    is_answered: Callable[[Any], bool] = lambda _: False
-
-
-COMMAND_TABLE: Final[Mapping[type[Command], Row]] = {
-    Init: Row(lambda *_: None, _heavy),  # by the spawner, in several ticks
-    Drive: Row(_on_robot(drive)),
-    MovePackage: Row(_on_robot(move_links), _link_work),
-    Act: Row(_on_robot(move_links), _link_work),
-    MultiDrive: Row(_on_robot(move_links), _link_work),
-    Trace: Row(_on_robot(trace)),
-    SetViewports: Row(_on_robot(set_viewports), _heavy),
-    SetItem: Row(_on_robot(set_items), _set_work, _changes_settings),
-    GetStartPoses: Row(CommandHandler.tell_starts, _question_work),
-    GetGeo: Row(CommandHandler.describe, _question_work, lambda q: q.robot is not None),
-    GetConf: Row(
-        CommandHandler.describe, _question_work, lambda q: q.robot is not None
-    ),
-    ShowCamera: Row(
-        lambda handler, _, command: show_camera(handler.simulation, command),
-        _work_among_robots,
-    ),
-    Control: Row(CommandHandler.control, _control_work),
-    Watch: Row(CommandHandler.watch, _work_among_robots, lambda _: True),
-    Unsupported: Row(lambda _, __, command: Diagnostic.of_unsupported(command.verb)),
-}

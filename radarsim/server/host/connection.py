@@ -22,12 +22,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import MalformedMessage, expected_one_of
-from radarsim.protocol.commands import COMMANDS, ParsedCommand
+from radarsim.protocol.commands import COMMANDS, Command
 from radarsim.protocol.message import LineBuffer, is_http_request
+from radarsim.protocol.reports import Report, to_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Generator
 
+    from radarsim.protocol.dialect import Dialect
     from radarsim.simulation.vehicle import Vehicle
 
 WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
@@ -174,6 +176,10 @@ class Client:
         if not self.speaks_http:
             self.pending.extend(lines)
 
+    def reply(self, report: Report, dialect: Dialect) -> None:
+        """Add a reply to those that the client gets next."""
+        self.replies.append(to_bytes([report.encode(dialect)]))
+
     @property
     def robot(self) -> Vehicle:
         """The client's robot, which has just reported."""
@@ -221,13 +227,11 @@ class Diagnostic:
         return cls(f"not supported {what}", f"not supported: {what}{details}")
 
     @classmethod
-    def of_unknown_fields(cls, parsed: ParsedCommand) -> Diagnostic:
-        """Describe the fields that a command does not have, of which there is one."""
-        verb, unknown = parsed.command.verb, parsed.unknown_keys[0]
-        keys = parsed.command.keys
-        none = f"{unknown[:80]!r}, expected none"
-        text = f"{verb} field {expected_one_of(unknown, keys) if keys else none}"
-        return cls(f"{verb} fields", text)
+    def of_unknown_field(cls, command: Command, key: str) -> Diagnostic:
+        """Describe a field that a command does not have."""
+        verb, keys = command.verb, command.keys
+        wanted = expected_one_of(key, keys) if keys else f"{key[:80]!r}, expected none"
+        return cls(f"{verb} fields", f"{verb} field {wanted}")
 
 
 def join_diagnostics(

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import expected_one_of, list_names
 from radarsim.geometry import Pose3
-from radarsim.protocol.control import (
-    CRATE,
-    LARGEST_PLACE,
-    Action,
-    Control,
-    CrateStates,
-)
+from radarsim.protocol.commands import CONTROLLER, LARGEST_PLACE, Action, Control
+from radarsim.protocol.message import Triple
+from radarsim.protocol.reports import CrateStates
 from radarsim.scene.scene import LARGEST, MOST_CRATES, SMALLEST, Crate
-from radarsim.server.host.connection import Diagnostic
+from radarsim.server.host.connection import Client, Diagnostic
+from radarsim.simulation.crates import CRATE
 
 if TYPE_CHECKING:
     from radarsim.simulation.crates import Crates, PlacedCrate
@@ -25,51 +22,51 @@ MAX_CRATE_NAME: Final = 64  # characters
 
 
 def control(
-    simulation: Simulation, command: Control, owner: int
-) -> tuple[CrateStates | None, Diagnostic | None]:
-    """Execute a command of a world controller.
-
-    Args:
-        simulation: What it acts on.
-        command: The command.
-        owner: Number of the client, with which its crates leave.
-
-    Returns:
-        The answer, if there is one, and why the command had no effect, if it had none.
-    """
-    crates = simulation.crates
+    simulation: Simulation, client: Client, command: Control
+) -> Diagnostic | None:
+    """Create, move, remove or list crates; those of a client leave with it."""
+    if not client.controls:
+        expected = f"expected INIT of {CONTROLLER}"
+        text = f"CONTROL by a client that is no controller, {expected}"
+        return Diagnostic("no controller", text)
+    crates, problem = simulation.crates, None
     match command.action:
         case Action.GET_STATE:
-            return _states(crates, command), None
+            if states := _states(crates, command):
+                client.reply(CrateStates(states), simulation.config.dialect)
         case Action.CREATE:
-            return None, _create(simulation, command, owner)
+            problem = _create(simulation, command, client.number)
         case Action.KILL_ALL:
             for placed in crates:
                 if placed.owner is not None and _is_within(placed, command):
                     crates.remove(placed)
-            return None, None
-        case _:  # the others are about one crate
-            pass
-    placed_or_none = crates.find(_name_of(command))
-    if placed_or_none is None:
+        case _:
+            problem = _change(crates, command)
+    return problem
+
+
+def _change(crates: Crates, command: Control) -> Diagnostic | None:
+    """Move or remove one crate."""
+    placed = crates.find(_name_of(command))
+    if placed is None:
         names = [each.crate.name for each in crates]
         wanted = expected_one_of(command.name or "", names)
-        return None, Diagnostic("crate", f"CONTROL {command.action} of {wanted}")
+        return Diagnostic("crate", f"CONTROL {command.action} of {wanted}")
     if command.action is Action.KILL:
-        crates.remove(placed_or_none)
-        return None, None
-    return None, _move(crates, placed_or_none, command)
+        crates.remove(placed)
+        return None
+    return _move(crates, placed, command)
 
 
 def _name_of(command: Control) -> str:
     return (command.name or "")[:MAX_CRATE_NAME]
 
 
-def _states(crates: Crates, command: Control) -> CrateStates | None:
-    """Return where crates are; None if there are none, as no line is empty."""
+def _states(crates: Crates, command: Control) -> tuple[tuple[str, Triple, Pose3], ...]:
+    """Return name, size and pose of each crate."""
     wanted = _name_of(command).casefold()
     is_of_class = (command.class_name or CRATE).casefold() == CRATE.casefold()
-    states = tuple(
+    return tuple(
         (
             placed.crate.name,
             placed.crate.size,
@@ -78,7 +75,6 @@ def _states(crates: Crates, command: Control) -> CrateStates | None:
         for placed in crates
         if is_of_class and wanted in ("", placed.crate.name.casefold())
     )
-    return CrateStates(states) if states else None
 
 
 def _create(simulation: Simulation, command: Control, owner: int) -> Diagnostic | None:

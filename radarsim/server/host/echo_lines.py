@@ -6,8 +6,9 @@ echoes of a scan by object, and another one writes all its lines.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import astuple
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -48,19 +49,9 @@ def describe_target(
         found = echoes.scene_parts[part]
         target = Target.of(found.object_name, found.material, echoes.settings)
     nothing = np.zeros(0)
-    return TargetEchoes(
-        object=target.object,
-        material=target.material,
-        density=target.density,
-        transparency=target.transparency,
-        laser_passes=target.laser_passes,
-        robot_passes=target.robot_passes,
-        beams=nothing.astype(np.int64),
-        ranges=nothing,
-        kinds=(),
-        power=nothing,
-        strength=nothing,
-    )
+    beams = nothing.astype(np.int64)
+    own: tuple[Any, ...] = (*astuple(target), beams, nothing, (), nothing, nothing)
+    return TargetEchoes(*own)
 
 
 @lru_cache

@@ -41,10 +41,10 @@ from typing import TYPE_CHECKING
 
 from radarsim.protocol.commands import Init
 from radarsim.protocol.line_template import encode_blocks
-from radarsim.protocol.reports import Greeting, to_bytes
+from radarsim.protocol.reports import Greeting
 from radarsim.protocol.watch import CommandError
 from radarsim.scene.scene import Scene
-from radarsim.server.host.commands import LIGHT_WORK, CommandHandler, Handled
+from radarsim.server.host.commands import LIGHT_WORK, Handled, handle
 from radarsim.server.host.connection import Client, Diagnostic
 from radarsim.server.host.echo_lines import EchoWriter
 from radarsim.server.host.spawning import SPAWNS_PER_TICK, Spawner
@@ -100,7 +100,14 @@ class HostObserver:
 
 
 class Host:
-    """A server without its sockets."""
+    """A server without its sockets.
+
+    Attributes:
+        simulation: The simulation that commands act on.
+        spawner: Spawns the robots of clients.
+        watchers: The clients that watch robots.
+        known_replies: Lines of replies by what they depend on, which are kept.
+    """
 
     def __init__(
         self,
@@ -129,7 +136,6 @@ class Host:
             raise TypeError(f"config {config!r:.80}, expected a SimulationConfig")
         config.check()
         self.simulation = Simulation(scene, config=config, seed=seed)
-        self._dialect = config.dialect
         self._clients: dict[int, Client] = {}
         self._last_number = 0
         self._observers: list[HostObserver] = []
@@ -138,9 +144,9 @@ class Host:
         self._spent: set[int] = set()  # have used up some of their commands
         self._replying: set[int] = set()  # have replies that wait for the next tick
         self._unsent: set[int] = set()  # have bytes that are to be sent
-        self._watchers = Watchers(config.dialect, self._unsent)
-        self._spawner = Spawner(self.simulation, self._watchers)
-        self._commands = CommandHandler(self._spawner, self._watchers)
+        self.watchers = Watchers(config.dialect, self._unsent)
+        self.spawner = Spawner(self.simulation, self.watchers)
+        self.known_replies: dict[tuple[str | None, ...], bytes] = {}
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
         self._echo_writer = EchoWriter(lambda: self.simulation.body_names)
         self._last_served = 0  # number of the client whose waiting command was last
@@ -175,8 +181,7 @@ class Host:
         self._last_number += 1
         client = Client(self._last_number, address, command_budget=COMMANDS_PER_TICK)
         self._clients[client.number] = client
-        greeting = Greeting(self.scene.level)
-        client.replies.append(to_bytes([greeting.encode(self._dialect)]))
+        client.reply(Greeting(self.scene.level), self.config.dialect)
         self._queue_replies(client)
         for observer in self._observers:
             observer.connect(client.number)
@@ -185,8 +190,8 @@ class Host:
     def disconnect(self, number: int) -> None:
         """Remove a client and its robot."""
         client = self._clients.pop(number)
-        self._watchers.remove(client)
-        self._spawner.remove(client)
+        self.watchers.remove(client)
+        self.spawner.remove(client)
         for numbers in (self._waiting, self._spent, self._replying, self._unsent):
             numbers.discard(number)
         for observer in self._observers:
@@ -270,13 +275,13 @@ class Host:
             self._clients[number].command_budget = COMMANDS_PER_TICK
         self._spent.clear()
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
-        self._spawner.begin_tick()
+        self.spawner.begin_tick()
         diagnostics = self._handle_waiting()
         # Motion first: a client reads the pose at the end of the tick, with what it
         # commanded before it.
         if passes:
             self.simulation.step()
-            self._watchers.tell_time(self.simulation.time)
+            self.watchers.tell_time(self.simulation.time)
             self._queue_outputs(self.simulation.collect_reports())
             self._remove_failed()
         # Robots that reported have got theirs already, within the write of their tick.
@@ -349,7 +354,7 @@ class Host:
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute commands that have waited, in turns, one of each client."""
         # Of those that wait to spawn, only the first can have their turn.
-        to_spawn = self._spawner.queue
+        to_spawn = self.spawner.queue
         waiting = sorted(self._waiting - to_spawn.keys())
         # Begin after the client that was served last. Otherwise clients with low
         # numbers would use up the work of each tick.
@@ -373,7 +378,7 @@ class Host:
 
     def _handle_next(self, client: Client) -> Handled:
         try:
-            handled = self._commands.handle(client, client.pending[0])
+            handled = handle(self, client, client.pending[0])
         except Exception as error:  # noqa: BLE001 - see rule 1
             self._fail(client, error)
             return True, None, LIGHT_WORK
@@ -393,9 +398,9 @@ class Host:
         errors = self.simulation.faults.errors
         while errors:
             number, error = errors.popitem()
-            if number not in self._spawner.clients_by_robot:
+            if number not in self.spawner.clients_by_robot:
                 raise error  # whoever has spawned this robot is no client
-            self._fail(self._spawner.clients_by_robot[number], error)
+            self._fail(self.spawner.clients_by_robot[number], error)
 
     def _fail(self, client: Client, error: Exception) -> None:
         """Remove the robot of a client, which is told why."""
@@ -404,15 +409,14 @@ class Host:
         error.add_note(f"of client {client.number}, robot {name!r}")
         client.fault = error
         client.pending.clear()
-        self._spawner.remove(client)
-        line = CommandError(f"{text}: {error!r:.200}").encode(self._dialect)
-        client.replies.append(to_bytes([line]))
+        self.spawner.remove(client)
+        client.reply(CommandError(f"{text}: {error!r:.200}"), self.config.dialect)
         self._put_replies(client)
 
     def _queue_replies(self, client: Client) -> None:
         replies = self._put_replies(client)
-        if client.vehicle is not None and client.vehicle in self._watchers:
-            self._watchers.copy(client.vehicle, b"".join(replies))
+        if client.vehicle is not None and client.vehicle in self.watchers:
+            self.watchers.copy(client.vehicle, b"".join(replies))
 
     def _put_replies(self, client: Client) -> list[bytes]:
         """Queue replies for a client alone, and return them."""
@@ -427,7 +431,7 @@ class Host:
         """Queue what robots report in a tick; all lines are encoded together."""
         if not outputs:  # as in nine of ten ticks of a lone robot
             return
-        robots = self._spawner.clients_by_robot  # others may have been spawned
+        robots = self.spawner.clients_by_robot  # others may have been spawned
         heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
         blocks = [
             (
@@ -460,7 +464,7 @@ class Host:
             if scan.is_requested:
                 requested += its_lines
         put, vehicle = client.send_queue.put_readings, client.robot
-        is_watched = vehicle in self._watchers
+        is_watched = vehicle in self.watchers
         if client.replies or shown:
             # Lines are cut apart only where something comes between them (rule 2).
             each = lines.splitlines(keepends=True)
@@ -473,11 +477,11 @@ class Host:
             if is_watched:
                 before = status + replies + readings
                 own, others = (before + x + scans for x in (requested, shown))
-                self._watchers.copy(vehicle, own, others)
+                self.watchers.copy(vehicle, own, others)
         else:
             put(lines)
             if is_watched:
-                self._watchers.copy(vehicle, lines)
+                self.watchers.copy(vehicle, lines)
         if client.send_queue:
             self._unsent.add(client.number)
 

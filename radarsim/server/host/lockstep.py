@@ -14,6 +14,29 @@ from radarsim.simulation.clock import TICK
 MOST_DIAGNOSTICS: Final = 10  # that are kept
 
 
+def receive_stepwise(
+    take: Callable[[], bytes], step: Callable[[], None], timeout: float
+) -> bytes:
+    """Advance simulated time until there is data, and return the data.
+
+    Args:
+        take: Returns what has come, which may be nothing.
+        step: Lets a tick pass.
+        timeout: Longest simulated wait, s.
+
+    Raises:
+        TimeoutError: If no data has come by then.
+    """
+    # Ticks are counted, not summed up: 0.1 s is ten of them, whatever floats say.
+    for _ in range(max(1, round(timeout / TICK))):
+        if data := take():
+            return data
+        step()
+    if data := take():
+        return data
+    raise TimeoutError(f"nothing came within {timeout:g} s of simulated time")
+
+
 class InProcessTransport:
     """A client's connection to a host in the same process.
 
@@ -63,19 +86,15 @@ class InProcessTransport:
             Exception: The error of a robot, which only a bug can cause.
         """
         self._require_open()
-        data = self.host.take(self.number)
-        # Ticks are counted, not summed up: 0.1 s is ten of them, whatever floats say.
-        for _ in range(max(1, round(timeout / TICK))):
-            if data:
-                return data
-            waited = self.host.step()
-            self.host.raise_fault()
-            self._note([found for number, found in waited if number == self.number])
-            self._after_tick()
-            data = self.host.take(self.number)
-        if data:
-            return data
-        raise TimeoutError(f"nothing came within {timeout:g} s of simulated time")
+        return receive_stepwise(
+            lambda: self.host.take(self.number), self._step, timeout
+        )
+
+    def _step(self) -> None:
+        waited = self.host.step()
+        self.host.raise_fault()
+        self._note([found for number, found in waited if number == self.number])
+        self._after_tick()
 
     def close(self) -> None:
         """Disconnect, which removes the client's robot."""

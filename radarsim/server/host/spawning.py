@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import PresetError, expected_one_of, list_names
 from radarsim.geometry import Pose2
-from radarsim.protocol.control import CONTROLLER
+from radarsim.protocol.commands import CONTROLLER
 from radarsim.server.host.connection import Client, Diagnostic, join_diagnostics
 
 if TYPE_CHECKING:

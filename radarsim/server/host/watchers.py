@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from radarsim.protocol.commands import Watch
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import Report, to_bytes
 from radarsim.protocol.watch import (
     ClockTick,
     RobotJoined,
     RobotLeft,
-    Watch,
     Watching,
     see_head,
 )
-from radarsim.server.host.connection import Client
+from radarsim.server.host.connection import Client, Diagnostic
 
 if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
@@ -48,20 +48,20 @@ class Watchers:
     def __contains__(self, vehicle: Vehicle) -> bool:
         return vehicle.number in self._audiences
 
-    def takes(self, client: Client) -> bool:
-        """Return whether a client watches already, or there are not too many others."""
-        return client.number in self._watches or len(self._watches) < MAX_WATCHERS
-
-    def watch(self, client: Client, watch: Watch) -> None:
-        """Let a client watch robots instead of those that it has watched."""
+    def watch(self, client: Client, watch: Watch) -> Diagnostic | None:
+        """Let a client watch robots instead of others; return why it may not."""
+        is_end = watch.robots.names == ()  # of watching
+        is_full = len(self._watches) >= MAX_WATCHERS
+        if is_full and client.number not in self._watches and not is_end:
+            text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
+            return Diagnostic("watchers", text)
         self.remove(client)
         self.tell(client, Watching(watch.robots, watch.echoes))
-        # Nobody: such a command ends watching, and has been answered.
-        if watch.robots.names == ():
-            return
-        self._watches[client.number] = client, watch
-        for vehicle in self._robots.values():
-            self._join(client, watch, vehicle)
+        if not is_end:
+            self._watches[client.number] = client, watch
+            for vehicle in self._robots.values():
+                self._join(client, watch, vehicle)
+        return None
 
     def remove(self, client: Client) -> None:
         """Let a client watch no robots."""

@@ -65,7 +65,7 @@ class FaultyTransport:
     def send(self, data: bytes) -> None:
         if self.fault == "drops" and self.is_faulty:
             raise ConnectionError("the server closed the connection")
-        command = parse_command(data.decode().strip(), COMPAT).command
+        command = parse_command(data.decode().strip(), COMPAT)[0]
         if isinstance(command, Drive):
             self.drive_commands.append((self.time(), command))
         if not (self.ignores_drive and isinstance(command, Drive)):

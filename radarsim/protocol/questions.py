@@ -1,9 +1,14 @@
-"""Wireless servers (WSS): how well robots hear each other, and the lines about it.
+"""Questions about all robots, on ports of their own, and the model of wireless signals.
 
-Such a server is between the robots and their operators. As a program of its own, it
-asks on a port of the simulator with ``GETPOS`` where all robots are, and with
-``GETOBS`` how many obstacles are between two robots, or between two places. Robots and
-operators ask it for ports to each other.
+**USARTruth** tells where robots are. A client asks with a line such as ``{Class
+USARBot.P3AT} {Name R1}``; each field limits the answer, and ``{Actors}`` or a blank
+line does not. The answer is a line for each robot and each victim, and ``{End}``.
+
+**Wireless servers** (WSS) are between the robots and their operators, and know how well
+they hear each other. As a program of its own, such a server asks on a port of the
+simulator with ``GETPOS`` where all robots are, and with ``GETOBS`` how many obstacles
+are between two robots, or between two places. Robots and operators ask it for ports to
+each other.
 
 Source of lines and model: USARSim for UDK (repository hrnr/robocup-usarsim),
 ``USARBotAPI/classes/ComServerInterface.uc`` and ``ComServerNewCon.uc``; its WSS
@@ -11,18 +16,27 @@ Source of lines and model: USARSim for UDK (repository hrnr/robocup-usarsim),
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 from radarsim.errors import MalformedMessage
+from radarsim.geometry import Pose3
+from radarsim.protocol.commands import bare_class
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.line_template import WRAPPED, printable_name
 from radarsim.protocol.message import (
     Message,
     Triple,
     decode_message,
     parse_flipped,
+    parse_segments,
 )
+
+VICTIM: Final = "Victim"
+# Classes of the original without their packages: of all, and of the robots.
+_ALL: Final = frozenset(("", "actor", "pawn"))
+_ROBOTS: Final = frozenset(("basevehicle", "usarvehicle"))
+END: Final = b"{End}\r\n"
 
 UNKNOWN: Final = -1.0  # number of obstacles from a robot that is not there
 POWER_AT_REFERENCE: Final = -49.67  # dBm
@@ -31,6 +45,38 @@ EXPONENT: Final = 1.0  # of the loss with distance
 LOSS_AN_OBSTACLE: Final = 6.325  # dB
 CUTOFF: Final = -93.0  # dBm; below it nobody hears
 LARGEST_PORT: Final = 65_535
+
+
+def answer_truth(
+    line: str, actors: Iterable[tuple[str, str, Pose3]], time: float, dialect: Dialect
+) -> bytes:
+    """Return the lines for those of some actors that a question asks for, and the end.
+
+    Args:
+        line: The question.
+        actors: Name and class of each robot and victim, ``VICTIM`` of the latter, and
+            the pose of its body, map frame.
+        time: Simulated time, s.
+        dialect: Formats of numbers.
+    """
+    try:
+        message = Message("TRUTH", parse_segments(line, keeps_closed=True))
+    except MalformedMessage:
+        return END
+    wanted = bare_class(message.get("Class") or "").lower()
+    join, text = dialect.ins.join_flipped, ""
+    for name, class_name, pose in actors:
+        is_robot = wanted in _ROBOTS and class_name != VICTIM
+        is_of_class = wanted in _ALL or is_robot or wanted == class_name.lower()
+        if is_of_class and message.name in ("", name):
+            numbers = pose.numbers()
+            text += (
+                f"{{Name {printable_name(name)}}} {{Class {class_name}}}"
+                f" {{Time {dialect.time.format(time)}}}"
+                f" {{Location {join(numbers[:3])}}}"
+                f" {{Rotation {join(numbers[3:], WRAPPED)}}}\r\n"
+            )
+    return text.encode("ascii") + END
 
 
 def answer_wireless(

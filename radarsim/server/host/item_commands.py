@@ -1,4 +1,4 @@
-"""Commands to a client's robot, and to the cameras that viewers of pictures see.
+"""Commands to what a robot carries, and to the cameras that viewers of pictures see.
 
 Each function executes one type of command, and returns why it had no effect, or not the
 one that was asked for.
@@ -12,17 +12,12 @@ from typing import TYPE_CHECKING, Final
 from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list_names
 from radarsim.presets.sensors import parse_settings
 from radarsim.protocol.commands import (
-    TRACE_COLOURS,
     UNSUPPORTED_TYPES,
-    Drive,
     GetConf,
     GetGeo,
-    MovePackage,
-    MultiDrive,
     SetItem,
     SetViewports,
     ShowCamera,
-    Trace,
     parse_pose,
     parse_switch,
 )
@@ -43,69 +38,15 @@ SETTING: Final = "SETTING"
 SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
 CAMERA_OPCODES: Final = ("ZOOM", "FOV")
 OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES, *CAMERA_OPCODES)
-LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
 DISABLE: Final = "disable"  # for a viewport without a camera
 MOST_SHOWN: Final = 64  # machines whose viewers see a camera of somebody's choice
 
 
-def drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Drive a robot, as far as the command has what its drive needs."""
-    if command.value is not None and command.joint is not None:
-        order = LinkOrder(command.joint, None, command.value, command.order)
-        return _move(vehicle, command.verb, [order])
-    left, right = command.left, command.right
-    normalized, light = command.normalized, command.light
-    vehicle.robot.drive(left, right, normalized=normalized, light=light)
-    if vehicle.model.flight is not None:
-        return _fly(vehicle, command)
-    return _roll(vehicle, command)
-
-
-def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Steer a car, or tell what a robot on wheels misses in a command."""
-    robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
-    left, right = command.left, command.right
-    if is_car and command.speed is not None:
-        robot.steer(command.speed, command.front_steer, command.rear_steer)
-        return None
-    steers = (command.front_steer, command.rear_steer) != (None, None)
-    sides = (left is not None) + (right is not None)
-    if is_car and (steers or sides):
-        text = f"DRIVE of {vehicle.model.name} without Speed, expected Speed"
-        return Diagnostic("no speed", f"{text}, FrontSteer and RearSteer")
-    if sides == 1:
-        missing = "Left" if left is None else "Right"
-        text = f"DRIVE without {missing}, expected Left and Right"
-        return Diagnostic("one side", f"{text}, or none of them")
-    # A client stops any robot with all speeds of all vehicles, but without angles.
-    if steers:
-        text = f"DRIVE with FrontSteer of {vehicle.model.name}, which is skid-steered"
-        return Diagnostic("steering", f"{text}, expected Left and Right")
-    return None
-
-
-def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Fly a robot, which also takes the speeds of two sides, as if it had wheels."""
-    speeds = command.linear, command.lateral, command.altitude, command.rotational
-    vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
-    others = command.speed, command.front_steer, command.rear_steer
-    if speeds.count(None) == len(speeds) and others.count(None) < len(others):
-        text = f"DRIVE with Speed of {vehicle.model.name}, which flies, expected"
-        return Diagnostic("no speed", f"{text} AltitudeVelocity and LinearVelocity")
-    return None
-
-
 def move_links(
-    _: Simulation, vehicle: Vehicle, command: MovePackage | MultiDrive
-) -> Diagnostic | None:
-    """Move those links that the robot has."""
-    return _move(vehicle, command.verb, command.orders)
-
-
-def _move(
     vehicle: Vehicle, verb: str, orders: Sequence[LinkOrder]
 ) -> Diagnostic | None:
+    """Move those links that the robot has."""
     missing = [
         order.name if order.link is None else f"{order.name} {order.link}"
         for order in orders
@@ -121,16 +62,6 @@ def _move(
     known += [link.name for item in packages for link in item.links if link.name]
     text = f"{verb} of {list_names(missing)[:80]}, which {model.name} does not have"
     return Diagnostic("link", f"{text}, expected one of {known}")
-
-
-def trace(simulation: Simulation, vehicle: Vehicle, command: Trace) -> None:
-    """Begin or end a trail."""
-    interval = round(100 * min(max(command.interval, 0.01), LONGEST_TRACE))
-    if command.is_on:
-        colour = TRACE_COLOURS[command.colour]
-        simulation.trails.begin(vehicle.robot, interval, colour)
-    else:
-        simulation.trails.end(vehicle.robot)
 
 
 def set_items(
@@ -174,7 +105,7 @@ def _set_joint(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
     except MalformedMessage as error:
         return Diagnostic("malformed Angle", f"SET {command.opcode}: {error}")
     order = LinkOrder(command.name or "", None, angle)
-    return _move(vehicle, SetItem.verb, [order])
+    return move_links(vehicle, SetItem.verb, [order])
 
 
 def _apply_opcode(
@@ -231,9 +162,7 @@ def describe_missing(
     return Diagnostic("item type", text)
 
 
-def set_viewports(
-    _: Simulation, vehicle: Vehicle, command: SetViewports
-) -> Diagnostic | None:
+def set_viewports(vehicle: Vehicle, command: SetViewports) -> Diagnostic | None:
     """Show other cameras in pictures; what the robot does not have changes nothing."""
     names = {camera.name.casefold(): camera.name for camera in vehicle.cameras}
     chosen = list(vehicle.viewports)

@@ -1,0 +1,406 @@
+"""A client that blocks the calling thread, and one for an event loop.
+
+Their methods are the requests of ``Requests``, which each of them runs in its way.
+"""
+
+import asyncio
+import threading
+from collections.abc import (
+    AsyncIterator,
+    Awaitable,
+    Callable,
+    Coroutine,
+    Generator,
+    Iterator,
+)
+from contextlib import closing, suppress
+from functools import wraps
+from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar
+
+from radarsim.client.requests import Exchange, Requests
+from radarsim.client.session import Session, check_timeout
+from radarsim.client.transport import (
+    CHUNK,
+    CLOSED,
+    SHORTEST_WAIT,
+    STUCK,
+    SocketTransport,
+    Transport,
+    lost,
+    no_server,
+)
+from radarsim.errors import ClientError
+from radarsim.protocol.reports import Report
+
+Value = TypeVar("Value")
+Arguments = ParamSpec("Arguments")
+AnyReport = TypeVar("AnyReport", bound=Report)
+AnyClient = TypeVar("AnyClient", bound="AsyncClient")
+
+
+class _Connected:
+    """What both clients know of their connection."""
+
+    _requests: Requests
+
+    @property
+    def session(self) -> Session:
+        """State of the connection: latest time stamp, latest scans, skipped lines."""
+        return self._requests.session
+
+    def newest(self, kind: type[AnyReport]) -> AnyReport | None:
+        """Return the newest report of a class that has come, read or not.
+
+        It waits for nothing: call it beside a loop over the client or other calls that
+        wait. None before the first one, and after a spawn.
+        """
+        report = self.session.newest.get(kind)
+        return report if isinstance(report, kind) else None
+
+
+def _blocking(
+    request: Callable[Concatenate[Requests, Arguments], Exchange[Value]],
+) -> Callable[Concatenate["Client", Arguments], Value]:
+    """Return the method of a blocking client that runs a request."""
+
+    @wraps(request)
+    def call(
+        client: "Client", /, *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Value:
+        return client._run(request(client._requests, *args, **kwargs))
+
+    return call
+
+
+def _awaited(
+    request: Callable[Concatenate[Requests, Arguments], Exchange[Value]],
+) -> Callable[Concatenate["AsyncClient", Arguments], Coroutine[Any, Any, Value]]:
+    """Return the method of an asynchronous client that runs a request."""
+
+    @wraps(request)
+    async def call(
+        client: "AsyncClient", /, *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Value:
+        return await client._run(request(client._requests, *args, **kwargs))
+
+    return call
+
+
+class Client(_Connected):
+    """One connection to a server and its robot there.
+
+    Every call that waits raises ``ClientTimeout`` when its time is up and
+    ``ClientError`` when the connection is lost. Both name what was expected and the
+    last line that was received. While one thread waits for reports, others may call as
+    well; each gets what it waits for.
+
+    Attributes:
+        transport: Connection to the server; its clock is the only one that is used.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        timeout: float = 5.0,
+    ) -> None:
+        """Use a transport, which the client closes.
+
+        Args:
+            transport: Open connection.
+            timeout: Default timeout of every call, s of the transport's clock.
+
+        Raises:
+            ValueError: If the timeout is not above 0.
+        """
+        self.transport = transport
+        self._requests = Requests(
+            transport.time,
+            timeout=timeout,
+            # Why commands had no effect, which some transports know.
+            diagnostics=getattr(transport, "diagnostics", None),
+        )
+        self._condition = threading.Condition()
+        self._is_receiving = False
+        self._closed = threading.Event()
+
+    @classmethod
+    def connect(
+        cls, host: str = "127.0.0.1", port: int = 3000, *, timeout: float = 5.0
+    ) -> Self:
+        """Connect over TCP.
+
+        Args:
+            host: Name or address.
+            port: TCP port.
+            timeout: Timeout of the connection attempt and default of every call, s.
+
+        Raises:
+            ClientError: If the connection cannot be opened.
+            ValueError: If the timeout is not above 0.
+        """
+        return cls(SocketTransport(host, port, timeout=timeout), timeout=timeout)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    greeting = _blocking(Requests.greeting)
+    start_poses = _blocking(Requests.start_poses)
+    spawn = _blocking(Requests.spawn)
+    geometry = _blocking(Requests.geometry)
+    configuration = _blocking(Requests.configuration)
+    robot_info = _blocking(Requests.robot_info)
+    echoes = _blocking(Requests.echoes)
+    targets = _blocking(Requests.targets)
+    watch = _blocking(Requests.watch)
+    change_settings = _blocking(Requests.change_settings)
+    set_item = _blocking(Requests.set_item)
+    send = _blocking(Requests.send)
+    drive = _blocking(Requests.drive)
+    stop = _blocking(Requests.stop)
+    read = _blocking(Requests.read)
+    wait_for = _blocking(Requests.wait_for)
+
+    def __iter__(self) -> Iterator[Report]:
+        """Yield the reports one after the other, until the client is closed.
+
+        Those that are left when a loop ends can be read by other calls.
+
+        Raises:
+            ClientError: If the connection is lost, or no report comes within the
+                default timeout.
+        """
+        while not self._closed.is_set():
+            try:
+                report = self._run(self._requests.next_report())
+            except ClientError:
+                if self._closed.is_set():  # by another thread
+                    return
+                raise
+            yield report
+
+    def close(self) -> None:
+        """Stop the robot if possible and close the connection; never raise.
+
+        Calls of other threads that wait raise ``ClientError``.
+        """
+        self._closed.set()
+        if self._requests.has_robot:
+            self.stop()
+            self._requests.has_robot = False
+        self.transport.close()
+
+    def _run(self, exchange: Exchange[Value]) -> Value:
+        """Run an exchange over the transport and return its result."""
+        with self._condition, closing(exchange):
+            try:
+                step = next(exchange)
+                while True:
+                    try:
+                        if isinstance(step, bytes):
+                            self.transport.send(step)
+                        else:
+                            self._receive(step)
+                    except (TimeoutError, ConnectionError) as error:
+                        # Only the exchange knows what was expected, so it words the
+                        # error.
+                        step = exchange.throw(error)
+                    else:
+                        step = next(exchange)
+            except StopIteration as end:
+                value: Value = end.value
+                return value
+
+    def _receive(self, timeout: float) -> None:
+        """Receive, or wait for the thread that does; others may call meanwhile."""
+        if self._is_receiving:
+            self._condition.wait(timeout)
+            return
+        self._is_receiving = True
+        self._condition.release()
+        try:
+            data = self.transport.receive(timeout)
+        finally:
+            self._condition.acquire()
+            self._is_receiving = False
+            self._condition.notify_all()
+        self._requests.receive(data)
+
+
+class Connecting(Generic[AnyClient]):
+    """A connection that is opened when it is awaited or entered."""
+
+    def __init__(self, connect: Callable[[], Awaitable[AnyClient]]) -> None:
+        self._connect = connect
+        self._client: AnyClient | None = None
+
+    def __await__(self) -> Generator[Any, None, AnyClient]:
+        return self._connect().__await__()
+
+    async def __aenter__(self) -> AnyClient:
+        self._client = await self._connect()
+        return self._client
+
+    async def __aexit__(self, *_: object) -> None:
+        assert self._client is not None
+        await self._client.close()
+
+
+class AsyncClient(_Connected):
+    """The methods of ``Client`` as coroutines.
+
+    While one task waits for reports, others may call as well; each gets what it waits
+    for.
+    """
+
+    def __init__(
+        self,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        *,
+        timeout: float = 5.0,
+    ) -> None:
+        """Use the streams of a connection, which the client closes.
+
+        Args:
+            reader: Reader of the connection.
+            writer: Writer of the connection.
+            timeout: Default timeout of every call, also of sending, s of the loop's
+                clock.
+
+        Raises:
+            ValueError: If the timeout is not above 0.
+        """
+        self._reader = reader
+        self._writer = writer
+        loop = asyncio.get_running_loop()
+        self._requests = Requests(loop.time, timeout=timeout)
+        self._reading: asyncio.Event | None = None  # set when a read has ended
+
+    @classmethod
+    def connect(
+        cls, host: str = "127.0.0.1", port: int = 3000, *, timeout: float = 5.0
+    ) -> "Connecting[Self]":
+        """Connect over TCP; arguments and errors as in ``Client.connect``.
+
+        The client is what ``await`` returns, and what ``async with`` enters.
+        """
+        return Connecting(lambda: cls._open(host, port, timeout))
+
+    @classmethod
+    async def _open(cls, host: str, port: int, timeout: float) -> Self:  # noqa: ASYNC109
+        check_timeout(timeout)
+        try:
+            async with asyncio.timeout(timeout):
+                reader, writer = await asyncio.open_connection(host, port)
+        except (OSError, UnicodeError) as error:
+            raise no_server(host, port, error) from None
+        return cls(reader, writer, timeout=timeout)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    greeting = _awaited(Requests.greeting)
+    start_poses = _awaited(Requests.start_poses)
+    spawn = _awaited(Requests.spawn)
+    geometry = _awaited(Requests.geometry)
+    configuration = _awaited(Requests.configuration)
+    robot_info = _awaited(Requests.robot_info)
+    echoes = _awaited(Requests.echoes)
+    targets = _awaited(Requests.targets)
+    watch = _awaited(Requests.watch)
+    change_settings = _awaited(Requests.change_settings)
+    set_item = _awaited(Requests.set_item)
+    send = _awaited(Requests.send)
+    drive = _awaited(Requests.drive)
+    stop = _awaited(Requests.stop)
+    read = _awaited(Requests.read)
+    wait_for = _awaited(Requests.wait_for)
+
+    async def __aiter__(self) -> AsyncIterator[Report]:
+        """See ``Client.__iter__``."""
+        while not self._writer.is_closing():
+            try:
+                report = await self._run(self._requests.next_report())
+            except ClientError:
+                if self._writer.is_closing():  # by another task
+                    return
+                raise
+            yield report
+
+    async def close(self) -> None:
+        """See ``Client.close``."""
+        if self._requests.has_robot:
+            # Before it waits: a second call must not send it again.
+            self._requests.has_robot = False
+            await self.stop()
+        self._writer.close()
+        try:
+            async with asyncio.timeout(self._requests.timeout):
+                await self._writer.wait_closed()
+        except OSError:  # lost already, or the server does not read
+            self._writer.transport.abort()
+
+    async def _run(self, exchange: Exchange[Value]) -> Value:
+        """Run an exchange over the streams and return its result."""
+        with closing(exchange):
+            try:
+                step = next(exchange)
+                while True:
+                    try:
+                        if isinstance(step, bytes):
+                            await self._send(step)
+                        else:
+                            await self._receive(step)
+                    except (TimeoutError, ConnectionError) as error:
+                        # Only the exchange knows what was expected, so it words the
+                        # error.
+                        step = exchange.throw(error)
+                    else:
+                        step = next(exchange)
+            except StopIteration as end:
+                value: Value = end.value
+                return value
+
+    async def _send(self, data: bytes) -> None:
+        # A stream that closes drops what is written, without an error.
+        if self._writer.is_closing():
+            raise ConnectionError(CLOSED)
+        self._writer.write(data)
+        try:
+            async with asyncio.timeout(self._requests.timeout):
+                await self._writer.drain()
+        except TimeoutError:
+            raise ConnectionError(STUCK) from None
+        except OSError as error:
+            raise lost(error) from None
+
+    async def _receive(self, seconds: float) -> None:
+        """Read, or wait until the task that reads has done so."""
+        if self._reading is not None:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(seconds):
+                    await self._reading.wait()
+            return
+        self._reading = asyncio.Event()
+        try:
+            # Tasks that are about to wait for the same report shall get it as well.
+            await asyncio.sleep(0)
+            async with asyncio.timeout(max(seconds, SHORTEST_WAIT)):
+                data = await self._reader.read(CHUNK)
+        except TimeoutError:
+            raise
+        except OSError as error:
+            raise lost(error) from None
+        finally:
+            self._reading.set()
+            self._reading = None
+        if not data:
+            raise ConnectionError("the server closed the connection")
+        self._requests.receive(data)
