@@ -54,11 +54,11 @@ class MeshBudget:
         Raises:
             MeshError: If they are more than is left.
         """
-        limit = _LIMITS[what]
-        if self._taken[what] + count > limit:
+        total, limit = self._taken[what] + count, _LIMITS[what]
+        if total > limit:
             expected = f"expected at most {limit} in all mesh files of a map"
-            raise MeshError(f"{count} {what}, {expected}")
-        self._taken[what] += count
+            raise MeshError(f"{total} {what}, {expected}")
+        self._taken[what] = total
 
 
 class MeshFiles:

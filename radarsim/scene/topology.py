@@ -111,8 +111,8 @@ def connect_faces(faces: Faces) -> Connections:
     return Connections(
         labels,
         components,
-        open_edges=np.count_nonzero(balances),
-        unpaired_edges=np.count_nonzero(np.bincount(of_edge) != 2),
+        open_edges=int(np.count_nonzero(balances)),
+        unpaired_edges=int(np.count_nonzero(np.bincount(of_edge) != 2)),
         neighbours=neighbours,
         disagree=(upward == upward[firsts])[~is_first],
     )
@@ -343,11 +343,8 @@ def _volumes(
     if origins is None:
         origins = vertices.mean(axis=0) if len(vertices) else np.zeros(3)
     a, b, c = (vertices[faces[:, k]] - origins for k in range(3))
-    products = a * np.cross(b, c)
-    volumes: Floats = np.bincount(
-        labels, (products[:, 0] + products[:, 1] + products[:, 2]) / 6
-    )
-    return volumes
+    x, y, z = (a * np.cross(b, c)).T
+    return np.bincount(labels, (x + y + z) / 6).astype(np.float64)
 
 
 def _cancelled(faces: Faces) -> _Booleans:
