@@ -22,7 +22,7 @@ _MARKS: Final = (
 _MARKED_SIZE: Final = 2**20  # bytes; no picture that may be replaced is larger
 
 
-def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
+def write_atomically(files: Mapping[Path, bytes]) -> None:
     """Write files that belong together, each one completely or not at all.
 
     Writes all of them to temporary files in the same folders, and renames these one
@@ -35,7 +35,6 @@ def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
 
     Args:
         files: The content of each file. A file that names another should come after it.
-        mode: Permissions of new files, of which the umask takes some away.
 
     Raises:
         OSError: If a file cannot be written; then no file is changed, unless the last
@@ -49,7 +48,7 @@ def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
     try:
         for path, part in temporary.items():
             with _report_as(path):
-                _write_new(part, files[path], mode)
+                _write_new(part, files[path])
         # Late, when the temporary files are complete: what a device has got stays
         # there.
         for path in special:
@@ -85,7 +84,7 @@ def written_atomically(path: Path) -> Iterator[Path]:
     part = _temporary_path(target)
     try:
         with _report_as(path):
-            _write_new(part, b"", 0o666)
+            _write_new(part, b"")
             yield part
             part.replace(target)
     finally:
@@ -115,11 +114,11 @@ def _temporary_path(target: Path) -> Path:
     return target.with_name(f".{secrets.token_hex(8)}.part")
 
 
-def _write_new(path: Path, data: bytes, mode: int) -> None:
+def _write_new(path: Path, data: bytes) -> None:
     """Write a new file; raise if it exists."""
     unfinished_files.add(str(path))
     # Not by tempfile, whose files nobody but their owner may read.
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(handle, "wb") as file:
         file.write(data)
 

@@ -112,8 +112,11 @@ class _Roots(_Object):
     nodes: Annotated[list[_Index], MaxLen(MAX_NODES), FailFast()] = []
 
 
-class _Material(_Object):
+class Material(_Object):
+    """A material; any may have ``extras``, which programs use as they like."""
+
     name: str | None = None
+    extras: Any = None
 
 
 class _Tree(_Object):
@@ -127,7 +130,7 @@ class _Tree(_Object):
     scenes: Annotated[list[_Roots], MaxLen(MAX_NODES), FailFast()] = []
     nodes: Annotated[list[_Node], MaxLen(MAX_NODES), FailFast()] = []
     meshes: Annotated[list[_Mesh], MaxLen(MAX_NODES), FailFast()] = []
-    materials: Annotated[list[_Material], MaxLen(MAX_NODES), FailFast()] = []
+    materials: Annotated[list[Material], MaxLen(MAX_NODES), FailFast()] = []
     accessors: Annotated[list[_Accessor], MaxLen(10 * MAX_NODES), FailFast()] = []
     buffer_views: Annotated[
         list[_BufferView],
@@ -139,7 +142,11 @@ class _Tree(_Object):
 
 
 class GltfFile:
-    """A file that has been parsed, whose triangles can be read."""
+    """A file that has been parsed, whose triangles can be read.
+
+    Attributes:
+        materials: All materials of the file.
+    """
 
     def __init__(self, content: bytes, suffix: str, files: MeshFiles) -> None:
         """Parse the JSON of a file.
@@ -152,7 +159,9 @@ class GltfFile:
         Raises:
             MeshError: If it is broken or too large, or requires an unknown extension.
         """
-        text, self._binary = split_glb(content) if suffix == ".glb" else (content, None)
+        text, self._binary = (
+            _split_glb(content) if suffix == ".glb" else (content, None)
+        )
         # Before it is parsed: objects in memory take many times what their text does.
         expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
         try:
@@ -166,6 +175,7 @@ class GltfFile:
             if name != _QUANTIZATION and not name.startswith(_EXTENSIONS_OF_LOOKS):
                 needed = f"requires the extension {short_repr(name)}"
                 raise MeshError(f"{needed}, expected none but {_QUANTIZATION}")
+        self.materials = self._tree.materials
         self._files = files
         self._buffers: dict[int, bytes | memoryview] = {}
 
@@ -251,7 +261,7 @@ class GltfFile:
             corners = self._values(primitive.indices, 1)[:, 0].astype(np.int64)
         name = None
         if primitive.material is not None:
-            name = _item(self._tree.materials, primitive.material, "material").name
+            name = _item(self.materials, primitive.material, "material").name
         return name, vertices, _faces(corners, primitive.mode)
 
     def _values(self, index: int, width: int) -> Any:
@@ -324,7 +334,7 @@ def _describe(details: ErrorDetails) -> str:
     return f"{keys}: {describe_invalid(details)}"
 
 
-def split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
+def _split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
     """Return the JSON and the binary chunk of a GLB file."""
     if len(content) < _HEADER.size:
         raise MeshError(f"{len(content)} bytes, expected a header of {_HEADER.size}")

@@ -99,8 +99,7 @@ def write_map(scene: Scene, path: Path) -> None:
             _placed_keys(start.pose.numbers()[:3], start.pose.yaw, name=start.name)
             for start in scene.starts
         ],
-        "tags": [_placed_keys(each.position, id=each.id) for each in scene.tags]
-        or None,
+        "tags": [_placed_keys(each.position, id=each.id) for each in scene.tags],
         "victims": [
             _placed_keys(
                 each.position,
@@ -112,16 +111,14 @@ def write_map(scene: Scene, path: Path) -> None:
                 co2_percent=each.co2,
             )
             for each in scene.victims
-        ]
-        or None,
+        ],
         "crates": [
             _placed_keys(each.position, each.yaw, name=each.name, size=list(each.size))
             for each in scene.crates
-        ]
-        or None,
+        ],
         "trial": _trial_keys(scene.trial),
     }
-    content = {key: value for key, value in content.items() if value is not None}
+    content = {key: value for key, value in content.items() if value not in (None, [])}
     text = yaml.dump(content, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
     if files:
         folder.mkdir(parents=True, exist_ok=True)

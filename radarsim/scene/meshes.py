@@ -16,7 +16,7 @@ from array import array
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -32,16 +32,14 @@ from radarsim.scene.mesh_files import (
     check_vertices,
     expect_at_most,
 )
-from radarsim.scene.shapes import Faces, Mesh, Surface, concatenate
+from radarsim.scene.shapes import Mesh, Surface, concatenate
 from radarsim.scene.topology import (
-    Connections,
     connect_faces,
     count_degenerate,
     orient_outward,
     weld_vertices,
 )
 
-_OrientedSurface: TypeAlias = tuple[Floats, Faces, Connections]
 _Number = TypeVar("_Number", float, int)
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -94,11 +92,8 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
     Raises:
         MeshError: If the mesh is open, or parts of it enclose nothing, see `topology`.
     """
-    welded = _weld(surfaces)
-    vertices, faces = _concatenate_oriented(welded)
-    # Connecting the faces takes long; those of a single surface are connected already.
-    known = welded[0][2] if len(welded) == 1 else None
-    doubled, flat = count_degenerate(vertices, faces, known)
+    vertices, faces = concatenate(_weld(surfaces))
+    doubled, flat = count_degenerate(vertices, faces)
     if doubled:
         text = "faces are present in both orientations, with nothing inside"
         raise MeshError(f"{doubled} {text}")
@@ -114,16 +109,12 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
         surfaces: Each of them welded by itself.
     """
     try:
-        return _concatenate_oriented(_weld(surfaces))
+        return concatenate(_weld(surfaces))
     except MeshError:
         return concatenate([surface[1:] for surface in surfaces])
 
 
-def _concatenate_oriented(surfaces: list[_OrientedSurface]) -> Mesh:
-    return concatenate([(vertices, faces) for vertices, faces, _ in surfaces])
-
-
-def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
+def _weld(surfaces: list[Surface]) -> list[Mesh]:
     """Orient the closed surfaces, and weld the others into one that has to be closed.
 
     Raises:
@@ -131,14 +122,14 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
     """
     # Surfaces that are closed alone are not welded to others: two boxes that touch
     # would become one with a wall inside, which encloses nothing.
-    closed: list[_OrientedSurface] = []
+    closed: list[Mesh] = []
     remaining: list[Mesh] = []
     for _, vertices, faces in surfaces:
         oriented = orient_outward(vertices, faces)
         if oriented is None:
             remaining.append((vertices, faces))
         else:
-            closed.append((vertices, *oriented))
+            closed.append((vertices, oriented))
     if remaining:
         vertices, faces = remaining[0]
         if len(remaining) > 1:
@@ -147,7 +138,7 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
         if oriented is None:
             count = connect_faces(faces).open_edges
             raise MeshError(f"not closed: {count} edges have no partner")
-        closed.append((vertices, *oriented))
+        closed.append((vertices, oriented))
     return closed
 
 

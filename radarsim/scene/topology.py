@@ -155,7 +155,7 @@ def is_closed(faces: Faces) -> bool:
     return connect_faces(faces).open_edges == 0
 
 
-def orient_outward(vertices: Floats, faces: Faces) -> tuple[Faces, Connections] | None:
+def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
     """Orient the faces of a closed surface so that their normals point outward.
 
     Flips faces where neighbours disagree, and components that are inside out. A
@@ -168,20 +168,18 @@ def orient_outward(vertices: Floats, faces: Faces) -> tuple[Faces, Connections] 
         faces: (F, 3) vertex indices.
 
     Returns:
-        The faces, and how they shared edges before; None if the surface is not closed,
-        or has only one side.
+        The faces; None if the surface is not closed, or has only one side.
     """
     connections = connect_faces(faces)
     if connections.open_edges == 0:
-        oriented = _flip_inverted_components(vertices, faces, connections)
-        return oriented, connections
+        return _flip_inverted_components(vertices, faces, connections.labels)
     flips = None if connections.unpaired_edges else _flips(connections)
     if flips is None:
         return None
     # All edges have two faces, which disagree at some: made consistent, it is closed.
     consistent = _flip(faces, flips)
     volumes = _volumes(vertices, consistent, connections.labels)
-    return _flip(consistent, (volumes < 0)[connections.labels]), connections
+    return _flip(consistent, (volumes < 0)[connections.labels])
 
 
 def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
@@ -204,16 +202,12 @@ def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
     return bool(angles.sum() > 2 * np.pi)
 
 
-def count_degenerate(
-    vertices: Floats, faces: Faces, connections: Connections | None = None
-) -> tuple[int, int]:
+def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
     """Count the faces of a closed mesh, oriented outward, that enclose nothing.
 
     Args:
         vertices: (V, 3) m, merged.
         faces: (F, 3) vertex indices.
-        connections: How the faces share edges, if that is known; whether they were
-            flipped since then does not matter.
 
     Returns:
         How many faces are present in both orientations, each counted once, without
@@ -222,9 +216,7 @@ def count_degenerate(
     """
     cancelled = _cancelled(faces)
     faces, walls = faces[~cancelled], faces[cancelled]
-    if connections is None or len(walls):
-        connections = connect_faces(faces)
-    labels = connections.labels
+    labels = connect_faces(faces).labels
     lows, highs = boxes = _boxes(vertices, faces, labels)
     # As seen from the components' own corners, since volumes far away are inexact.
     volumes = _volumes(vertices, faces, labels, lows[labels])
@@ -235,7 +227,7 @@ def count_degenerate(
     flat = np.count_nonzero(is_flat[labels])
     if not len(walls):
         return 0, int(flat)
-    every = np.ones(connections.components, np.bool_)  # also cavities
+    every = np.ones(len(volumes), np.bool_)  # also cavities
     hulls = _Hulls(vertices, faces, labels, boxes, every)
     of_walls = connect_faces(walls).labels
     points = vertices[walls[_first_faces(of_walls)]].mean(axis=1)
@@ -243,11 +235,8 @@ def count_degenerate(
     return int(np.bincount(of_walls)[outside].sum()) // 2, int(flat)
 
 
-def _flip_inverted_components(
-    vertices: Floats, faces: Faces, connections: Connections
-) -> Faces:
+def _flip_inverted_components(vertices: Floats, faces: Faces, labels: Labels) -> Faces:
     """Flip all if the whole is inside out, then components that are no cavities."""
-    labels = connections.labels
     volumes = _volumes(vertices, faces, labels)
     # Exporters agree on no orientation, so the volume tells: an outward one is
     # positive.
