@@ -75,20 +75,23 @@ def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
         The vertices that faces use, in the order of their first use, and the faces that
         are left.
     """
-    positions = vertices + 0.0  # -0.0 and 0.0 are one position
-    order = np.lexsort(positions.T)
-    differ = (positions[order[1:]] != positions[order[:-1]]).any(axis=1)
+    order = np.lexsort(vertices.T)
     numbers = np.zeros(len(order), np.int32)
+    differ = np.zeros(len(order[1:]), np.bool_)
+    for coordinates in vertices.T:  # one by one: together they take much memory
+        differ |= np.diff(coordinates[order]) != 0
     numbers[order[1:]] = np.cumsum(differ)
     corners = numbers[faces.ravel()]
-    first_uses = np.full(len(order), len(corners))
-    first_uses[corners[::-1]] = np.arange(len(corners))[::-1]  # the last one stays
+    first_uses = np.full(len(order), len(corners), np.int32)
+    places = np.arange(len(corners), dtype=np.int32)
+    first_uses[corners[::-1]] = places[::-1]  # the last one stays
     used = np.argsort(first_uses, kind="stable")
     used = used[first_uses[used] < len(corners)]
     numbers[used] = np.arange(len(used))
     merged = numbers[corners].reshape(-1, 3)
     is_kept = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
-    return positions[faces.ravel()[first_uses[used]]], merged[is_kept]
+    positions = vertices[faces.ravel()[first_uses[used]]]
+    return positions + 0.0, merged[is_kept]  # -0.0 and 0.0 are one position
 
 
 def connect_faces(faces: Faces) -> Connections:
