@@ -22,7 +22,7 @@ _MARKS: Final = (
 _MARKED_SIZE: Final = 2**20  # bytes; no picture that may be replaced is larger
 
 
-def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
+def write_atomically(files: Mapping[Path, bytes]) -> None:
     """Write files that belong together, each one completely or not at all.
 
     Writes all of them to temporary files in the same folders, and renames these one
@@ -35,31 +35,27 @@ def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
 
     Args:
         files: The content of each file. A file that names another should come after it.
-        mode: Permissions of new files, of which the umask takes some away.
 
     Raises:
         OSError: If a file cannot be written; then no file is changed, unless the last
             step, the renaming, fails.
     """
     special = [path for path in files if _is_special(path)]
-    targets = {
-        path: Path(os.path.realpath(path)) for path in files if path not in special
-    }
-    temporary = {path: _temporary_path(target) for path, target in targets.items()}
-    try:
-        for path, part in temporary.items():
+    parts: list[tuple[Path, str]] = []
+    with contextlib.ExitStack() as until_end:
+        for path in (each for each in files if each not in special):
+            target = os.path.realpath(path)
+            part = until_end.enter_context(_temporary_file(target))
+            parts.append((part, target))
             with _report_as(path):
-                _write_new(part, files[path], mode)
+                _write_new(part, files[path])
         # Late, when the temporary files are complete: what a device has got stays
         # there.
         for path in special:
             with _report_as(path):
                 path.write_bytes(files[path])
-        for path, part in temporary.items():
-            part.replace(targets[path])
-    finally:
-        for part in temporary.values():
-            _remove(part)
+        for part, target in parts:
+            part.replace(target)
 
 
 @contextlib.contextmanager
@@ -81,15 +77,11 @@ def written_atomically(path: Path) -> Iterator[Path]:
     """
     if _is_special(path):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
-    target = Path(os.path.realpath(path))
-    part = _temporary_path(target)
-    try:
-        with _report_as(path):
-            _write_new(part, b"", 0o666)
-            yield part
-            part.replace(target)
-    finally:
-        _remove(part)
+    target = os.path.realpath(path)
+    with _temporary_file(target) as part, _report_as(path):
+        _write_new(part, b"")
+        yield part
+        part.replace(target)
 
 
 @contextlib.contextmanager
@@ -110,25 +102,25 @@ def _is_special(path: Path) -> bool:
         return False
 
 
-def _temporary_path(target: Path) -> Path:
-    """Return an unused hidden name in the same folder."""
-    return target.with_name(f".{secrets.token_hex(8)}.part")
+@contextlib.contextmanager
+def _temporary_file(target: str) -> Iterator[Path]:
+    """Yield an unused hidden name in a file's folder; what is there goes in the end."""
+    part = Path(target).with_name(f".{secrets.token_hex(8)}.part")
+    try:
+        yield part
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+        unfinished_files.discard(str(part))
 
 
-def _write_new(path: Path, data: bytes, mode: int) -> None:
+def _write_new(path: Path, data: bytes) -> None:
     """Write a new file; raise if it exists."""
     unfinished_files.add(str(path))
     # Not by tempfile, whose files nobody but their owner may read.
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(handle, "wb") as file:
         file.write(data)
-
-
-def _remove(part: Path) -> None:
-    """Remove a temporary file, unless it is a file that is complete by now."""
-    with contextlib.suppress(OSError):
-        part.unlink(missing_ok=True)
-    unfinished_files.discard(str(part))
 
 
 def is_by_radarsim(path: Path) -> bool:

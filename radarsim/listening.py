@@ -108,19 +108,13 @@ def check_port(address: str, port: int) -> None:
 
 def _check_places(address: str, port: int) -> None:
     with suppress(OSError, UnicodeError):
-        for family, *_, place in socket.getaddrinfo(
-            address, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        ):
-            with socket.socket(family, socket.SOCK_STREAM) as sock:  # as in ``listen``
-                sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                if family == socket.AF_INET6:
-                    sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-                try:
-                    sock.bind(place)
-                except OSError as error:
-                    failure = _listening_error(error, address, port)
-                    if isinstance(failure, PortUnavailable):
-                        raise failure from error
+        for family, *_, place in _places(address, port):
+            try:
+                _bind(family, place, only_ipv6=True).close()  # as in ``listen``
+            except OSError as error:
+                failure = _listening_error(error, address, port)
+                if isinstance(failure, PortUnavailable):
+                    raise failure from error
 
 
 def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
@@ -136,20 +130,27 @@ def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
         ServerError: If the address is not one of this machine.
     """
     try:
-        family, *_, place = socket.getaddrinfo(
-            address, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )[0]
-        bound = socket.socket(family, socket.SOCK_STREAM)
+        family, *_, place = _places(address, port)[0]
+        return _bind(family, place, only_ipv6=only_ipv6)
     except (OSError, UnicodeError) as error:
         raise _listening_error(error, address, port) from error
+
+
+def _places(address: str, port: int) -> list[tuple[Any, ...]]:
+    kind, flags = socket.SOCK_STREAM, socket.AI_PASSIVE
+    return [*socket.getaddrinfo(address, port, type=kind, flags=flags)]
+
+
+def _bind(family: int, place: Any, *, only_ipv6: bool) -> socket.socket:
+    bound = socket.socket(family, socket.SOCK_STREAM)
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if only_ipv6 and family == socket.AF_INET6:
             bound.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         bound.bind(place)
-    except OSError as error:
+    except OSError:
         bound.close()
-        raise _listening_error(error, address, port) from error
+        raise
     return bound
 
 

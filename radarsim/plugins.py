@@ -43,7 +43,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     },
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
-        "core": "radarsim.cli.side_ports:SidePorts",
+        "core": "radarsim.cli.server_options:SidePorts",
         "navtech": "radarsim.addons.fmcw.cli:NavtechOptions",
         "record": "radarsim.addons.recording.run_recording:RecordOptions",
         "web": "radarsim.addons.web.cli:WebOptions",

@@ -15,9 +15,13 @@ import click
 from click.core import ParameterSource
 
 from radarsim import __version__, plugins
-from radarsim.cli.command import PlanCommand, help_all_option, shown_name
+from radarsim.cli.command import (
+    PlanCommand,
+    describe_place,
+    help_all_option,
+    shown_name,
+)
 from radarsim.cli.completion import completion_options
-from radarsim.cli.config_file import describe_place
 from radarsim.cli.entries import CommandEntry, check_part_of, load_entries
 from radarsim.cli.output import print_message, program_name
 from radarsim.errors import (

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from radarsim.cli.fields import MapName
-from radarsim.cli.files import check_picture, write_picture
-from radarsim.cli.output import print_lines
+from radarsim.cli.output import check_picture, print_lines, write_picture
 from radarsim.errors import MapError
 
 if TYPE_CHECKING:

@@ -12,6 +12,9 @@ Args:
 
 A function returns its exit code, or None for 0. A parameter that is marked with
 ``PlansOf`` gets the plans of all parts of the program that hand in one.
+
+Values of options come from words, from variables of the environment, and, of a command
+with an option for it, from a YAML file: ``serve --config FILE``.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import click
 from annotated_types import Unit
@@ -31,9 +34,8 @@ from click.shell_completion import CompletionItem
 
 from radarsim import plugins
 from radarsim.cli.completion import complete_words
-from radarsim.cli.config_file import read_config
 from radarsim.cli.output import print_message
-from radarsim.errors import did_you_mean, expected_one_of
+from radarsim.errors import describe_os_error, did_you_mean, expected_one_of
 from radarsim.plans import (
     REQUIRED,
     Form,
@@ -42,7 +44,11 @@ from radarsim.plans import (
     plan_fields,
 )
 
+if TYPE_CHECKING:
+    from radarsim.yaml_reader import YamlFile
+
 NAMES_WIDTH: Final = 26  # columns of names of options in help
+_CONFIG: Final = "radarsim.config_file"  # in what click keeps for a command
 _METAVARS: Final = {int: "N", float: "NUMBER", Path: "FILE"}
 
 
@@ -335,7 +341,7 @@ def _make_param(field: PlanField) -> click.Parameter:
         names = [f"--{name}/--no-{name}"]
     if field.type is bool:
         return click.Option(names, is_flag=True, type=_FlagType())
-    callback = read_config if option.is_config_file else None
+    callback = _read_config if option.is_config_file else None
     return click.Option(
         names,
         type=kind,
@@ -345,6 +351,61 @@ def _make_param(field: PlanField) -> click.Parameter:
         is_eager=option.is_config_file,
         callback=callback,
     )
+
+
+def _read_config(
+    ctx: click.Context, param: click.Parameter, path: Path | None
+) -> Path | None:
+    """Use the keys of a file as values of options that are not given.
+
+    Keys are the long names of options, with underscores; the argument is ``map``.
+
+    Raises:
+        click.BadParameter: If it cannot be read, or has a key that is no option.
+    """
+    if path is None:
+        return None
+    from radarsim.yaml_reader import read_yaml
+
+    try:
+        file = read_yaml(path)
+    except OSError as error:
+        raise click.BadParameter(f"{path}: {describe_os_error(error)}") from None
+    if file.problems:
+        raise click.BadParameter(file.problems[0])
+    data = {} if file.data is None else file.data
+    if not isinstance(data, dict):
+        raise click.BadParameter(f"{path}:1: expected keys such as 'map' and 'port'")
+    known = {_key(each): str(each.name) for each in ctx.command.params if each != param}
+    known.pop("help_all", None)
+    for key in data:
+        if key not in known:
+            expected = f"unknown key, expected one of {sorted(known)}"
+            raise click.BadParameter(file.problem([key], expected, of_key=True))
+    given = {known[key]: value for key, value in data.items()}
+    for each in ctx.command.params:  # a single value of those that can be repeated
+        if getattr(each, "multiple", False) and isinstance(given.get(each.name), str):
+            given[str(each.name)] = [given[str(each.name)]]
+    # To click a default map ranks below words and variables of the environment, as a
+    # file should.
+    ctx.default_map = {**(ctx.default_map or {}), **given}
+    ctx.meta[_CONFIG] = file
+    return path
+
+
+def describe_place(error: click.BadParameter) -> str:
+    """Return the message of a wrong value in a file with its place; else nothing."""
+    ctx, param = error.ctx, error.param
+    file: YamlFile | None = None if ctx is None else ctx.meta.get(_CONFIG)
+    if file is None or ctx is None or param is None:
+        return ""
+    if ctx.get_parameter_source(str(param.name)) is not ParameterSource.DEFAULT_MAP:
+        return ""
+    return f"--config: {file.problem([_key(param)], error.message)}"
+
+
+def _key(param: click.Parameter) -> str:
+    return str(param.name).rstrip("_")
 
 
 def _is_typed(ctx: click.Context, key: str) -> bool:

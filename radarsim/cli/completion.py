@@ -64,24 +64,21 @@ def complete_words(kind: str, incomplete: str) -> Iterable[str]:
 
 def completion_options() -> list[click.Parameter]:
     """Return the options that give completion to a shell."""
-    shell = click.Choice(["bash", "fish", "zsh"])
+    install = "Let this shell complete commands, options and names."
+    show = "Print what a shell has to read for that."
     return [
         click.Option(
-            ["--install-completion"],
-            type=shell,
+            [name],
+            type=click.Choice(list(_FILES)),
             is_eager=True,
             expose_value=False,
-            callback=_install,
-            help="Let this shell complete commands, options and names.",
-        ),
-        click.Option(
-            ["--show-completion"],
-            type=shell,
-            is_eager=True,
-            expose_value=False,
-            callback=_show,
-            help="Print what a shell has to read for that.",
-        ),
+            callback=callback,
+            help=text,
+        )
+        for name, callback, text in (
+            ("--install-completion", _install, install),
+            ("--show-completion", _show, show),
+        )
     ]
 
 

@@ -17,13 +17,13 @@ import click
 from annotated_types import Ge
 
 from radarsim.cli.fields import OutputFile
-from radarsim.cli.files import (
-    check_ending,
+from radarsim.cli.output import (
+    check_new_map,
     check_picture,
-    check_writable,
+    print_lines,
+    program_name,
     write_file,
 )
-from radarsim.cli.output import print_lines, program_name
 from radarsim.errors import expected_one_of
 from radarsim.files import is_by_radarsim
 from radarsim.plans import Option
@@ -92,11 +92,7 @@ def new(
     """
     if random is not None and town is not None:
         raise click.BadParameter("expected no --random with it", param_hint="--town")
-    check_ending(file, ["yaml", "yml"], "FILE")
-    check_writable(file, "FILE")
-    if file.exists():
-        text = f"{str(file)!r} exists, expected the name of a new file"
-        raise click.BadParameter(text, param_hint="FILE")
+    check_new_map(file, "FILE")
     if random is not None:
         from radarsim.generators.random_maps import make_random_map
 

@@ -16,8 +16,13 @@ import numpy as np
 from annotated_types import Ge
 
 from radarsim.cli.fields import MapName, OutputFile, Seed, SensorName, Setting
-from radarsim.cli.files import check_writable, list_endings, write_file
-from radarsim.cli.output import print_bytes, print_lines
+from radarsim.cli.output import (
+    check_writable,
+    list_endings,
+    print_bytes,
+    print_lines,
+    write_file,
+)
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.plans import Form, Option, read_numbers
 

@@ -1,7 +1,6 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
 #include "directions.hpp"
 #include "echoes.hpp"
-#include "face_passes.hpp"
 #include "lines.hpp"
 #include "motion.hpp"
 #include "occupancy.hpp"

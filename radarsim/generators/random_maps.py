@@ -121,7 +121,12 @@ def make_random_map(number: int) -> RandomMap:
     """Make the random map of a number, at least 0; families come by turn."""
     family = FAMILIES[number % len(FAMILIES)]
     rng = generator_for(number, "random map")
-    return MapMaker(number, family, rng).make(DRAWERS[family])
+    maker = MapMaker(family, rng)
+    solids = list(DRAWERS[family](maker))
+    if family not in _CLOSED and maker.between(0, 1) < _FENCED:
+        solids += maker.fence()
+    places = maker.start, maker.goal
+    return RandomMap(number, family, tuple(solids), maker.density, *places)
 
 
 class MapMaker:
@@ -129,16 +134,14 @@ class MapMaker:
 
     Attributes:
         rng: The generator.
-        number: Number of the map.
-        family: Name of its family.
+        family: Name of the map's family.
         density: As of ``RandomMap``.
         start: m.
         goal: m.
     """
 
-    def __init__(self, number: int, family: str, rng: np.random.Generator) -> None:
-        self.rng = rng
-        self.number, self.family = number, family
+    def __init__(self, family: str, rng: np.random.Generator) -> None:
+        self.rng, self.family = rng, family
         self.density = math.inf
         side = HALF_WIDTH - 1.0
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
@@ -150,14 +153,6 @@ class MapMaker:
     def between(self, low: float, high: float) -> float:
         """Draw a number."""
         return float(self.rng.uniform(low, high))
-
-    def make(self, draw: "Drawer") -> RandomMap:
-        """Draw the map by the drawer of its family."""
-        solids = list(draw(self))
-        if self.family not in _CLOSED and self.between(0, 1) < _FENCED:
-            solids += self.fence()
-        places = self.start, self.goal
-        return RandomMap(self.number, self.family, tuple(solids), self.density, *places)
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:
         """Yield solids at random positions, none too near to start or goal."""

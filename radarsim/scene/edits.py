@@ -19,7 +19,7 @@ from radarsim.scene.map_checks import (
     material_problems,
     surface_problems,
 )
-from radarsim.scene.map_loader import MapLoader
+from radarsim.scene.map_loader import load_scene
 from radarsim.scene.map_schema import MaterialEntry
 from radarsim.scene.map_writer import material_keys
 from radarsim.scene.material import Material, library_material, library_names
@@ -87,10 +87,8 @@ def with_object(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
     # As a map with nothing else: all that is checked of maps is checked of it.
     path = Path("scene.yaml").absolute()
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-    loader = MapLoader(parse_yaml(path, text))
-    added = loader.load()
     try:
-        loader.problems.raise_all()
+        added = load_scene(parse_yaml(path, text))
     except MapError as error:
         told = [each.partition(": objects.0")[2] for each in error.problems]
         raise MapError([f"object {name!r}{each}" for each in told]) from None

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 from annotated_types import Ge, Le, Len, MaxLen
-from pydantic import BaseModel, ConfigDict, FailFast, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, FailFast, ValidationError
 from pydantic_core import ErrorDetails
 
 from radarsim.geometry import Floats
@@ -48,6 +48,8 @@ _EXTENSIONS_OF_LOOKS: Final = (
 _Index: TypeAlias = Annotated[int, Ge(0)]
 # The first wrong value ends the validation: millions of errors would fill the memory.
 _Numbers: TypeAlias = Annotated[list[float], FailFast()]
+_Item = TypeVar("_Item")
+_Items: TypeAlias = Annotated[list[_Item], MaxLen(MAX_NODES), FailFast()]
 
 
 class _Object(BaseModel):
@@ -101,7 +103,7 @@ class _Mesh(_Object):
 
 class _Node(_Object):
     mesh: _Index | None = None
-    children: Annotated[list[_Index], MaxLen(MAX_NODES), FailFast()] = []
+    children: _Items[_Index] = []
     matrix: Annotated[_Numbers, Len(16, 16)] = []
     translation: Annotated[_Numbers, Len(3, 3)] = []
     rotation: Annotated[_Numbers, Len(4, 4)] = []
@@ -109,37 +111,37 @@ class _Node(_Object):
 
 
 class _Roots(_Object):
-    nodes: Annotated[list[_Index], MaxLen(MAX_NODES), FailFast()] = []
+    nodes: _Items[_Index] = []
 
 
-class _Material(_Object):
+class Material(_Object):
+    """A material; any may have ``extras``, which programs use as they like."""
+
     name: str | None = None
+    extras: Any = None
 
 
 class _Tree(_Object):
     """The part of a glTF file's JSON that is read."""
 
     asset: _Asset = _Asset()
-    extensions_required: Annotated[
-        list[str], FailFast(), Field(alias="extensionsRequired")
-    ] = []
+    extensionsRequired: Annotated[list[str], FailFast()] = []  # noqa: N815
     scene: _Index = 0
-    scenes: Annotated[list[_Roots], MaxLen(MAX_NODES), FailFast()] = []
-    nodes: Annotated[list[_Node], MaxLen(MAX_NODES), FailFast()] = []
-    meshes: Annotated[list[_Mesh], MaxLen(MAX_NODES), FailFast()] = []
-    materials: Annotated[list[_Material], MaxLen(MAX_NODES), FailFast()] = []
+    scenes: _Items[_Roots] = []
+    nodes: _Items[_Node] = []
+    meshes: _Items[_Mesh] = []
+    materials: _Items[Material] = []
     accessors: Annotated[list[_Accessor], MaxLen(10 * MAX_NODES), FailFast()] = []
-    buffer_views: Annotated[
-        list[_BufferView],
-        MaxLen(10 * MAX_NODES),
-        FailFast(),
-        Field(alias="bufferViews"),
-    ] = []
-    buffers: Annotated[list[_Buffer], MaxLen(MAX_NODES), FailFast()] = []
+    bufferViews: Annotated[list[_BufferView], MaxLen(10 * MAX_NODES), FailFast()] = []  # noqa: N815
+    buffers: _Items[_Buffer] = []
 
 
 class GltfFile:
-    """A file that has been parsed, whose triangles can be read."""
+    """A file that has been parsed, whose triangles can be read.
+
+    Attributes:
+        materials: All materials of the file.
+    """
 
     def __init__(self, content: bytes, suffix: str, files: MeshFiles) -> None:
         """Parse the JSON of a file.
@@ -152,7 +154,9 @@ class GltfFile:
         Raises:
             MeshError: If it is broken or too large, or requires an unknown extension.
         """
-        text, self._binary = split_glb(content) if suffix == ".glb" else (content, None)
+        text, self._binary = (
+            _split_glb(content) if suffix == ".glb" else (content, None)
+        )
         # Before it is parsed: objects in memory take many times what their text does.
         expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
         try:
@@ -162,10 +166,11 @@ class GltfFile:
         version = self._tree.asset.version
         if version.partition(".")[0] != "2":
             raise MeshError(f"glTF {version[:20]}, expected glTF 2")
-        for name in self._tree.extensions_required:
+        for name in self._tree.extensionsRequired:
             if name != _QUANTIZATION and not name.startswith(_EXTENSIONS_OF_LOOKS):
                 needed = f"requires the extension {short_repr(name)}"
                 raise MeshError(f"{needed}, expected none but {_QUANTIZATION}")
+        self.materials = self._tree.materials
         self._files = files
         self._buffers: dict[int, bytes | memoryview] = {}
 
@@ -251,13 +256,13 @@ class GltfFile:
             corners = self._values(primitive.indices, 1)[:, 0].astype(np.int64)
         name = None
         if primitive.material is not None:
-            name = _item(self._tree.materials, primitive.material, "material").name
+            name = _item(self.materials, primitive.material, "material").name
         return name, vertices, _faces(corners, primitive.mode)
 
     def _values(self, index: int, width: int) -> Any:
         """Return a view of the values of an accessor, (N, width)."""
         accessor = self._tree.accessors[index]
-        view = _item(self._tree.buffer_views, accessor.bufferView or 0, "buffer view")
+        view = _item(self._tree.bufferViews, accessor.bufferView or 0, "buffer view")
         kind = np.dtype(_TYPES[accessor.componentType])
         size = width * kind.itemsize
         stride = view.byteStride or size
@@ -324,7 +329,7 @@ def _describe(details: ErrorDetails) -> str:
     return f"{keys}: {describe_invalid(details)}"
 
 
-def split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
+def _split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
     """Return the JSON and the binary chunk of a GLB file."""
     if len(content) < _HEADER.size:
         raise MeshError(f"{len(content)} bytes, expected a header of {_HEADER.size}")

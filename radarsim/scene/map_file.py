@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from radarsim.errors import MapError, describe_os_error, did_you_mean
-from radarsim.scene.map_loader import MapLoader
+from radarsim.scene.map_loader import MapLoader, load_scene
 from radarsim.scene.scene import Scene
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import YamlFile, read_yaml
@@ -88,10 +88,7 @@ def load_map(path_or_name: str | Path) -> Scene:
         TypeError: If it is neither a name nor a path.
     """
     path, variant = find_map(path_or_name)
-    loader = MapLoader(_read(path))
-    scene = loader.load(variant)
-    loader.problems.raise_all()
-    return scene
+    return load_scene(_read(path), variant)
 
 
 def load_variants(path_or_name: str | Path) -> list[Scene]:

@@ -78,6 +78,18 @@ _Object: TypeAlias = tuple[ObjectEntry | None, bool]  # None, or whether it is v
 _BUILT: Final = "objects of the map and its variants"
 
 
+def load_scene(file: YamlFile, variant: str | None = None) -> Scene:
+    """Load a map, or one of its variants.
+
+    Raises:
+        MapError: If it has problems; it lists all.
+    """
+    loader = MapLoader(file)
+    scene = loader.load(variant)
+    loader.problems.raise_all()
+    return scene
+
+
 class MapLoader:
     """Loads the variants of one map file.
 
@@ -298,7 +310,8 @@ class MapLoader:
         for at, item in self._entries([((), data)], key, most):
             entry = self._validate(model, item, at)
             if entry is not None:
-                self._claim(at, [entry.key], taken, ignore_case=True)
+                own = str(getattr(entry, entry.unique_key))
+                self._claim(at, [own], taken, ignore_case=True)
                 found.append(entry.build())
         return tuple(found)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import (
     Annotated,
     Any,
+    ClassVar,
     Final,
     Literal,
     TypeAlias,
@@ -381,8 +382,13 @@ class ObjectEntry(Entry):
 
 
 class PlacedEntry(Entry):
-    """An entry of which a map has several in different places."""
+    """An entry of which a map has several in different places.
 
+    Attributes:
+        unique_key: A key whose value no other entry of the section has, in any case.
+    """
+
+    unique_key: ClassVar[str] = "name"
     position: Vector
 
     @property
@@ -390,11 +396,6 @@ class PlacedEntry(Entry):
         """Its position."""
         x, y, z = self.position
         return x, y, z
-
-    @property
-    def key(self) -> str:
-        """What no other entry of its section has, in any case."""
-        raise NotImplementedError
 
     def build(self) -> object:
         """Return what scenes have of it."""
@@ -404,12 +405,8 @@ class PlacedEntry(Entry):
 class TagEntry(PlacedEntry):
     """An RFID tag."""
 
+    unique_key: ClassVar[str] = "id"
     id: Annotated[Whole, Ge(0), Le(MAX_TAG)]
-
-    @property
-    def key(self) -> str:
-        """Its number."""
-        return str(self.id)
 
     def build(self) -> Tag:
         """Return the tag."""
@@ -421,11 +418,6 @@ class NamedEntry(PlacedEntry):
 
     name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
     yaw_deg: Real = 0.0
-
-    @property
-    def key(self) -> str:
-        """Its name."""
-        return self.name
 
     @property
     def yaw(self) -> float:

@@ -7,7 +7,7 @@ they were. Primitives, copies and variants are written as what was built of them
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import yaml
@@ -16,8 +16,6 @@ from radarsim.files import write_atomically
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import PLAIN_KEYS, Losses, Material, library_material
 from radarsim.scene.scene import REFLECTOR, Part, Scene, Trial
-
-_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 def material_keys(material: Material) -> dict[str, Any]:
@@ -99,8 +97,7 @@ def write_map(scene: Scene, path: Path) -> None:
             _placed_keys(start.pose.numbers()[:3], start.pose.yaw, name=start.name)
             for start in scene.starts
         ],
-        "tags": [_placed_keys(each.position, id=each.id) for each in scene.tags]
-        or None,
+        "tags": [_placed_keys(each.position, id=each.id) for each in scene.tags],
         "victims": [
             _placed_keys(
                 each.position,
@@ -112,17 +109,17 @@ def write_map(scene: Scene, path: Path) -> None:
                 co2_percent=each.co2,
             )
             for each in scene.victims
-        ]
-        or None,
+        ],
         "crates": [
             _placed_keys(each.position, each.yaw, name=each.name, size=list(each.size))
             for each in scene.crates
-        ]
-        or None,
+        ],
         "trial": _trial_keys(scene.trial),
     }
-    content = {key: value for key, value in content.items() if value is not None}
-    text = yaml.dump(content, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
+    content = {key: value for key, value in content.items() if value not in (None, [])}
+    text = yaml.dump(
+        content, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True
+    )
     if files:
         folder.mkdir(parents=True, exist_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,6 @@ What a mesh file announces is checked against its size before it is parsed.
 Parsers allocate what a header counts, and spend seconds on each of many small pieces.
 """
 
-import os
 import re
 from pathlib import Path
 from typing import Final
@@ -54,11 +53,11 @@ class MeshBudget:
         Raises:
             MeshError: If they are more than is left.
         """
-        limit = _LIMITS[what]
-        if self._taken[what] + count > limit:
+        total, limit = self._taken[what] + count, _LIMITS[what]
+        if total > limit:
             expected = f"expected at most {limit} in all mesh files of a map"
-            raise MeshError(f"{count} {what}, {expected}")
-        self._taken[what] += count
+            raise MeshError(f"{total} {what}, {expected}")
+        self._taken[what] = total
 
 
 class MeshFiles:
@@ -117,9 +116,8 @@ def find_inside(folder: Path, start: Path, reference: str) -> Path:
         MeshError: If it leads out of the folder, or there is no such file.
     """
     try:
-        found = _find(os.path.join(start, reference))  # noqa: PTH118 - Path is slower
-        is_inside = os.path.commonpath([folder, found]) == str(folder)
-        exists = os.path.isfile(found)  # noqa: PTH113
+        found = (start / reference).resolve()
+        is_inside, exists = found.is_relative_to(folder), found.is_file()
     except (OSError, RuntimeError, ValueError) as error:  # loops, NUL, endless names
         text = f"{short_repr(reference)}, expected the path of a file"
         raise MeshError(text) from error
@@ -128,19 +126,7 @@ def find_inside(folder: Path, start: Path, reference: str) -> Path:
         raise MeshError(text)
     if not exists:
         raise MeshError(f"{short_repr(reference)}, expected an existing file")
-    return Path(found)
-
-
-def _find(path: str) -> str:
-    """Resolve a path; one of nothing need not be resolved, which takes longer.
-
-    A map may name thousands of files that are missing.
-    """
-    try:
-        os.lstat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return os.path.normpath(path)
-    return str(Path(path).resolve())
+    return found
 
 
 def expect_at_most(count: int, most: int, what: str) -> None:

@@ -5,39 +5,46 @@ longer than everything else that loading a map of primitives does. It gets bytes
 never a path, and only files whose counts have been checked. Files that a mesh file
 refers to are read only from inside of the map's folder. These are the buffers of a glTF
 file: textures do not matter here, and of an OBJ file's material library only the names
-do, which the OBJ file itself contains.
+do, which the OBJ file itself contains. OBJ files are read here, since trimesh takes
+seconds where polygons have different numbers of corners, and reads comments after a
+statement and corners counted from the end wrongly.
 """
 
 import io
 import warnings
+from array import array
+from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.scene.gltf import GltfFile
 from radarsim.scene.mesh_files import (
+    MAX_SURFACES,
     MeshBudget,
     MeshError,
     MeshFiles,
     check_ply,
     check_stl,
     check_vertices,
+    expect_at_most,
 )
-from radarsim.scene.obj import read_obj
-from radarsim.scene.shapes import Faces, Mesh, Surface, concatenate
+from radarsim.scene.shapes import Mesh, Surface, concatenate
 from radarsim.scene.topology import (
-    Connections,
     connect_faces,
     count_degenerate,
     orient_outward,
     weld_vertices,
 )
 
-_OrientedSurface: TypeAlias = tuple[Floats, Faces, Connections]
+_Number = TypeVar("_Number", float, int)
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+MAX_LINES: Final = 5_000_000  # of an OBJ file
+_BOM: Final = b"\xef\xbb\xbf"
 
 
 def read_surfaces(
@@ -85,11 +92,8 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
     Raises:
         MeshError: If the mesh is open, or parts of it enclose nothing, see `topology`.
     """
-    welded = _weld(surfaces)
-    vertices, faces = _concatenate_oriented(welded)
-    # Connecting the faces takes long; those of a single surface are connected already.
-    known = welded[0][2] if len(welded) == 1 else None
-    doubled, flat = count_degenerate(vertices, faces, known)
+    vertices, faces = concatenate(_weld(surfaces))
+    doubled, flat = count_degenerate(vertices, faces)
     if doubled:
         text = "faces are present in both orientations, with nothing inside"
         raise MeshError(f"{doubled} {text}")
@@ -105,16 +109,12 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
         surfaces: Each of them welded by itself.
     """
     try:
-        return _concatenate_oriented(_weld(surfaces))
+        return concatenate(_weld(surfaces))
     except MeshError:
         return concatenate([surface[1:] for surface in surfaces])
 
 
-def _concatenate_oriented(surfaces: list[_OrientedSurface]) -> Mesh:
-    return concatenate([(vertices, faces) for vertices, faces, _ in surfaces])
-
-
-def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
+def _weld(surfaces: list[Surface]) -> list[Mesh]:
     """Orient the closed surfaces, and weld the others into one that has to be closed.
 
     Raises:
@@ -122,14 +122,14 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
     """
     # Surfaces that are closed alone are not welded to others: two boxes that touch
     # would become one with a wall inside, which encloses nothing.
-    closed: list[_OrientedSurface] = []
+    closed: list[Mesh] = []
     remaining: list[Mesh] = []
     for _, vertices, faces in surfaces:
         oriented = orient_outward(vertices, faces)
         if oriented is None:
             remaining.append((vertices, faces))
         else:
-            closed.append((vertices, *oriented))
+            closed.append((vertices, oriented))
     if remaining:
         vertices, faces = remaining[0]
         if len(remaining) > 1:
@@ -138,7 +138,7 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
         if oriented is None:
             count = connect_faces(faces).open_edges
             raise MeshError(f"not closed: {count} edges have no partner")
-        closed.append((vertices, *oriented))
+        closed.append((vertices, oriented))
     return closed
 
 
@@ -199,9 +199,90 @@ def _surface(
     matrix = np.array(matrix, dtype=np.float64)
     if not np.array_equal(matrix, np.eye(4)):
         vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    if not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise ValueError("a face names a vertex that is not there")
+    _check_corners(faces, len(vertices))
     check_vertices(vertices)
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirroring inverts the orientation
         faces = faces[:, ::-1]
     return Surface(material or None, vertices, faces.astype(np.int32))
+
+
+def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
+    """Read the pieces of an OBJ file; the one that begins last is the first.
+
+    The format has one statement in a line. ``v x y z`` adds a vertex. ``f 3 4 5 6``
+    adds a polygon; corners count the vertices of the file from 1, or backwards from -1,
+    the last one above the line. What follows a corner after a slash is a texture or a
+    normal. ``o`` and ``usemtl`` name the object and the material of the polygons below.
+
+    Args:
+        content: The file.
+        budget: What the file may contain.
+
+    Raises:
+        MeshError: If it is too long, or has too many lines, triangles or pieces.
+        ValueError: If it is broken.
+    """
+    budget.take(len(content), "bytes of text")
+    text = content.removeprefix(_BOM).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    expect_at_most(text.count(b"\n"), MAX_LINES, "lines")
+    coordinates = array("d")
+    pieces: dict[tuple[str, str], array[int]] = {}  # corners by object and material
+    names = {b"o": "", b"usemtl": ""}
+    for line in io.BytesIO(text.replace(b"\\\n", b" ")):  # a line goes on after these
+        statement, *words = line.partition(b"#")[0].split() or [b""]
+        if statement == b"v" and words:
+            numbers = _parse(float, words, "a number")
+            if len(numbers) < 3:
+                raise ValueError("a vertex does not have three coordinates")
+            coordinates.extend(numbers[:3])
+        elif statement == b"f" and len(words) > 2:
+            budget.take(len(words) - 2, "triangles")
+            firsts = [word.partition(b"/")[0] for word in words]
+            above = len(coordinates) // 3
+            corners = [
+                above + each if each < 0 else each - 1
+                for each in _parse(int, firsts, "a whole number")
+            ]
+            piece = pieces.setdefault((names[b"o"], names[b"usemtl"]), array("q"))
+            expect_at_most(len(pieces), MAX_SURFACES, "objects and materials")
+            piece.extend(corners[:3])
+            if len(corners) == 4:
+                # Which corner is first changes the last digit of where a beam hits; in
+                # the second half of a quadrangle it has always been the third.
+                piece.extend((corners[2], corners[3], corners[0]))
+                continue
+            for second, third in pairwise(corners[2:]):
+                piece.extend((corners[0], second, third))
+        elif statement in names and words:  # what looks like a comment is of the name
+            names[statement] = " ".join(line.decode("utf-8", "replace").split()[1:])
+    vertices = np.array(coordinates).reshape(-1, 3)
+    check_vertices(vertices)
+    # Parts of a scene are in this order, and what refers to them by number.
+    return [
+        Surface(material or None, *_select(vertices, np.array(corners).reshape(-1, 3)))
+        for (_, material), corners in reversed(pieces.items())
+    ]
+
+
+def _parse(
+    kind: Callable[[bytes], _Number], words: list[bytes], what: str
+) -> list[_Number]:
+    try:
+        return [kind(word) for word in words]
+    except ValueError:
+        text = f"a line has something else where {what} is expected"
+        raise ValueError(text) from None
+
+
+def _select(vertices: Floats, faces: Any) -> Mesh:
+    """Return faces with the vertices that they have, and with few others."""
+    _check_corners(faces, len(vertices))
+    if faces.size >= len(vertices):  # most are used, and sorting would take longer
+        return vertices, faces.astype(np.int32)
+    used, renamed = np.unique(faces, return_inverse=True)
+    return vertices[used], renamed.reshape(-1, 3).astype(np.int32)
+
+
+def _check_corners(faces: Any, count: int) -> None:
+    if not 0 <= faces.min() <= faces.max() < count:
+        raise ValueError("a face names a vertex that is not there")

@@ -33,6 +33,11 @@ _BOX_SIDES = [  # two triangles each
     [[1, 3, 7], [1, 7, 5]],  # front, +x
 ]
 _BOX_FACES = np.array(_BOX_SIDES, dtype=np.int32).reshape(-1, 3)
+_ICOSAHEDRON_FACES = [
+    *([0, 1, 2], [0, 7, 1], [0, 2, 6], [0, 6, 5], [0, 5, 7], [1, 8, 2], [1, 7, 3]),
+    *([1, 3, 8], [2, 4, 6], [2, 8, 4], [3, 7, 11], [3, 9, 8], [3, 11, 9], [4, 10, 6]),
+    *([4, 8, 9], [4, 9, 10], [5, 6, 10], [5, 11, 7], [5, 10, 11], [9, 11, 10]),
+]
 
 
 class Surface(NamedTuple):
@@ -121,21 +126,8 @@ def _icosahedron() -> Mesh:
     corners = [
         corner for a, b in pairs for corner in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))
     ]
-    vertices = np.array(corners)
-    gaps = np.linalg.norm(vertices[:, None] - vertices[None], axis=2)
-    near = np.abs(gaps - 2.0) < 1e-9  # an edge is 2 long here
-    triples = [
-        (i, j, k)
-        for i in range(12)
-        for j in range(i + 1, 12)
-        for k in range(j + 1, 12)
-        if near[i, j] and near[j, k] and near[i, k]
-    ]
-    faces = [
-        (i, j, k) if np.linalg.det(vertices[[i, j, k]]) > 0 else (i, k, j)
-        for i, j, k in triples
-    ]
-    return _on_unit_sphere(vertices), np.array(faces, dtype=np.int32)
+    faces = np.array(_ICOSAHEDRON_FACES, dtype=np.int32)
+    return _on_unit_sphere(np.array(corners)), faces
 
 
 def _subdivide(vertices: Floats, faces: Faces) -> Mesh:

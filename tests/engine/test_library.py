@@ -25,59 +25,63 @@ from radarsim.sensors import echo_extraction
 from radarsim.sensors.echo_extraction import _MODES
 
 
-def numbers(count: int = 2) -> Any:
-    return np.zeros(count, np.int32)
+def vectors(count: int = 2) -> Any:
+    return np.zeros((count, 3))
 
 
 def read_only() -> Any:
-    found = numbers()
+    found = vectors()
     found.flags.writeable = False
     return found
 
 
-def label_faces(labels: Any) -> Any:
-    return engine.label_faces(numbers(), np.zeros(2, bool), labels)
+def turn(turned: Any, *, which: int = 0) -> None:
+    """Turn the axes x and y by a quarter about z."""
+    axes, quarter = np.eye(3)[:2], np.array([[[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]])
+    engine.turn_directions(axes, quarter, np.full(2, which), turned)
 
 
 def test_function_reads_and_writes_arrays() -> None:
-    labels = np.full(2, 7, np.int32)
-    assert label_faces(labels) == 1
-    assert labels.tolist() == [0, 0]
+    turned = vectors()
+    turn(turned)
+    assert turned.tolist() == [[0, 1, 0], [-1, 0, 0]]
 
 
 @pytest.mark.parametrize(
-    ("labels", "text"),
+    ("turned", "text"),
     [
-        pytest.param(numbers(3), "an array int32[3]", id="too long"),
-        pytest.param(np.zeros(2), "an array float64[2]", id="another type"),
-        pytest.param(np.zeros(2, ">i4"), "an array >i4[2]", id="another byte order"),
-        pytest.param(numbers(4)[::2], "an array int32[2], not contiguous", id="gaps"),
-        pytest.param(np.zeros((2, 1), "i4"), "an array int32[2, 1]", id="an axis more"),
-        pytest.param(read_only(), "an array int32[2], read-only", id="read-only"),
+        pytest.param(vectors(3), "an array float64[3, 3]", id="too long"),
+        pytest.param(np.zeros((2, 3), "f4"), "an array float32[2, 3]", id="a type"),
+        pytest.param(np.zeros((2, 3), ">f8"), "an array >f8[2, 3]", id="byte order"),
+        pytest.param(
+            vectors(4)[::2], "an array float64[2, 3], not contiguous", id="gaps"
+        ),
+        pytest.param(np.zeros(6), "an array float64[6]", id="an axis less"),
+        pytest.param(read_only(), "an array float64[2, 3], read-only", id="read-only"),
         pytest.param([0, 0], "[0, 0]", id="a list"),
     ],
 )
-def test_unexpected_arrays_are_rejected(labels: Any, text: str) -> None:
+def test_unexpected_arrays_are_rejected(turned: Any, text: str) -> None:
     with pytest.raises(EngineError) as caught:
-        label_faces(labels)
+        turn(turned)
     assert str(caught.value) == (
-        f"argument 3 of label_faces is {text},"
-        " expected an array i4[f] to write to where f = 2"
+        f"argument 4 of turn_directions is {text},"
+        " expected an array f8[n,3] to write to where n = 2"
     )
 
 
 def test_array_that_is_not_aligned_is_rejected() -> None:
-    labels = np.zeros(9, np.uint8)[1:].view(np.int32)
-    with pytest.raises(EngineError, match=r"^argument 3 of label_faces is an array"):
-        label_faces(labels)
+    turned = np.zeros(49, np.uint8)[1:].view(np.float64).reshape(2, 3)
+    with pytest.raises(EngineError, match=r"^argument 4 of turn_directions is an arr"):
+        turn(turned)
 
 
 def test_arrays_of_other_classes_and_equal_types_are_accepted() -> None:
-    labels = np.full(2, 7, np.int32)
-    assert label_faces(labels.view(np.recarray)) == 1
+    turned = vectors()
+    turn(turned.view(np.recarray))
     link = np.zeros(1, np.dtype(engine.rows["Link"].descr))
     assert engine.angle_of_link(link, 3.0) == 0.0
-    assert labels.tolist() == [0, 0]
+    assert turned.any()
 
 
 def test_missing_memory_is_an_error() -> None:
@@ -88,20 +92,16 @@ def test_missing_memory_is_an_error() -> None:
 
 
 def test_arrays_that_are_only_read_may_be_read_only() -> None:
-    vertices, faces, origins = np.eye(3), np.arange(3, dtype=np.int32), np.zeros((1, 3))
-    volumes, areas = np.zeros(1), np.zeros(1)
-    lows, highs = np.full((1, 3), math.inf), np.full((1, 3), -math.inf)
-    inputs = vertices, faces[None], numbers(1), origins
+    inputs, turned = (np.eye(3), np.eye(3)[None], np.zeros(3, np.int64)), vectors(3)
     for each in inputs:
         each.flags.writeable = False
-    engine.measure_components(*inputs, volumes, areas, lows, highs)
-    assert areas == pytest.approx(math.sqrt(3) / 2)
-    assert (lows.tolist(), highs.tolist()) == ([[0, 0, 0]], [[1, 1, 1]])
+    engine.turn_directions(*inputs, turned)
+    assert (turned == np.eye(3)).all()
 
 
 def test_number_of_arguments_is_checked() -> None:
-    with pytest.raises(TypeError, match=r"^1 arguments for label_faces"):
-        engine.label_faces(numbers())
+    with pytest.raises(TypeError, match=r"^1 arguments for turn_directions"):
+        engine.turn_directions(vectors())
 
 
 def test_unknown_function_is_an_attribute_error() -> None:
@@ -176,11 +176,8 @@ def test_packed_structure_is_not_copied() -> None:
 
 
 def test_lengths_that_do_not_belong_together_are_rejected() -> None:
-    faces, sides = np.zeros((1, 3), np.int32), np.zeros(2, np.int32)
-    others = np.zeros(3, np.int32), np.full((3, 1), -1, np.int32)
-    forest, counts = (np.zeros(1, np.int32), np.zeros(1, bool)), np.zeros(4, np.int64)
-    with pytest.raises(EngineError, match=r"^unite_faces was called with lengths"):
-        engine.unite_faces(faces, sides, *others, *forest, counts)
+    with pytest.raises(EngineError, match=r"^turn_directions was called with lengths"):
+        turn(vectors(), which=1)
 
 
 @pytest.mark.parametrize("number", [2**63, -(2**63) - 1, 1e300, math.inf, math.nan])

@@ -15,8 +15,7 @@ from radarsim.scene.mesh_files import (
     MAX_TRIANGLES,
     MeshError,
 )
-from radarsim.scene.meshes import read_surfaces
-from radarsim.scene.obj import MAX_CHANGES, MAX_LINES
+from radarsim.scene.meshes import MAX_LINES, read_surfaces
 
 CORNERS = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
 PLY = """\
@@ -242,12 +241,6 @@ def test_large_file_is_refused_unread(tmp_path: Path) -> None:
             f"v 0 0 0\nf{' 1' * (MAX_TRIANGLES + 3)}\n",
             f"{MAX_TRIANGLES + 1} triangles",
             id="corners of a polygon of an OBJ",
-        ),
-        pytest.param(
-            "a.obj",
-            "v 0 0 0\n" + "usemtl a\nf 1 1 1\n" * (MAX_CHANGES + 1),
-            f"{MAX_CHANGES + 1} changes of object or material",
-            id="changes of material of an OBJ",
         ),
         pytest.param(
             "a.obj",

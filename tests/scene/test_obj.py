@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.scene.mesh_files import MeshBudget
-from radarsim.scene.obj import read_obj
+from radarsim.scene.meshes import read_obj
 from radarsim.scene.shapes import Surface
 from radarsim.scene.topology import weld_vertices
 

@@ -36,8 +36,8 @@ def inside_out(mesh: Mesh) -> Mesh:
 def oriented_volume(mesh: Mesh) -> float:
     oriented = topology.orient_outward(*mesh)
     assert oriented is not None
-    assert topology.is_closed(oriented[0])
-    return volume(mesh[0], oriented[0])
+    assert topology.is_closed(oriented)
+    return volume(mesh[0], oriented)
 
 
 def test_mesh_without_faces_is_closed_and_has_no_components() -> None:
@@ -50,7 +50,7 @@ def test_consistent_surface_is_not_changed() -> None:
     mesh = stack(cube(), cube(at=(3, 0, 0)))
     oriented = topology.orient_outward(*mesh)
     assert oriented is not None
-    assert oriented[0].tolist() == mesh[1].tolist()
+    assert oriented.tolist() == mesh[1].tolist()
 
 
 @pytest.mark.parametrize(

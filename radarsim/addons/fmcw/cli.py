@@ -12,8 +12,7 @@ import click
 from annotated_types import Ge, Gt, Interval, Unit
 
 from radarsim.cli.fields import MapName
-from radarsim.cli.files import check_ending, check_writable, write_file
-from radarsim.cli.output import print_now
+from radarsim.cli.output import check_ending, check_writable, print_now, write_file
 from radarsim.cli.scan import PlacedSensor
 from radarsim.cli.server_options import ServedMap, ServeExtension
 from radarsim.errors import PresetError, describe_os_error, join_address

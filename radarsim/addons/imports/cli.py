@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 import click
 from annotated_types import Gt, Unit
 
-from radarsim.cli.files import check_ending, check_writable, write_file
-from radarsim.cli.output import print_lines, print_message
+from radarsim.cli.output import check_new_map, print_lines, print_message, write_file
 from radarsim.errors import describe_os_error, expected_one_of
 from radarsim.plans import RARE, Form, Option, read_numbers
 from radarsim.processes import raise_on_signals
@@ -104,11 +103,7 @@ def import_(
     Returns:
         The exit code.
     """
-    check_ending(output, ["yaml", "yml"], "-o")
-    check_writable(output, "-o")
-    if output.exists():
-        text = f"{str(output)!r} exists, expected the name of a new file"
-        raise click.BadParameter(text, param_hint="-o")
+    check_new_map(output, "-o")
     kind = kind or _kind_of(file)
     if kind == "ini":
         import yaml

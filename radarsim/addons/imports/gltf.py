@@ -5,34 +5,20 @@ and Blender writes custom properties there.
 """
 
 from pathlib import Path
-from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.source_file import read_bytes, wrong
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
-from radarsim.scene.gltf import split_glb
+from radarsim.scene.gltf import GltfFile, Material
 from radarsim.scene.map_schema import MaterialEntry
 from radarsim.scene.material import library_names
-from radarsim.scene.mesh_files import MAX_FILE_BYTES, MeshError
+from radarsim.scene.mesh_files import MAX_FILE_BYTES, MeshBudget, MeshError, MeshFiles
 from radarsim.scene.meshes import read_surfaces
 from radarsim.validation import describe_invalid, short_repr
-
-
-class _Material(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
-    name: str | None = None
-    extras: Any = None
-
-
-class _File(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
-    materials: list[_Material] = []
 
 
 def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
@@ -54,14 +40,9 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
         raise wrong(path, 1, f"expected a file below the map's folder, {str(folder)!r}")
     try:
         names = sorted({each.material or "" for each in read_surfaces(file, inside)})
-        # Read once more: the reader of meshes keeps names of materials, and drops their
-        # extras.
-        is_binary = file.suffix.lower() == ".glb"
-        json = split_glb(content)[0] if is_binary else content
-        described = _File.model_validate_json(json).materials
-    except ValidationError as error:
-        reason = describe_invalid(error.errors()[0])
-        raise ForeignFileError(f"{path}:1: {reason}") from error
+        files = MeshFiles(inside, inside, MeshBudget())
+        # Once more: surfaces have the names of their materials, but not their extras.
+        described = GltfFile(content, file.suffix.lower(), files).materials
     except MeshError as error:
         reason = str(error).removeprefix(f"{file.name!r}: ")
         raise ForeignFileError(f"{path}:1: {reason}") from error
@@ -90,7 +71,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
 
 
 def _known_keys(
-    path: Path, imported: ImportedMap, material: _Material
+    path: Path, imported: ImportedMap, material: Material
 ) -> dict[str, object]:
     """Return the extras that are keys of a map's material.
 

@@ -13,7 +13,7 @@ from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.source_file import place, rounded
 from radarsim.errors import ForeignFileError, MapError
 from radarsim.geometry import Pose3
-from radarsim.scene.map_loader import MapLoader
+from radarsim.scene.map_loader import load_scene
 from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS, level_of
 from radarsim.yaml_reader import parse_yaml
 
@@ -21,7 +21,6 @@ MAX_SHOWN: Final = 8  # names in a warning
 LEVEL: Final = 1e-7  # rad; less is taken for upright
 LOW: Final = 0.05  # m; what begins higher is no floor
 LONGEST_LINE: Final = 2**30  # characters: an object is on one line
-_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 class ImportedMap:
@@ -188,17 +187,17 @@ class ImportedMap:
             # As ASCII, since the name of a file may hold a line break, which would end
             # the comment.
             f"# Imported from {self._source.name!a}.\n",
-            yaml.dump(head, Dumper=_DUMPER, sort_keys=False, allow_unicode=True),
+            yaml.dump(
+                head, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True
+            ),
             "objects:\n",
             *(f"  - {_inline(each)}\n" for each in self._objects),
             f"starts:\n  - {_inline({**start, 'yaw_deg': round(yaw, 4)})}\n",
         ]
         text = "".join(lines)
         # What is written has to be a map: names and sizes of other programs may not be.
-        loader = MapLoader(parse_yaml(file, text))
-        scene = loader.load()
         try:
-            loader.problems.raise_all()
+            scene = load_scene(parse_yaml(file, text))
         except MapError as error:
             first = error.problems[0].removeprefix(f"{file}:")
             reason = first.partition(": ")[2]
@@ -225,7 +224,7 @@ class ImportedMap:
 def _inline(content: Mapping[str, object]) -> str:
     text: str = yaml.dump(
         dict(content),
-        Dumper=_DUMPER,
+        Dumper=yaml.CSafeDumper,
         default_flow_style=True,
         sort_keys=False,
         # Else YAML folds long lines, and an object would be on several.

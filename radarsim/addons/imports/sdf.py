@@ -15,9 +15,8 @@ import numpy as np
 
 from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
-from radarsim.addons.imports.mesh_copies import MeshCopies
 from radarsim.addons.imports.sdf_frames import ORIGIN, Frames, LeftOut, parse_pose
-from radarsim.addons.imports.sdf_shapes import read_mesh, read_shape
+from radarsim.addons.imports.sdf_shapes import MeshCopies, read_mesh, read_shape
 from radarsim.addons.imports.source_file import XmlElement, find_in, read_xml
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from radarsim.cli.files import check_writable
-from radarsim.cli.output import print_message
+from radarsim.cli.output import check_writable, print_message
 from radarsim.errors import PresetError, describe_os_error, expected_one_of
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ from radarsim.cli.fields import (
     Simulation,
     check_robot,
 )
-from radarsim.cli.files import without_empty_folder
-from radarsim.cli.output import MESSAGE_FORM, start_log
+from radarsim.cli.output import MESSAGE_FORM, start_log, without_empty_folder
 from radarsim.plans import RARE, Option
 
 

@@ -34,8 +34,12 @@ from radarsim.autonomy.plotting.maps import (
 )
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.watching import WatchMapper
-from radarsim.cli.files import check_picture, check_writable, write_picture
-from radarsim.cli.output import print_message
+from radarsim.cli.output import (
+    check_picture,
+    check_writable,
+    print_message,
+    write_picture,
+)
 from radarsim.errors import describe_os_error
 from radarsim.files import is_by_radarsim, write_atomically
 from radarsim.plotting.film import Pixels

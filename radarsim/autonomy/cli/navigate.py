@@ -20,13 +20,16 @@ from radarsim.cli.fields import (
     Simulation,
     check_robot,
 )
-from radarsim.cli.files import (
+from radarsim.cli.output import (
+    MESSAGE_FORM,
     check_picture,
     check_writable,
+    print_lines,
+    print_message,
+    start_log,
     write_file,
     write_picture,
 )
-from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
