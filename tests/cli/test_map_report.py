@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim.autonomy.cli.map_files import view_of
-from radarsim.autonomy.cli.map_run import as_text
+from radarsim.autonomy.cli.map_output import as_text, view_of
 from radarsim.autonomy.evaluation.map_score import MapScore
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.mapping.mapper import Mapper
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import RangeScan
@@ -73,7 +73,7 @@ def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
     view = view_of(run, mapper)
     assert view.title == "The floor out of the robot's reach: 97 % mapped"
     assert view.subtitle.startswith("P3AT_Radar360 maps empty_room: ")
-    assert [outline.kind for outline in view.outlines] == ["solid"]
+    assert [outline.kind for outline in view.outlines] == [CellClass.OBSTACLE]
     run.outcome, run.score = "broken_off", score_with(coverage=0.4)
     view = view_of(run, mapper)
     assert view.title == "40 % of the floor mapped"

@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from radarsim.autonomy.cli.film import check_film, check_start, filmed
+from radarsim.autonomy.cli.run_files import (
+    check_film,
+    check_start,
+    filmed,
+    make_recording,
+)
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -100,7 +105,6 @@ def navigate(
     Returns:
         The exit code.
     """
-    from radarsim.autonomy.cli.recording import make_recording
     from radarsim.autonomy.evaluation.navigation_run import NavigationRun
 
     files.check()
@@ -163,7 +167,7 @@ def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None
     from radarsim.autonomy.cli.navigate_output import run_camera, run_progress
 
     with (
-        filmed(files.film, run_camera(run), files.film_speed) as update_film,
+        filmed(files, run_camera(run)) as update_film,
         run_progress(run.run_log) as update,
     ):
 

@@ -33,6 +33,7 @@ from radarsim.autonomy.navigation.grid_search import flood_fill
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_mesh
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.simulation.map_warnings import Position, free_space
 
@@ -71,7 +72,7 @@ class Truth:
         for part in scene.parts:
             segments = slice_mesh(part.vertices, part.faces, height)
             if len(segments):
-                kind = class_of(part)
+                kind = class_of(part.material)
                 filled = _filled(part, segments, starts, frame)
                 self.inside[kind] |= filled
                 self.kinds[kind] |= filled | _drawn(segments, frame)
@@ -111,13 +112,11 @@ class Truth:
         return np.asarray((solid & np.isfinite(beside)) | self.kinds[CellClass.FOLIAGE])
 
 
-def class_of(part: Part) -> CellClass:
-    """Return the class that a part should have on a map."""
-    material = part.material
+def class_of(material: Material) -> CellClass:
+    """Return the class that something of a material should have on a map."""
     if not material.solid:
         return CellClass.SMOKE
-    seen_through = material.penetrable or material.sheet_loss is not None
-    return CellClass.FOLIAGE if seen_through else CellClass.OBSTACLE
+    return CellClass.FOLIAGE if material.lets_beams_in else CellClass.OBSTACLE
 
 
 def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
@@ -128,7 +127,7 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
     lines = shapely.linestrings(np.round(segments, 6))
     # Split where they cross: one mesh may intersect itself
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
-    if class_of(part) == CellClass.OBSTACLE:
+    if class_of(part.material) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]
     return covered_cells(shapely.union_all(areas), frame)
 
@@ -207,27 +206,24 @@ class FloorPart:
     def __init__(
         self,
         part: Literal["reachable", "hidden"],
+        mapper: Mapper,
         scene: Scene,
-        resolution: float,
-        *,
-        start: tuple[float, float],
-        robot_radius: float,
-        height: float,
+        robot_class: str,
+        start: Position,
     ) -> None:
         """Find the cells.
 
         Args:
             part: Which floor.
+            mapper: Makes the maps.
             scene: The mapped scene.
-            resolution: Side of a cell of the maps, m.
+            robot_class: Class of the robot.
             start: Start of the robot, m.
-            robot_radius: Half the diagonal of the robot, m.
-            height: Height of its sensor in the map frame, m.
         """
-        low, high = scene.bounds[:, :2].tolist()
-        frame = GridFrame(resolution).extended_to(tuple(low), tuple(high))
+        radius, height = robot_and_sensor(mapper, scene, robot_class, start)
+        frame = _with_scene(GridFrame(mapper.grid.frame.resolution), scene)
         truth = Truth(scene, frame, height)
-        floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
+        floor = find_floor(truth, scene, start=start, robot_radius=radius)
         rows, columns = np.nonzero(floor[part])
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
@@ -290,6 +286,12 @@ class MapScore:
         return values
 
 
+def _with_scene(frame: GridFrame, scene: Scene) -> GridFrame:
+    """Return a frame that contains all of a scene too."""
+    (west, south), (east, north) = scene.bounds[:, :2].tolist()
+    return frame.extended_to((west, south), (east, north))
+
+
 def score_map(
     grid: OccupancyGrid,
     scene: Scene,
@@ -307,9 +309,8 @@ def score_map(
         robot_radius: Half the diagonal of the robot, m.
         height: Height of its sensor in the map frame, m.
     """
-    low, high = scene.bounds[:, :2].tolist()
     # Of the whole scene: floor that was never sensed counts as well.
-    frame = grid.frame.extended_to(tuple(low), tuple(high))
+    frame = _with_scene(grid.frame, scene)
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)
     near = grid.frame.copy_into(grid.short_range_cells(), frame)

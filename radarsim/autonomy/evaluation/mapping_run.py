@@ -20,7 +20,6 @@ import numpy as np
 from radarsim.autonomy.evaluation.map_score import (
     FloorPart,
     MapScore,
-    robot_and_sensor,
     score_mapper,
 )
 from radarsim.autonomy.evaluation.navigation_run import (
@@ -327,15 +326,7 @@ class MappingRun:
         curve, scene, robot_class = result.area_curve, result.scene, result.robot_class
         if scene is not None and robot_class is not None and curve.floor is None:
             start = (trip.start.x, trip.start.y)
-            radius, height = robot_and_sensor(mapper, scene, robot_class, start)
-            curve.floor = FloorPart(
-                "reachable",
-                scene,
-                mapper.grid.frame.resolution,
-                start=start,
-                robot_radius=radius,
-                height=height,
-            )
+            curve.floor = FloorPart("reachable", mapper, scene, robot_class, start)
         curve.add(trip, mapper.grid, last=last)
 
     def _open_client(self, address: tuple[str, int]) -> Client:

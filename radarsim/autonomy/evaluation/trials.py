@@ -57,8 +57,6 @@ class Row:
             ``no_path`` or ``too_near`` if it reports that, ``failed`` otherwise; of a
             map how the exploration ended.
         collisions: How often the robot began to touch something.
-        pushes: How often it did so for more than a second, or where it had done so
-            before.
         path_length: Length of the true path of the robot's centre, m.
         shortest_path: Length of the shortest path for a robot that keeps half its
             diagonal from everything solid, m; None if there is no path.
@@ -81,7 +79,6 @@ class Row:
     note: str = ""
     measured_length: float = math.nan
     score: MapScore | None = None
-    pushes: int = 0
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
         """Return some of the values, those of the score too, rounded for JSON."""
@@ -160,7 +157,6 @@ def judge_drive(
     return Row(
         outcome=outcome,
         collisions=monitor.collisions,
-        pushes=monitor.pushes,
         path_length=monitor.path_length,
         time=host.simulation.time,
         off=off,
