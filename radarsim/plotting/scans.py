@@ -27,6 +27,7 @@ from radarsim.plotting.marks import (
     draw_echoes,
     draw_many,
     draw_ray_ends,
+    draw_rays,
     lists_echoes,
 )
 from radarsim.plotting.palette import MARKER
@@ -39,7 +40,6 @@ from radarsim.plotting.plan import (
     plot_scene,
     show_extent,
 )
-from radarsim.plotting.ray_segments import draw_rays
 from radarsim.plotting.sight import BeamEnd, Sight, find_sight, name_materials
 from radarsim.plotting.style import (
     QUIET,

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
-from radarsim.plotting.ray_segments import FULL_OPACITY, NO_RETURN_OPACITY
+from radarsim.plotting.marks import FULL_OPACITY, NO_RETURN_OPACITY
 from radarsim.plotting.scans import draw_scans, plot_scans
 from radarsim.plotting.sight import BeamEnd, find_sight, name_materials
 from radarsim.plotting.style import FORMS

@@ -16,7 +16,7 @@ from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.scene import Scene
-from radarsim.server.host import Host
+from radarsim.server.host import Host, HostObserver
 from radarsim.server.host.lockstep import InProcessTransport
 
 Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
@@ -25,8 +25,10 @@ STEP: Final = 0.02  # m between two positions of the true path
 INTERRUPTED: Final = "interrupted"
 
 
-class GroundTruthMonitor:
+class GroundTruthMonitor(HostObserver):
     """Watches the first robot of a simulation, tick by tick.
+
+    As an observer of a host it watches after each tick, when the next one begins.
 
     Attributes:
         collisions: How often the robot began to touch something, or another robot.
@@ -42,6 +44,10 @@ class GroundTruthMonitor:
         self._number: int | None = None  # of the robot
         self._touches = False
         self._pose: Pose2 | None = None
+
+    def step(self, *, passes: bool) -> None:  # noqa: ARG002 - it watches all ticks
+        """See ``HostObserver.step``."""
+        self.watch()
 
     def watch(self) -> None:
         """Update from the simulation; to be called after every tick."""

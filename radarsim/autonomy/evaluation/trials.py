@@ -49,8 +49,8 @@ TIME_LIMIT = 3600.0  # s of simulated time
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
-    """How a run went, in truth.
+class TrialResult:
+    """How a run went, in truth, and which trial it was.
 
     Attributes:
         outcome: Of a drive ``reached`` if the robot reports that and is there,
@@ -67,6 +67,11 @@ class Row:
         measured_length: Length of the path by the robot's own measurements, m; nan if
             they were not needed.
         score: Comparison of a map with the scene.
+        map: Name of the map of a trial; empty for other runs.
+        algorithm: Name of its algorithm.
+        sensor: Name of its sensor preset; all of them cover a full circle.
+        seed: Seed of its simulation.
+        rule: Rule of its bumpers.
     """
 
     outcome: str
@@ -79,6 +84,23 @@ class Row:
     note: str = ""
     measured_length: float = math.nan
     score: MapScore | None = None
+    map: str = ""
+    algorithm: str = ""
+    sensor: str = ""
+    seed: int = 0
+    rule: str = Rule.SHARE.value
+
+    @property
+    def is_correct(self) -> bool:
+        """Whether the robot found what the map allows, and touched nothing."""
+        correct = "no_path" if self.shortest_path is None else "reached"
+        return self.outcome == correct and not self.collisions
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result of a trial for JSON, rounded to mm and ms."""
+        what = ("map", "algorithm", "sensor", "seed", "rule")
+        how = ("outcome", "collisions", "path_length", "shortest_path", "time")
+        return self.select((*what, *how, "circuits", "off", "note"))
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
         """Return some of the values, those of the score too, rounded for JSON."""
@@ -94,7 +116,7 @@ def run_plan(
     host: Host,
     *,
     seed: int = 0,
-) -> Row:
+) -> TrialResult:
     """Run a plan in lockstep with a server of its own, and judge it by the truth.
 
     Args:
@@ -111,7 +133,7 @@ def run_plan(
         note = str(error)
     run.judge()
     result, monitor = run.result, run.result.monitor
-    return Row(
+    return TrialResult(
         outcome=result.outcome,
         collisions=0 if monitor is None else monitor.collisions,
         path_length=0.0 if monitor is None else monitor.path_length,
@@ -122,7 +144,7 @@ def run_plan(
     )
 
 
-def _drive(mission: Mission, host: Host) -> Row:
+def _drive(mission: Mission, host: Host) -> TrialResult:
     monitor = GroundTruthMonitor(host)
     outcome, note, circuits = "failed", "", 0
 
@@ -141,7 +163,7 @@ def _drive(mission: Mission, host: Host) -> Row:
 
 def judge_drive(
     host: Host, monitor: GroundTruthMonitor, off: float, outcome: str, note: str
-) -> Row:
+) -> TrialResult:
     """Return how a drive went; ``reached`` elsewhere than at the goal has failed.
 
     Args:
@@ -154,7 +176,7 @@ def judge_drive(
     # the robot's own pose drifts: it may take another place for the goal
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
-    return Row(
+    return TrialResult(
         outcome=outcome,
         collisions=monitor.collisions,
         path_length=monitor.path_length,
@@ -162,37 +184,6 @@ def judge_drive(
         off=off,
         note=note,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrialResult(Row):
-    """The result of a trial: an algorithm that ran with a sensor on a map.
-
-    Attributes:
-        map: Name of the map.
-        algorithm: Name of the algorithm.
-        sensor: Name of the sensor preset; all of them cover a full circle.
-        seed: Seed of the simulation.
-        rule: Rule of the bumpers.
-    """
-
-    map: str
-    algorithm: str
-    sensor: str
-    seed: int
-    rule: str = Rule.SHARE.value
-
-    @property
-    def is_correct(self) -> bool:
-        """Whether the robot found what the map allows, and touched nothing."""
-        correct = "no_path" if self.shortest_path is None else "reached"
-        return self.outcome == correct and not self.collisions
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, rounded to mm and ms."""
-        what = ("map", "algorithm", "sensor", "seed", "rule")
-        how = ("outcome", "collisions", "path_length", "shortest_path", "time")
-        return self.select((*what, *how, "circuits", "off", "note"))
 
 
 def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
@@ -211,8 +202,9 @@ def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
     return config
 
 
+@cache
 def load_trial(map_: str) -> tuple[Scene, Trial]:
-    """Load a map that defines a trial.
+    """Load a map that defines a trial, once in a process.
 
     Raises:
         MapError: If the map is wrong, or defines no trial.
@@ -232,11 +224,11 @@ def run_trial(
         MapError: If the map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
-    scene, _, shortest = prepare_trial(map_)
+    scene, _ = load_trial(map_)
     host = Host(scene, config=config_with_sensor(sensor), seed=seed)
-    row = vars(drive_trial(host, algorithm, rule)) | {"shortest_path": shortest}
-    return TrialResult(
-        map=map_, algorithm=algorithm, sensor=sensor, seed=seed, rule=rule, **row
+    result = drive_trial(host, algorithm, rule)
+    return replace(
+        result, map=map_, algorithm=algorithm, sensor=sensor, seed=seed, rule=rule
     )
 
 
@@ -245,8 +237,8 @@ def drive_trial(
     algorithm: str,
     rule: str = Rule.SHARE.value,
     time_limit: float = TIME_LIMIT,
-) -> Row:
-    """Run the trial of a host's map, without its shortest path."""
+) -> TrialResult:
+    """Run the trial of a host's map."""
     trial = host.scene.trial
     assert trial is not None
     mission = Mission(
@@ -257,9 +249,11 @@ def drive_trial(
         rule=Rule(rule),
         time_limit=time_limit,
     )
-    return run_plan(mission, host)
+    shortest = shortest_for(host.scene, trial)
+    return replace(run_plan(mission, host), shortest_path=shortest)
 
 
+@cache
 def shortest_for(scene: Scene, trial: Trial) -> float | None:
     """Return the length of a trial's shortest path, m; None if there is none."""
     start = scene.start(trial.start)
@@ -268,10 +262,3 @@ def shortest_for(scene: Scene, trial: Trial) -> float | None:
     clearance = math.hypot(model.length, model.width) / 2
     path = shortest_path(scene, (start.pose.x, start.pose.y), trial.goal, clearance)
     return None if path is None else path[0]
-
-
-@cache
-def prepare_trial(map_: str) -> tuple[Scene, Trial, float | None]:
-    """Load a map and compute its shortest path, once in a process."""
-    scene, trial = load_trial(map_)
-    return scene, trial, shortest_for(scene, trial)

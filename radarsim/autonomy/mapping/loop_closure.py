@@ -36,8 +36,13 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.mapping.point_map import PointMap
-from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
+from radarsim.autonomy.mapping.scan_matching import (
+    Fit,
+    PointMap,
+    ScanPoints,
+    best_start,
+    fit,
+)
 from radarsim.engine import Packed
 from radarsim.geometry import Floats, Pose2
 

@@ -9,9 +9,8 @@ from flat_world import ANGLES, box, errors_of, look, ranges_of
 
 from radarsim.autonomy.mapping.loop_closure import Keyframe, KeyframeMap
 from radarsim.autonomy.mapping.mapper import RebuildableGrid
-from radarsim.autonomy.mapping.point_map import inward_normals
 from radarsim.autonomy.mapping.scan import PlanarScan, read_scan
-from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints
+from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, inward_normals
 from radarsim.autonomy.mapping.slam import Slam
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.geometry import Floats, Pose2
