@@ -45,6 +45,7 @@ from radarsim.plotting.style import (
     QUIET,
     Legend,
     as_words,
+    figure_of,
     render,
     write_title,
 )
@@ -280,20 +281,13 @@ def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
 
 def draw_scene(scene: Scene, *, form: str = "png") -> bytes:
     """Draw the plan of a scene, see ``plot_scene``, as a file of one of ``FORMS``."""
-    return render(_figure_of(plot_scene(scene)), form)
+    return render(figure_of(plot_scene(scene)), form)
 
 
 def as_svg(axes: Axes) -> str:
     """Return the figure of axes as an ``<svg>`` element."""
-    text = render(_figure_of(axes), "svg").decode()
+    text = render(figure_of(axes), "svg").decode()
     return text[text.index("<svg") :]
-
-
-def _figure_of(axes: Axes) -> Figure:
-    figure = axes.get_figure(root=True)
-    if figure is None:
-        raise ValueError("axes without a figure, expected axes of a figure")
-    return figure
 
 
 def _draw_sensor(axes: Axes, scan: Scan, robot: Pose2 | None) -> None:

@@ -70,6 +70,14 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
     return data.getvalue()
 
 
+def figure_of(axes: Axes) -> Figure:
+    """Return the figure that axes are in."""
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        raise ValueError("axes without a figure, expected axes of a figure")
+    return figure
+
+
 def escape_texts(figure: Figure) -> None:
     """Escape characters in names for which no file has a picture."""
     for text in figure.findobj(Text):
@@ -190,10 +198,6 @@ class Legend:
         """Add a row with a sample of a marker."""
         self._add(text, Line2D([], [], marker=marker, linestyle="none", **style))
 
-    def add_area(self, text: str, **style: Any) -> None:
-        """Add a row with a sample of a filled area."""
-        self._add(text, Patch(**style))
-
     def add_materials(self, materials: Iterable[Material]) -> None:
         """Add a row for each colour, which names the materials that have it."""
         names = defaultdict[Family, list[str]](list)
@@ -203,7 +207,7 @@ class Legend:
                 of_family.append(material.name)
         for family in Family:
             if family in names:
-                self.add_area(_listed(names[family]), **area_style(family))
+                self._add(_listed(names[family]), Patch(**area_style(family)))
 
     def add_numbers(self, texts: Mapping[int, str]) -> None:
         """Add a row for each number, up to ``MAX_NUMBERS``, with what it stands for."""

@@ -128,8 +128,8 @@ class MapFiles:
             raise click.BadParameter(text, param_hint="OUT") from None
         for path in self.paths:
             check_writable(path, "OUT")
-            if path.is_file() and not _may_be_replaced(path, served):
-                is_served = _is_same(path, served)
+            is_served = _is_same(path, served)
+            if is_served or (path.is_file() and not _is_ours(path)):
                 what = "the simulated map" if is_served else "of another program"
                 text = f"would overwrite {path}, which is {what}, expected -o OUT"
                 raise click.BadParameter(text, param_hint="-o")
@@ -170,12 +170,11 @@ class MapFiles:
             write_picture(plot, draw_area_curve(curve, strategy, title, form))
 
 
-def _may_be_replaced(path: Path, served: str | None) -> bool:
-    """Return whether a file is of radarsim's, and not the simulated map."""
+def _is_ours(path: Path) -> bool:
+    """Return whether a file is of radarsim's, as far as it can be read."""
     try:
         with path.open("rb") as file:
-            is_ours = is_radarsim_map(file.read(HEAD)) or is_by_radarsim(path)
-            return is_ours and not _is_same(path, served)
+            return is_radarsim_map(file.read(HEAD)) or is_by_radarsim(path)
     except OSError:
         return True
 

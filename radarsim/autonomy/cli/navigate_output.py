@@ -49,11 +49,14 @@ _DRIVES: Final = "drives to its goal"
 
 
 @contextmanager
-def run_progress(run_log: RunLog) -> Iterator[Callable[[Row], None]]:
-    """Show the progress of a run on stderr.
+def run_progress(
+    run_log: RunLog, update_film: Callable[[float], None]
+) -> Iterator[Callable[[Row], None]]:
+    """Show the progress of a run on stderr, and film it.
 
     Args:
         run_log: Rows of the run so far.
+        update_film: Films it, at a time in s.
 
     Yields:
         A function to be called with each row after it has been added to the log.
@@ -64,6 +67,7 @@ def run_progress(run_log: RunLog) -> Iterator[Callable[[Row], None]]:
 
         def update(row: Row) -> None:
             nonlocal state, hits, leaves
+            update_film(row.time)
             last, state = state, (row.activity, row.goal)
             if last == state:
                 return

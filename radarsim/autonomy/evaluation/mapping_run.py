@@ -35,7 +35,7 @@ from radarsim.autonomy.exploration.exploration import (
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.autonomy.mapping.trajectory import TrajectoryErrors, trajectory_errors
+from radarsim.autonomy.mapping.trajectory import trajectory_errors
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
 from radarsim.rng import generator_for
@@ -71,13 +71,16 @@ class AreaCurve:
 
     Attributes:
         samples: In the order of time.
-        reached: The first sample at which each of ``SHARES`` was known.
+        reached: Time and path length at which each of ``SHARES`` was known, for JSON;
+            None for those that were not.
         floor: The floor that the robot can get to; None if that is not known.
     """
 
     def __init__(self) -> None:
         self.samples: list[Sample] = []
-        self.reached: dict[float, Sample] = {}
+        self.reached: dict[str, dict[str, float] | None] = dict.fromkeys(
+            f"{share:g}" for share in SHARES
+        )
         self.floor: FloorPart | None = None
         self._interval = INTERVAL
         self._due = -math.inf
@@ -102,8 +105,9 @@ class AreaCurve:
             math.nan if share is None else share,
         )
         for each in SHARES:
-            if sample.reachable >= each:
-                self.reached.setdefault(each, sample)
+            if sample.reachable >= each and self.reached[f"{each:g}"] is None:
+                time, length = round(sample.time, 2), round(sample.path_length, 2)
+                self.reached[f"{each:g}"] = {"time": time, "path_length": length}
         if last and self.samples and self.samples[-1].time == sample.time:
             del self.samples[-1]  # what was known at that scan before the run ended
         # all are looked at, but not all are kept
@@ -125,16 +129,6 @@ class AreaCurve:
         if any(map(math.isfinite, shares)):
             columns["reachable_coverage"] = shares
         return columns
-
-    def reached_to_dict(self) -> dict[str, dict[str, float] | None]:
-        """Return for JSON when each share was known; None for those that were not."""
-        found: dict[str, dict[str, float] | None] = dict.fromkeys(
-            f"{share:g}" for share in SHARES
-        )
-        for share, sample in self.reached.items():
-            time, length = round(sample.time, 2), round(sample.path_length, 2)
-            found[f"{share:g}"] = {"time": time, "path_length": length}
-        return found
 
 
 @dataclass(slots=True)
@@ -224,7 +218,7 @@ class MappingResult:
             if self.score is not None:
                 result["judge"] |= self.score.to_dict()
             if self.area_curve.floor is not None:
-                result["judge"]["reached"] = self.area_curve.reached_to_dict()
+                result["judge"]["reached"] = self.area_curve.reached
         return result
 
     def _pose_errors(self) -> dict[str, float | None] | None:
@@ -235,8 +229,12 @@ class MappingResult:
             errors = trajectory_errors(self.mapper.trajectory, truth)
         except ValueError:
             return None
-        motion = trajectory_errors(alone, truth).ate if len(alone) else None
-        return _describe_errors(errors, motion)
+        motion = trajectory_errors(alone, truth).ate if len(alone) else math.nan
+        plain: dict[str, float] = {**asdict(errors), "motion_ate": motion}
+        for name in ("yaw", "yaw_max", "rpe_yaw"):
+            plain[f"{name}_deg"] = math.degrees(plain.pop(name))
+        values: dict[str, float | None] = rounded(plain, 5)
+        return values
 
     def to_json(self) -> str:
         """Return the result as one line of JSON."""
@@ -343,14 +341,3 @@ def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
     known = [each for each in CellClass if each is not CellClass.UNKNOWN]
     named = {each.name.lower(): int(counts[each]) for each in known}
     return {"resolution": mapper.grid.frame.resolution, **named}
-
-
-def _describe_errors(
-    errors: TrajectoryErrors, motion_ate: float | None
-) -> dict[str, float | None]:
-    plain: dict[str, float] = asdict(errors)
-    plain["motion_ate"] = math.nan if motion_ate is None else motion_ate
-    for name in ("yaw", "yaw_max", "rpe_yaw"):
-        plain[f"{name}_deg"] = math.degrees(plain.pop(name))
-    errors_of_poses: dict[str, float | None] = rounded(plain, 5)
-    return errors_of_poses

@@ -41,7 +41,7 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
-from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, render
+from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, figure_of, render
 from radarsim.scene.scene import Part
 
 CELL_COLOURS: Final = {
@@ -163,10 +163,8 @@ class MapPanel:
 
     def _place_label(self, path: Floats) -> None:
         """Place the label of the start on a side where it covers little of the path."""
-        figure = self._axes.get_figure(root=True)
-        assert figure is not None
         pixels = self._axes.transData.transform(path)
-        points = (pixels - pixels[0]) * 72 / figure.dpi
+        points = (pixels - pixels[0]) * 72 / figure_of(self._axes).dpi
         high = float(self._label.get_fontsize())
         size = np.array([_LETTER * high * len(START.label), high])
         covered = [

@@ -25,7 +25,7 @@ from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.autonomy.plotting.panels import add_cell_image, show_cells
 from radarsim.geometry import Floats, Point
 from radarsim.plotting.palette import FOLLOWING, GOING, MARKER, PAPER, TARGET
-from radarsim.plotting.style import HALO
+from radarsim.plotting.style import HALO, figure_of
 from radarsim.robots.obstacles import area_within
 
 FAINTEST, STRONGEST = 0.12, 0.5  # opacity of cells where one, or most beams ended
@@ -240,9 +240,8 @@ class SensedCells:
         # numpy 2.0 gave the inverse another shape than versions before and after
         counts = np.bincount(numbers.reshape(-1), ends[:, 2])
         often = np.minimum(np.log1p(counts) / np.log1p(most), 1.0)
-        axes, figure = self._axes, self._axes.get_figure(root=True)
-        assert figure is not None
-        points = side * axes.bbox.width / axes.viewLim.width * 72 / figure.dpi
+        axes = self._axes
+        points = side * axes.bbox.width / axes.viewLim.width * 72 / figure_of(axes).dpi
         sizes = (points * (_LEAST + (_MOST - _LEAST) * often)) ** 2
         x, y = ((places + 0.5) * side).T
         style: dict[str, Any] = {"color": self._colour, "linewidths": 0.0}
