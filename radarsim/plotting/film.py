@@ -234,11 +234,6 @@ class Film:
         self._queue: Queue[Pixels | _GivenUp | None] = Queue(_AHEAD)
         self._encoder: threading.Thread | None = None
 
-    @property
-    def duration(self) -> float:
-        """Length of the film so far, s."""
-        return self.frames / FRAME_RATE
-
     def update(self, time: float) -> None:
         """Add the frames that are due; to be called after each scan.
 

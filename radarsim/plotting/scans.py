@@ -115,18 +115,16 @@ def _names_of(scans: Sequence[Scan]) -> list[str]:
     """Return the names of sensors; those of one name with the settings that differ."""
     names = [name_sensor(scan) for scan in scans]
     settings = [scan.echoes.settings.model_dump() for scan in scans]
-    for number, own in enumerate(settings):
-        name = name_sensor(scans[number])
-        others = [
-            settings[n] for n, scan in enumerate(scans) if name_sensor(scan) == name
-        ]
+    whole = []
+    for name, own in zip(names, settings, strict=True):
+        others = [s for other, s in zip(names, settings, strict=True) if other == name]
         changed = [
             f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
             for key, value in own.items()
             if any(other[key] != value for other in others)
         ]
-        names[number] += f" with {', '.join(changed)}" if changed else ""
-    return names
+        whole.append(f"{name} with {', '.join(changed)}" if changed else name)
+    return whole
 
 
 def _finding(names: Sequence[str], sights: Sequence[Sight]) -> str:

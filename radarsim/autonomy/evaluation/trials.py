@@ -42,7 +42,6 @@ MAPS = (
     "foliage_room",
     "hedge_garden",
 )
-SENSORS = ("radar", "laser")
 SCANNER = "lms200"
 GOAL_TOLERANCE = 0.5  # m from the goal, in truth, up to which it counts as reached
 TIME_LIMIT = 3600.0  # s of simulated time

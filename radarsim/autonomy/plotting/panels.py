@@ -141,7 +141,15 @@ class Panels:
         """Place a legend below the panels, in as many lines as it needs."""
         # The width of a legend is known once it is there: the widest that fits stays.
         for columns in range(len(rows), 0, -1):
-            legend = self._legend(rows, columns)
+            legend = self.figure.legend(
+                handles=list(rows),
+                loc="lower center",
+                ncols=columns,
+                fontsize=self._text,
+                columnspacing=1.5,
+                handlelength=1.6,
+                frameon=False,
+            )
             box = _size_of(legend, self.figure)
             room = self.figure.bbox.width - 2 * self._pixels(_LEGEND_MARGIN)
             if box.width <= room or columns == 1:
@@ -150,14 +158,9 @@ class Panels:
         narrowest = math.ceil(box.width) + 2 * self._pixels(_LEGEND_MARGIN)
         self._place(math.ceil(box.height), narrowest)
 
-    @property
-    def extent(self) -> Bbox:
-        """What each panel shows now, m."""
-        return self.axes[0].viewLim.frozen()
-
     def show(self, extent: Bbox) -> None:
         """Let all panels show an extent too, at a smaller scale if it is larger."""
-        shown = self.extent
+        shown = self.axes[0].viewLim.frozen()
         wanted = Bbox.union([shown, extent])
         if np.array_equal(wanted, shown):
             return
@@ -229,17 +232,6 @@ class Panels:
             fontweight="bold",
             pad=pad,
             parse_math=False,
-        )
-
-    def _legend(self, rows: Sequence[Artist], columns: int) -> Legend:
-        return self.figure.legend(
-            handles=list(rows),
-            loc="lower center",
-            ncols=columns,
-            fontsize=self._text,
-            columnspacing=1.5,
-            handlelength=1.6,
-            frameon=False,
         )
 
     def _place(self, legend_height: int, narrowest: int = _NARROWEST) -> None:

@@ -169,29 +169,23 @@ class RunView:
     true_path: Floats = field(default_factory=lambda: NO_PATH)
 
     @property
+    def paths(self) -> Bbox:
+        """The extent of its paths and goals."""
+        log = self.run_log
+        ends = np.array([end for leg in log.legs for end in (leg.start, leg.goal)])
+        points = [log.path, ends.reshape(-1, 2), self.true_path]
+        return box_around(np.concatenate(points))
+
+    @property
     def extent(self) -> Bbox:
-        """What is to be shown: the run, and things that it touches, as a whole."""
-        extent = run_extent(self.run_log, self.true_path)
-        return include_touched(extent, self.outlines)
-
-
-def run_extent(run_log: RunLog, true_path: Floats) -> Bbox:
-    """Return the extent of a run: its paths and goals, and beam ends near them."""
-    paths = path_extent(run_log, true_path)
-    around = paths.padded(AROUND)
-    beam_ends = run_log.beam_ends[:, :2]
-    # What is far away is left out: with it the run itself would be tiny.
-    near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
-    if not near.any():
-        return paths.padded(_MARGIN)
-    return Bbox.union([paths, box_around(beam_ends[near])]).padded(_MARGIN)
-
-
-def path_extent(run_log: RunLog, true_path: Floats) -> Bbox:
-    """Return the extent of the paths and the goals of a run; at least one row."""
-    ends = [end for leg in run_log.legs for end in (leg.start, leg.goal)]
-    points = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2), true_path])
-    return box_around(points)
+        """What is to be shown: paths, goals, beam ends near them, and whole things."""
+        shown, around = self.paths, self.paths.padded(AROUND)
+        beam_ends = self.run_log.beam_ends[:, :2]
+        # What is far away is left out: with it the run itself would be tiny.
+        near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
+        if near.any():
+            shown = Bbox.union([shown, box_around(beam_ends[near])])
+        return include_touched(shown.padded(_MARGIN), self.outlines)
 
 
 class RunPanel:
@@ -405,7 +399,6 @@ class RunFrames:
 
     def draw(self, view: RunView) -> Pixels:
         """Draw a frame, (H, W, 3)."""
-        extent = path_extent(view.run_log, view.true_path)
-        self._panels.show(extent.padded(_FILM_MARGIN))
+        self._panels.show(view.paths.padded(_FILM_MARGIN))
         self._panel.update(view, is_over=False)
         return self._panels.render(self._panel.artists, view.title, view.subtitle)
