@@ -217,10 +217,10 @@ def _headline(
     result: MappingResult, mapper: Mapper, outlines: Iterable[Outline]
 ) -> str:
     score = result.score
-    if score is not None and score.hidden_coverage is not None:
-        return _hidden_text(score.hidden_coverage, outlines)
-    if score is not None and score.coverage is not None:
-        return f"{100 * score.coverage:.0f} % of the floor mapped"
+    if score is not None and score["hidden_coverage"] is not None:
+        return _hidden_text(score["hidden_coverage"], outlines)
+    if score is not None and score["coverage"] is not None:
+        return f"{100 * score['coverage']:.0f} % of the floor mapped"
     grid = mapper.grid
     area = np.count_nonzero(grid.sensed_cells()) * grid.frame.resolution**2
     return f"{area:.0f} m² mapped"

@@ -11,7 +11,7 @@ get to, and when some share of that was known.
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from radarsim.autonomy.evaluation.map_score import (
     FloorPart,
-    MapScore,
+    Score,
     score_mapper,
 )
 from radarsim.autonomy.evaluation.navigation_run import (
@@ -41,7 +41,6 @@ from radarsim.client import Client
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.lockstep import InProcessTransport
 
 INTERVAL: Final = 1.0  # s between two samples of the known area
 MOST_SAMPLES: Final = 200  # that are kept; beyond it every second one
@@ -164,7 +163,7 @@ class MappingResult:
     monitor: GroundTruthMonitor | None = None
     robot_class: str | None = None
     scene: Scene | None = None
-    score: MapScore | None = None
+    score: Score | None = None
     area_curve: AreaCurve = field(default_factory=AreaCurve)
     files: tuple[Path, ...] = ()
     error: str = ""
@@ -216,7 +215,7 @@ class MappingResult:
                 "collisions": self.monitor.collisions,
             }
             if self.score is not None:
-                result["judge"] |= self.score.to_dict()
+                result["judge"] |= rounded(self.score, 4)
             if self.area_curve.floor is not None:
                 result["judge"]["reached"] = self.area_curve.reached
         return result
@@ -229,8 +228,8 @@ class MappingResult:
             errors = trajectory_errors(self.mapper.trajectory, truth)
         except ValueError:
             return None
-        motion = trajectory_errors(alone, truth).ate if len(alone) else math.nan
-        plain: dict[str, float] = {**asdict(errors), "motion_ate": motion}
+        motion = trajectory_errors(alone, truth)["ate"] if len(alone) else math.nan
+        plain = {**errors, "motion_ate": motion}
         for name in ("yaw", "yaw_max", "rpe_yaw"):
             plain[f"{name}_deg"] = math.degrees(plain.pop(name))
         values: dict[str, float | None] = rounded(plain, 5)
@@ -330,8 +329,8 @@ class MappingRun:
     def _open_client(self, address: tuple[str, int]) -> Client:
         if self._host is None:
             return self.connect(*address)
-        monitor = self.result.monitor = GroundTruthMonitor(self._host)
-        return Client(InProcessTransport(self._host, after_tick=monitor.watch))
+        self.result.monitor = GroundTruthMonitor(self._host)
+        return self.result.monitor.connect()
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:

@@ -40,10 +40,14 @@ class GroundTruthMonitor(HostObserver):
         self.collisions = 0
         self.path_length = 0.0
         self.path: list[Position] = []
-        self._simulation = host.simulation
+        self._host = host
         self._number: int | None = None  # of the robot
         self._touches = False
         self._pose: Pose2 | None = None
+
+    def connect(self) -> Client:
+        """Connect to the host, in lockstep, so that every tick is watched."""
+        return Client(InProcessTransport(self._host, after_tick=self.watch))
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - it watches all ticks
         """See ``HostObserver.step``."""
@@ -51,7 +55,7 @@ class GroundTruthMonitor(HostObserver):
 
     def watch(self) -> None:
         """Update from the simulation; to be called after every tick."""
-        for vehicle in self._simulation.vehicles:
+        for vehicle in self._host.simulation.vehicles:
             if self._number is None:
                 self._number = vehicle.number
             if vehicle.number == self._number:
@@ -172,11 +176,8 @@ class NavigationRun:
         def observe(step: NavigationStep) -> None:
             on_scan(self.run_log.add(step))
 
-        if self.host is None or self.monitor is None:
-            client = self.connect(*address)
-        else:
-            watch = self.monitor.watch
-            client = Client(InProcessTransport(self.host, after_tick=watch))
+        monitor = self.monitor
+        client = self.connect(*address) if monitor is None else monitor.connect()
         try:
             with client:
                 self.result = run_mission(client, self.mission, observe)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-from radarsim.autonomy.evaluation.map_score import MapScore
+from radarsim.autonomy.evaluation.map_score import Score
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor, rounded
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
@@ -18,7 +18,6 @@ from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm, Rule
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.client import Client
 from radarsim.errors import (
     ClientError,
     MapError,
@@ -30,7 +29,6 @@ from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, Trial
 from radarsim.server.host import Host
-from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.config import SimulationConfig
 
 MAPS = (
@@ -82,7 +80,7 @@ class TrialResult:
     off: float = math.nan
     note: str = ""
     measured_length: float = math.nan
-    score: MapScore | None = None
+    score: Score | None = None
     map: str = ""
     algorithm: str = ""
     sensor: str = ""
@@ -103,11 +101,8 @@ class TrialResult:
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
         """Return some of the values, those of the score too, rounded for JSON."""
-        values: dict[str, Any] = {}
-        for name in names:
-            home = self if hasattr(self, name) else self.score
-            values[name] = rounded(getattr(home, name, None), digits)
-        return values
+        values = vars(self) | (self.score or {})
+        return {name: rounded(values.get(name), digits) for name in names}
 
 
 def run_plan(
@@ -147,7 +142,7 @@ def _drive(mission: Mission, host: Host) -> TrialResult:
     monitor = GroundTruthMonitor(host)
     outcome, note, circuits = "failed", "", 0
 
-    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
+    with monitor.connect() as client:
         try:
             result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits
