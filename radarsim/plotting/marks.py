@@ -269,36 +269,26 @@ def add_echo_rows(legend: Legend, scans: Sequence[Scan]) -> None:
 
 THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
 _CROSS: Final[Any] = {"marker": "x", "markersize": 4.5, "markeredgewidth": 0.9}
-_CIRCLE: Final[Any] = {
-    "marker": "o",
-    "markersize": math.sqrt(THROUGH_AREA),
-    "markerfacecolor": PAPER,
-    "markeredgewidth": 1.6,
-}
 # How the ends of rays are marked.
 END_MARKS: Final[dict[BeamEnd, dict[str, Any]]] = {
-    BeamEnd.THROUGH: {"zorder": 5, **_CIRCLE},
-    BeamEnd.SPENT: {"zorder": 4, **_CROSS, "marker": "+"},
-    BeamEnd.STOPPED: {"zorder": 4, **_CROSS},
-    BeamEnd.TOUCHING: {
-        "zorder": 4,
-        "marker": "s",
-        "markersize": 3.0,
+    BeamEnd.THROUGH: {
+        "marker": "o",
+        "markersize": math.sqrt(THROUGH_AREA),
         "markerfacecolor": PAPER,
+        "markeredgewidth": 1.6,
     },
-    BeamEnd.FREE: {"zorder": 4, "marker": ".", "markersize": 3.5},
+    BeamEnd.SPENT: {**_CROSS, "marker": "+"},
+    BeamEnd.STOPPED: _CROSS,
+    BeamEnd.TOUCHING: {"marker": "s", "markersize": 3.0, "markerfacecolor": PAPER},
+    BeamEnd.FREE: {"marker": ".", "markersize": 3.5},
 }
 # How rays are drawn in the legend, where all have their full power.
 _FULL_RAY: Final[Any] = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
+_FAINT: Final = 2 * FULL_OPACITY * NO_RETURN_OPACITY
 _RAYS: Final[dict[BeamEnd, dict[str, Any]]] = {
+    **dict.fromkeys(END_MARKS, _FULL_RAY),
     BeamEnd.THROUGH: {"linewidth": THROUGH_WIDTH},
-    **dict.fromkeys(
-        (BeamEnd.SPENT, BeamEnd.STOPPED, BeamEnd.TOUCHING, BeamEnd.FREE), _FULL_RAY
-    ),
-    BeamEnd.NO_RETURN: {
-        "linewidth": FULL_WIDTH,
-        "alpha": 2 * FULL_OPACITY * NO_RETURN_OPACITY,
-    },
+    BeamEnd.NO_RETURN: {"linewidth": FULL_WIDTH, "alpha": _FAINT},
     BeamEnd.BLINDED: {"linewidth": 0.6, "linestyle": (0, (2, 4))},
 }
 MANY_AREA: Final = 5.0  # square points, of a reading of several scans
@@ -332,6 +322,7 @@ def draw_ray_ends(
         chosen = sight.ends == end
         if chosen.any():
             style = {"color": scan_colour(scan), **END_MARKS[end]}
+            style["zorder"] = 5 if end == BeamEnd.THROUGH else 4
             label = end.name.lower()
             axes.plot(*points[chosen].T, linestyle="none", label=label, **style)
 
@@ -357,9 +348,8 @@ def add_ray_rows(
         if len(marked) < len(having):
             legend.add_line("other ray", color=colour, **style)
         if marked:
-            marks = {k: v for k, v in END_MARKS.get(end, {}).items() if k != "zorder"}
             text = describe_end(end, *(sight for _, sight in marked))
-            legend.add_line(text, color=colour, **style | marks)
+            legend.add_line(text, color=colour, **style, **END_MARKS.get(end, {}))
 
 
 def draw_many(

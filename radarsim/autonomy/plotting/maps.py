@@ -44,23 +44,17 @@ from radarsim.plotting.plan import draw_robot, name_objects
 from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, figure_of, render
 from radarsim.scene.scene import Part
 
-CELL_COLOURS: Final = {
-    CellClass.UNKNOWN: NOT_SENSED,
-    CellClass.FREE: PAPER,
-    CellClass.OBSTACLE: INK,
-    CellClass.FOLIAGE: FAMILY_COLOURS[Family.FOLIAGE],
-    CellClass.SMOKE: FAMILY_COLOURS[Family.SMOKE],
-}
-CELL_TEXTS: Final = {
-    CellClass.UNKNOWN: "not sensed",
-    CellClass.FREE: "free",
-    CellClass.OBSTACLE: "solid",
-    CellClass.FOLIAGE: "foliage",
-    CellClass.SMOKE: "smoke or dust",
+# Colour and text of each class of cells.
+CELLS: Final = {
+    CellClass.UNKNOWN: (NOT_SENSED, "not sensed"),
+    CellClass.FREE: (PAPER, "free"),
+    CellClass.OBSTACLE: (INK, "solid"),
+    CellClass.FOLIAGE: (FAMILY_COLOURS[Family.FOLIAGE], "foliage"),
+    CellClass.SMOKE: (FAMILY_COLOURS[Family.SMOKE], "smoke or dust"),
 }
 PATH: Final[dict[str, Any]] = {"color": GOING, "linewidth": 2.0}
-_SHADES: Final = np.array(
-    [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
+SHADES: Final = np.array(
+    [[round(255 * part) for part in to_rgb(colour)] for colour, _ in CELLS.values()],
     np.uint8,
 )
 _TRUTH: Final[dict[str, Any]] = {"color": TRUTH, "linewidth": 0.9}
@@ -151,7 +145,7 @@ class MapPanel:
     def update(self, grid: OccupancyGrid, path: Floats) -> None:
         """Show a map, and the path so far, as in ``MapView``."""
         window = sensed_window(grid)
-        shades = _SHADES[grid.classes()[window]]
+        shades = SHADES[grid.classes()[window]]
         show_cells(self._image, shades, extent_of(grid, window))
         self._path.set_data(path[:, 0], path[:, 1])
         self._start.set_data(path[:1, 0], path[:1, 1])
@@ -239,7 +233,7 @@ def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
         truth: Whether outlines of what is truly there are shown.
     """
     cells = [
-        Patch(facecolor=CELL_COLOURS[each], edgecolor="0.5", label=CELL_TEXTS[each])
+        Patch(facecolor=CELLS[each][0], edgecolor="0.5", label=CELLS[each][1])
         for each in CellClass
         if each in classes
     ]

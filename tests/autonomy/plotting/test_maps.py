@@ -53,7 +53,7 @@ def image_of(figure: Figure) -> AxesImage:
 
 
 def shade_of(kind: CellClass) -> list[int]:
-    return [round(255 * part) for part in to_rgb(maps.CELL_COLOURS[kind])]
+    return [round(255 * part) for part in to_rgb(maps.CELLS[kind][0])]
 
 
 def view_of(grid: OccupancyGrid, **options: Any) -> maps.MapView:
