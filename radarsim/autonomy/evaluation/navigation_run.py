@@ -5,7 +5,7 @@ The true path, collisions and distances of the robot are those of the simulation
 
 import math
 from collections.abc import Callable
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,12 +14,10 @@ from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats, Point, Pose2
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host, HostObserver
 from radarsim.server.host.lockstep import InProcessTransport
-
-Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
 
 STEP: Final = 0.02  # m between two positions of the true path
 INTERRUPTED: Final = "interrupted"
@@ -39,7 +37,7 @@ class GroundTruthMonitor(HostObserver):
     def __init__(self, host: Host) -> None:
         self.collisions = 0
         self.path_length = 0.0
-        self.path: list[Position] = []
+        self.path: list[Point] = []
         self._host = host
         self._number: int | None = None  # of the robot
         self._touches = False
@@ -87,7 +85,7 @@ class GroundTruthMonitor(HostObserver):
             goal = self.path[0]
         return self.distance(goal)
 
-    def distance(self, goal: tuple[float, float]) -> float:
+    def distance(self, goal: Point) -> float:
         """Return the robot's distance from a point, m; ``inf`` without a robot."""
         if self._pose is None:
             return math.inf
@@ -138,7 +136,7 @@ class NavigationRun:
         return "failed" if self.result is None else self.result.outcome
 
     @property
-    def goals(self) -> tuple[Position, ...]:
+    def goals(self) -> tuple[Point, ...]:
         """The goals in turn: the start as well, if the robot is to return there."""
         first = self.run_log.rows[:1] if self.mission.return_to_start else []
         return (*self.mission.goals, *((row.x, row.y) for row in first))
