@@ -330,7 +330,7 @@ class MappingRun:
         if self._host is None:
             return self.connect(*address)
         self.result.monitor = GroundTruthMonitor(self._host)
-        return self.result.monitor.connect()
+        return self.result.monitor.open_client()
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:

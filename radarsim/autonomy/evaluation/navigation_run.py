@@ -43,7 +43,7 @@ class GroundTruthMonitor(HostObserver):
         self._touches = False
         self._pose: Pose2 | None = None
 
-    def connect(self) -> Client:
+    def open_client(self) -> Client:
         """Connect to the host, in lockstep, so that every tick is watched."""
         return Client(InProcessTransport(self._host, after_tick=self.watch))
 
@@ -175,7 +175,7 @@ class NavigationRun:
             on_scan(self.run_log.add(step))
 
         monitor = self.monitor
-        client = self.connect(*address) if monitor is None else monitor.connect()
+        client = self.connect(*address) if monitor is None else monitor.open_client()
         try:
             with client:
                 self.result = run_mission(client, self.mission, observe)

@@ -142,7 +142,7 @@ def _drive(mission: Mission, host: Host) -> TrialResult:
     monitor = GroundTruthMonitor(host)
     outcome, note, circuits = "failed", "", 0
 
-    with monitor.connect() as client:
+    with monitor.open_client() as client:
         try:
             result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits

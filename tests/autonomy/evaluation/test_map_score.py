@@ -7,6 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from radarsim.autonomy.evaluation.map_score import Score, Truth, score_map
+from radarsim.autonomy.evaluation.mapping_run import MappingResult
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
     GridFrame,
@@ -15,6 +17,7 @@ from radarsim.autonomy.mapping.occupancy_grid import (
 )
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 
 HEIGHT = 0.346
 START = (-8.0, 0.0)
@@ -183,7 +186,10 @@ def test_leaves_have_no_interior() -> None:
 
 
 def test_json_values_are_rounded(empty_room: Scene) -> None:
-    values = compute_score(perfect(empty_room), empty_room).to_dict()
+    monitor = GroundTruthMonitor(Host(empty_room))
+    score = compute_score(perfect(empty_room), empty_room)
+    result = MappingResult("auto", "ins", monitor=monitor, score=score)
+    values = result.to_dict()["judge"]
     assert values["coverage"] == 1.0
     assert values["hidden_coverage"] is None
     assert all(len(str(value)) < 8 for value in values.values())

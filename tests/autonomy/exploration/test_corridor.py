@@ -154,7 +154,7 @@ def test_corridors_with_niches_stay_straight_with_odometry_that_drifts(
     found = trajectory_errors(mapper.trajectory, mapper.truth)
     motion = trajectory_errors(mapper.slam.dead_reckoning, mapper.truth)
     assert found["length"] > 30
-    assert motion.yaw > math.radians(3)
+    assert motion["yaw"] > math.radians(3)
     assert found["yaw"] < math.radians(0.2)
     assert found["yaw_max"] < math.radians(0.4)
 
