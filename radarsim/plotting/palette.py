@@ -14,7 +14,7 @@ protanopia; the tests list these groups.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Final
 
@@ -136,6 +136,14 @@ def family_of(material: Material) -> Family:
         return Family.FOLIAGE if material.solid else Family.SMOKE
     mirror = material.radar_mirror or material.laser_mirror
     return Family.METAL if mirror else Family.STONE
+
+
+def names_by_family(materials: Iterable[Material]) -> dict[Family, list[str]]:
+    """Return the names of materials by their families, each once and in their order."""
+    names: dict[Family, dict[str, None]] = {}
+    for material in materials:
+        names.setdefault(family_of(material), {})[material.name] = None
+    return {family: [*of_family] for family, of_family in names.items()}
 
 
 def colour_of(material: Material) -> str:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from shapely import Geometry
 
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import Family, family_of
+from radarsim.plotting.palette import family_of, names_by_family
 from radarsim.plotting.style import as_words
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import tracer_of
@@ -62,14 +62,9 @@ class Sight:
 
 def name_materials(materials: Iterable[Material]) -> str:
     """Return the name of a material as words, or the families of several."""
-    names: dict[Family, list[str]] = {}
-    for material in materials:
-        of_family = names.setdefault(family_of(material), [])
-        if material.name not in of_family:
-            of_family.append(material.name)
     words = (
-        as_words(of_family[0]) if len(of_family) == 1 else family.value
-        for family, of_family in names.items()
+        as_words(names[0]) if len(names) == 1 else family.value
+        for family, names in names_by_family(materials).items()
     )
     return " and ".join(words)
 

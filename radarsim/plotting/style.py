@@ -5,7 +5,6 @@
 
 import io
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from textwrap import fill
 from typing import Any, Final
@@ -28,7 +27,7 @@ from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     MARKER,
     Family,
-    family_of,
+    names_by_family,
 )
 from radarsim.scene.material import Material
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT, pattern_of
@@ -200,11 +199,7 @@ class Legend:
 
     def add_materials(self, materials: Iterable[Material]) -> None:
         """Add a row for each colour, which names the materials that have it."""
-        names = defaultdict[Family, list[str]](list)
-        for material in materials:
-            of_family = names[family_of(material)]
-            if material.name not in of_family:
-                of_family.append(material.name)
+        names = names_by_family(materials)
         for family in Family:
             if family in names:
                 self._add(_listed(names[family]), Patch(**area_style(family)))
