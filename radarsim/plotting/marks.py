@@ -363,11 +363,10 @@ def draw_many(
         sights: How their beams see.
         legend: Gets rows for the marks.
     """
-    colour = scan_colour(scans[0])
+    colour, pairs = scan_colour(scans[0]), [*zip(scans, sights, strict=True)]
     if lists_echoes(scans[0]):
         _draw_echo_dots(axes, scans, legend)
     else:
-        pairs = zip(scans, sights, strict=True)
         points = [
             scan_points(scan)[(s.ends >= BeamEnd.FREE) & (s.ends != BeamEnd.THROUGH)]
             for scan, s in pairs
@@ -376,25 +375,17 @@ def draw_many(
         if len(dots := np.concatenate(points)):
             _draw_dots(axes, dots, colour, "reading")
             legend.add_marker("reading", ".", color=colour, alpha=0.6)
-    seen = [
-        scan_points(scan)[s.ends == BeamEnd.THROUGH]
-        for scan, s in zip(scans, sights, strict=True)
-    ]
+    seen = [scan_points(scan)[s.ends == BeamEnd.THROUGH] for scan, s in pairs]
     if len(hits := np.concatenate(seen)):
-        style: dict[str, Any] = {"markeredgecolor": PAPER, "markeredgewidth": 0.5}
-        size = math.sqrt(MANY_THROUGH_AREA)
-        axes.plot(
-            *hits.T,
-            "o",
-            color=colour,
-            markersize=size,
-            label="seen through",
-            zorder=5,
-            **style,
-        )
-        seen_through = (s.materials[BeamEnd.THROUGH] for s in sights)
-        text = f"seen through {name_materials(chain.from_iterable(seen_through))}"
-        legend.add_marker(text, "o", color=colour, markersize=size, **style)
+        style: dict[str, Any] = {
+            "color": colour,
+            "markersize": math.sqrt(MANY_THROUGH_AREA),
+            "markeredgecolor": PAPER,
+            "markeredgewidth": 0.5,
+        }
+        axes.plot(*hits.T, "o", **style, label="seen through", zorder=5)
+        through = chain.from_iterable(s.materials[BeamEnd.THROUGH] for s in sights)
+        legend.add_marker(f"seen through {name_materials(through)}", "o", **style)
 
 
 def _draw_echo_dots(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:

@@ -221,10 +221,11 @@ class Legend:
             columns: 1 for a legend on the right; several for one below, without
                 headings.
         """
-        rows, headings = self._rows()
-        if columns > 1:
-            rows = [row for number, row in enumerate(rows) if number not in headings]
-            headings = set()
+        rows: list[tuple[str, Artist, bool]] = []  # text, sample, whether a heading
+        for heading, group in self._groups.items():
+            if heading and group and columns == 1:
+                rows.append((heading, Line2D([], [], linestyle="none"), True))
+            rows += [(text, sample, False) for text, sample in group.items()]
         if not rows:
             return
         side = "lower center" if columns > 1 else "right center"
@@ -233,34 +234,23 @@ class Legend:
             beside = max(axes.get_position().x1 for axes in figure.axes)
             place = {"loc": "center left", "bbox_to_anchor": (beside, 0.5)}
         legend = figure.legend(
-            [sample for sample, _ in rows],
+            [sample for _, sample, _ in rows],
             [" "] * len(rows),  # matplotlib hides texts that begin with "_"
             fontsize="small",
             frameon=False,
             **place,
         )
         labels = zip(legend.get_texts(), rows, strict=True)
-        for number, (label, (_, text)) in enumerate(labels):
+        for label, (text, _, is_heading) in labels:
             label.set_text(fill(text, LINE_LENGTH))
             # A name may have dollar signs, between which matplotlib would read
             # formulas.
             label.set_parse_math(False)
-            if number in headings:
+            if is_heading:
                 label.set_fontweight("bold")
 
     def _add(self, text: str, sample: Artist) -> None:
         self._groups[self._heading].setdefault(text, sample)
-
-    def _rows(self) -> tuple[list[tuple[Artist, str]], set[int]]:
-        """Return samples with texts, and which of these are headings."""
-        rows: list[tuple[Artist, str]] = []
-        headings: set[int] = set()
-        for heading, group in self._groups.items():
-            if heading and group:
-                headings.add(len(rows))
-                rows.append((Line2D([], [], linestyle="none"), heading))
-            rows += [(sample, text) for text, sample in group.items()]
-        return rows, headings
 
 
 def _listed(names: list[str]) -> str:
