@@ -243,7 +243,7 @@ def map_camera(result: MappingResult, source: Source) -> Callable[[], Pixels]:
     """Return a function that draws a map as it is; at least one scan is on it.
 
     Args:
-        result: Tells the robot and, if it is known, the scene.
+        result: Has the class of the robot and, if it is known, the scene.
         source: Holds the map and the distance so far.
     """
 
