@@ -443,7 +443,7 @@ def logged(out: Path) -> bytes:
 def test_cluster_of_another_version_is_refused(
     small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.sweep.cluster.__version__", "9.9")
+    monkeypatch.setattr("radarsim.sweep.cli.__version__", "9.9")
     run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
     assert run.code == 1
     assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err
