@@ -66,7 +66,7 @@ def explore(sensor: str, waypoints: tuple[Point, ...] = WAYPOINTS) -> Mapped:
     assert mapper is not None
     assert score is not None
     height = start_pose(scene).z + model.origin_height + item.mount.z
-    share = score.hidden_coverage or 0.0
+    share = score["hidden_coverage"] or 0.0
     return Mapped(robot, height, mapper.grid, mapper.trajectory, share)
 
 

@@ -24,9 +24,9 @@ from matplotlib.patches import Arc, FancyArrowPatch
 
 import radarsim
 from radarsim.geometry import Pose2
+from radarsim.plotting.marks import line_opacity, split_rays
 from radarsim.plotting.palette import RADAR, RETURNED
 from radarsim.plotting.plan import draw_plan, draw_robot
-from radarsim.plotting.ray_segments import line_opacity, split_rays
 from radarsim.plotting.style import as_words, write_at
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of

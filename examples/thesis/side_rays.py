@@ -23,9 +23,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from radarsim.plotting.marks import line_opacity, split_rays
 from radarsim.plotting.palette import LEFT_RAY, MARKER, RIGHT_RAY
 from radarsim.plotting.plan import draw_robot
-from radarsim.plotting.ray_segments import line_opacity, split_rays
 from radarsim.plotting.style import draw_scale_bar, write_at
 from radarsim.presets.robots import load_robot
 from radarsim.raycast.tracer import tracer_of

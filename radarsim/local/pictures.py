@@ -24,7 +24,7 @@ from radarsim.plotting.plan import (
     name_objects,
     show_extent,
 )
-from radarsim.plotting.style import FORMS, HALO, Legend, render, write_title
+from radarsim.plotting.style import FORMS, HALO, Legend, figure_of, render, write_title
 from radarsim.scene.scene import Scene
 
 _SIZE: Final = (10.5, 7.2)  # inches
@@ -130,9 +130,7 @@ class RunPicture:
             self.show(shown)
             return canvas.render([*self._moving, self._clock])
 
-        figure = self.axes.get_figure(root=True)
-        assert figure is not None
-        canvas = FrameCanvas(figure)
+        canvas = FrameCanvas(figure_of(self.axes))
         with Film(path, draw, speed=speed) as film:
             for shown, moment in enumerate(self._moments):  # noqa: B007 - draw uses it
                 film.update(moment.time)
@@ -144,9 +142,7 @@ def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> byte
     """Return a picture of the last moment as a file of one of ``FORMS``."""
     picture = RunPicture(scene, moments)
     picture.show(len(moments) - 1)
-    figure = picture.axes.get_figure(root=True)
-    assert figure is not None
-    return render(figure, form)
+    return render(figure_of(picture.axes), form)
 
 
 def write_run(

@@ -7,13 +7,11 @@ what happened until then.
 No encoder keeps more than two frames, however long the film is.
 """
 
-import contextlib
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from queue import Full, Queue
-from types import TracebackType
+from queue import Empty, Queue
 from typing import Any, BinaryIO, Final
 
 import numpy as np
@@ -233,14 +231,8 @@ class Film:
         self._interval = speed / FRAME_RATE
         self._start: float | None = None
         self._last: Pixels | None = None
-        self._queue: Queue[Pixels | None] = Queue(_AHEAD)
-        self._given_up = threading.Event()
+        self._queue: Queue[Pixels | _GivenUp | None] = Queue(_AHEAD)
         self._encoder: threading.Thread | None = None
-
-    @property
-    def duration(self) -> float:
-        """Length of the film so far, s."""
-        return self.frames / FRAME_RATE
 
     def update(self, time: float) -> None:
         """Add the frames that are due; to be called after each scan.
@@ -263,12 +255,7 @@ class Film:
     def __enter__(self) -> "Film":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Complete the film, however the run ended; a second interrupt drops it."""
         if self._encoder is None:
             return
@@ -279,10 +266,10 @@ class Film:
             self._encoder.join()
             self.is_written = self.error is None
         except BaseException:
-            self._given_up.set()
-            # Wakes an encoder that waits for a frame; if frames wait, it is awake.
-            with contextlib.suppress(Full):
-                self._queue.put_nowait(None)
+            with suppress(Empty):
+                while True:  # nobody waits for these frames any more
+                    self._queue.get_nowait()
+            self._queue.put(_GivenUp())
             self._encoder.join(_PATIENCE)
             raise
 
@@ -300,28 +287,27 @@ class Film:
 
     def _encode(self, size: tuple[int, int]) -> None:
         """Write the film, in a thread of its own."""
-        is_read = False
-        try:
-            with (
-                written_atomically(self._path) as part,
-                open_encoder(part, self._format, size) as add,
-            ):
-                while (pixels := self._next()) is not None:
-                    add(pixels)
-                is_read = True
-        except OSError as error:
-            self.error = error
-        except _GivenUp:
-            is_read = True
-        finally:
-            while not is_read:  # so that whoever films does not wait
-                is_read = self._given_up.is_set() or self._queue.get() is None
+        frames = self._frames()
+        with suppress(_GivenUp):  # which leaves no file behind
+            try:
+                with (
+                    written_atomically(self._path) as part,
+                    open_encoder(part, self._format, size) as add,
+                ):
+                    for pixels in frames:
+                        add(pixels)
+            except OSError as error:
+                self.error = error
+            finally:
+                for _ in frames:  # so that whoever films does not wait
+                    pass
 
-    def _next(self) -> Pixels | None:
-        pixels = self._queue.get()
-        if self._given_up.is_set():
-            raise _GivenUp  # which leaves no file behind
-        return pixels
+    def _frames(self) -> Iterator[Pixels]:
+        """Yield the frames as they come, until the film is complete or given up."""
+        while (pixels := self._queue.get()) is not None:
+            if isinstance(pixels, _GivenUp):
+                raise pixels
+            yield pixels
 
 
 class _GivenUp(Exception):

@@ -15,12 +15,11 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from radarsim.errors import escape_lines
 from radarsim.geometry import Floats
-from radarsim.plotting.style import HALO, escape_texts, shorten
+from radarsim.plotting.style import HALO, escape_texts, figure_of, shorten
 
 SIZE: Final = 8.0  # points
 LONGEST: Final = 24  # letters of a label
@@ -37,28 +36,17 @@ class Label:
 
     Attributes:
         text: The text.
-        west: Least x of what it names, m.
-        south: Least y, m.
-        east: Greatest x, m.
-        north: Greatest y, m.
+        box: Least x and y of what it names, and greatest x and y, m.
         is_inside: Whether the text lies on what it names if it fits into it.
         is_bold: Whether it is written in bold.
         radius: Of a mark that is drawn there, points.
     """
 
     text: str
-    west: float
-    south: float
-    east: float
-    north: float
+    box: tuple[float, float, float, float]
     is_inside: bool = False
     is_bold: bool = False
     radius: float = 0.0
-
-    @property
-    def corners(self) -> Floats:
-        """South-western and north-eastern corner of what it names, (2, 2) m."""
-        return np.array([[self.west, self.south], [self.east, self.north]])
 
 
 def write_labels(
@@ -75,14 +63,13 @@ def write_labels(
     Returns:
         The texts of the labels that have numbers, by these, from 1.
     """
-    figure = axes.get_figure(root=True)
-    if figure is None or not labels:
+    if not labels:
         return {}
+    figure = figure_of(axes)
     escape_texts(figure)  # fonts have no control characters to be measured
     figure.draw_without_rendering()
-    named = axes.transData.transform(
-        np.concatenate([label.corners for label in labels])
-    ).reshape(-1, 4)
+    corners = np.array([label.box for label in labels]).reshape(-1, 2)
+    named = axes.transData.transform(corners).reshape(-1, 4)
     taken: list[Floats] = []
     left = []
     for number, label in enumerate(labels):
@@ -111,10 +98,10 @@ def _write(
         named: What all labels name: west, south, east and north, (N, 4) pixels.
         taken: Where labels are already, likewise; the place of this one is added.
     """
-    middle = ((label.west + label.east) / 2, (label.south + label.north) / 2)
+    west, south, east, north = label.box
     text = axes.annotate(
         label.text,
-        middle,
+        ((west + east) / 2, (south + north) / 2),
         xytext=(0, 0),
         textcoords="offset points",
         ha="center",
@@ -128,7 +115,7 @@ def _write(
     )
     text.set_in_layout(False)
     own = text.get_window_extent()
-    per_point = _figure_of(axes).dpi / 72
+    per_point = figure_of(axes).dpi / 72
     places = _places(label, named[number], own, GAP * per_point)
     frame = axes.get_window_extent()
     free = [place for place in places if _is_free(place, frame, taken)]
@@ -188,9 +175,3 @@ def _covered(place: Floats, others: Floats) -> float:
     size = np.minimum(place[2:], others[:, 2:]) - np.maximum(place[:2], others[:, :2])
     areas = np.prod(np.clip(size, 0, None), axis=1) / np.prod(place[2:] - place[:2])
     return float(areas[areas < 1 - 1e-9].sum())
-
-
-def _figure_of(axes: Axes) -> Figure:
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    return figure

@@ -1,9 +1,17 @@
-"""Marks of readings and echoes: what is seen through something is the largest.
+"""Rays and marks of scans: what is seen through something is drawn the largest.
 
 A single scan has a mark at the end of each ray. Of several scans each reading is a
 small, pale dot, so that the picture shows how densely they lie.
 
 The shape of an echo's mark tells its kind, the colour its material.
+
+Theory of operation
+===================
+Rays fade with the power left on them. Between two events of a ray its power is
+constant, or falls linearly inside volumes. A ray is split at its events, and where its
+power falls into segments so short that none loses more than ``MAX_POWER_DROP``; one
+shade for each segment then shows how it fades. The loss at a sheet is a step between
+two segments; at a mirror the direction changes.
 """
 
 import math
@@ -13,21 +21,158 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
+from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import MARKER, PAPER, Family, family_of
-from radarsim.plotting.ray_segments import (
-    FULL_OPACITY,
-    FULL_WIDTH,
-    NO_RETURN_OPACITY,
-    THROUGH_WIDTH,
-    scan_colour,
+from radarsim.plotting.palette import (
+    MARKER,
+    PAPER,
+    Family,
+    family_of,
+    sensor_colour,
 )
 from radarsim.plotting.sight import BeamEnd, Sight, name_materials
 from radarsim.plotting.style import Legend, area_style, echo_points, scan_points
-from radarsim.raycast.rays import EventKind
+from radarsim.raycast.rays import EventKind, Rays
+from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.material import Material
+from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import ROBOT, Echoes, Scan
+
+MAX_POWER_DROP: Final = 1 / 12  # share of the full power that one segment may lose
+SPENT_OPACITY, FULL_OPACITY = 0.12, 0.45
+SPENT_WIDTH, FULL_WIDTH = 0.4, 0.7  # points
+NO_RETURN_OPACITY: Final = 0.3  # share of the opacity that a ray without return has
+THROUGH_WIDTH: Final = 1.6  # points, of rays that see through something
+BLINDED: Final[Any] = {"linewidths": 0.4, "linestyles": (0, (2, 4)), "alpha": 0.5}
+
+
+class RaySegments(NamedTuple):
+    """Segments of rays, ordered by ray and distance; each has a length above 0.
+
+    Attributes:
+        rays: Index of the ray, (P,) int64.
+        starts: Distance of the start from the ray's origin, (P,) m.
+        ends: Distance of the end from the ray's origin, (P,) m.
+        shares: Share of the power left at the middle, (P,); 1 if it is unlimited.
+        lines: x and y of both ends, (P, 2, 2) m, map frame.
+    """
+
+    rays: NDArray[np.int64]
+    starts: Floats
+    ends: Floats
+    shares: Floats
+    lines: Floats
+
+
+def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
+    """Trace rays and split them where their power changes.
+
+    Raises:
+        EngineError: If a column of the rays has a wrong shape or value.
+    """
+    events = tracer.trace(rays, events=True).events
+    ray, t = events["ray"], events["t"]
+    arriving = _shares(events["power"], rays.power[ray])
+    # less what a surface absorbs
+    leaving = _shares(events["power"] - events["absorbed"], rays.power[ray])
+    first = np.diff(ray, prepend=-1) > 0
+    start = np.where(first, 0.0, np.roll(t, 1))
+    # From what is left behind the event before: a sheet's loss is a step there.
+    share = np.where(first, 1.0, np.roll(leaving, 1))
+    fall = np.maximum(share - arriving, 0.0)
+    # a fall by a whole number of twelfths may be a little more by rounding
+    counts = np.maximum(np.ceil(fall / MAX_POWER_DROP - 1e-9), 1).astype(np.int64)
+    # Events at one place, such as faces that touch, have no segment between them.
+    counts[t <= start] = 0
+    each = np.repeat(np.arange(len(events)), counts)
+    rank = np.arange(len(each)) - np.repeat(np.cumsum(counts) - counts, counts)
+    step = (t - start)[each] / counts[each]
+    starts = start[each] + rank * step
+    # The last one ends exactly at the event; sums of steps would miss it by rounding.
+    ends = np.where(rank + 1 == counts[each], t[each], starts + step)
+    shares = share[each] - fall[each] * (rank + 0.5) / counts[each]
+    ends_xy = np.column_stack([events["x"], events["y"]])
+    before = np.where(
+        first[:, None], rays.origins[ray, :2], np.roll(ends_xy, 1, axis=0)
+    )
+    step_xy = (ends_xy - before)[each] / counts[each, None]
+    near = before[each] + rank[:, None] * step_xy
+    lines = np.stack([near, near + step_xy], axis=1)
+    return RaySegments(ray[each], starts, ends, shares, lines)
+
+
+def _shares(power: Floats, full: Floats) -> Floats:
+    """Return powers as shares of the full power; 1 where that is infinite or 0."""
+    limited = np.isfinite(full) & (full > 0)
+    return np.where(limited, power, 1.0) / np.where(limited, full, 1.0)
+
+
+def scan_colour(scan: Scan) -> str:
+    """Return the colour of the sensor that took a scan."""
+    return sensor_colour(scan.echoes.settings.medium)
+
+
+def line_opacity(shares: Floats) -> Floats:
+    """Return the opacity of a line by the share of power left on the ray."""
+    return SPENT_OPACITY + (FULL_OPACITY - SPENT_OPACITY) * shares
+
+
+def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
+    """Cut segments of rays where the rays' ranges, (N,) m, are read."""
+    kept = segments.starts < ranges[segments.rays]
+    rays, starts, lines = (
+        segments.rays[kept],
+        segments.starts[kept],
+        segments.lines[kept],
+    )
+    ends = np.minimum(segments.ends[kept], ranges[rays])
+    part = ((ends - starts) / (segments.ends[kept] - starts))[:, None]
+    lines[:, 1] = lines[:, 0] + part * (lines[:, 1] - lines[:, 0])
+    return RaySegments(rays, starts, ends, segments.shares[kept], lines)
+
+
+def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
+    """Draw the rays that gave the ranges, from their origins to their readings.
+
+    Behind what they see through they are the boldest, so that near the sensor, where
+    all of them lie close together, the map stays in sight; those without return are
+    faint.
+    A beam that is blinded has no way to its reading: its ray is thinly dashed up to
+    where it is spent.
+    """
+    segments = split_rays(tracer_of(scene), scan.cast)
+    colour = to_rgba(scan_colour(scan))
+    blinded = segments.lines[(scan.ranges == 0)[segments.rays]]
+    if len(blinded):
+        lines = LineCollection(
+            list(blinded), colors=[colour], label="blinded rays", zorder=2, **BLINDED
+        )
+        axes.add_collection(lines)
+    segments = cut_at_readings(segments, scan.ranges)
+    through = (sight.ends == BeamEnd.THROUGH)[segments.rays] & (segments.starts > 0)
+    shades = np.tile(colour, (len(segments.rays), 1))
+    came_back = np.isfinite(scan.ranges)[segments.rays]
+    shades[:, 3] = line_opacity(segments.shares)
+    shades[:, 3] *= np.where(came_back, 1.0, NO_RETURN_OPACITY)
+    shades[through, 3] = 1.0
+    faded = SPENT_WIDTH + (FULL_WIDTH - SPENT_WIDTH) * segments.shares
+    widths = np.where(through, THROUGH_WIDTH, faded)
+    for chosen, label, zorder in (
+        (~through, "rays", 2.0),
+        (through, "rays that see through", 2.2),
+    ):
+        lines = LineCollection(
+            list(segments.lines[chosen]),
+            colors=shades[chosen],
+            linewidths=widths[chosen],
+            capstyle="butt",
+            label=label,
+            zorder=zorder,
+        )
+        axes.add_collection(lines)
 
 
 class EchoMarker(NamedTuple):
@@ -123,36 +268,26 @@ def add_echo_rows(legend: Legend, scans: Sequence[Scan]) -> None:
 
 THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
 _CROSS: Final[Any] = {"marker": "x", "markersize": 4.5, "markeredgewidth": 0.9}
-_CIRCLE: Final[Any] = {
-    "marker": "o",
-    "markersize": math.sqrt(THROUGH_AREA),
-    "markerfacecolor": PAPER,
-    "markeredgewidth": 1.6,
-}
 # How the ends of rays are marked.
 END_MARKS: Final[dict[BeamEnd, dict[str, Any]]] = {
-    BeamEnd.THROUGH: {"zorder": 5, **_CIRCLE},
-    BeamEnd.SPENT: {"zorder": 4, **_CROSS, "marker": "+"},
-    BeamEnd.STOPPED: {"zorder": 4, **_CROSS},
-    BeamEnd.TOUCHING: {
-        "zorder": 4,
-        "marker": "s",
-        "markersize": 3.0,
+    BeamEnd.THROUGH: {
+        "marker": "o",
+        "markersize": math.sqrt(THROUGH_AREA),
         "markerfacecolor": PAPER,
+        "markeredgewidth": 1.6,
     },
-    BeamEnd.FREE: {"zorder": 4, "marker": ".", "markersize": 3.5},
+    BeamEnd.SPENT: {**_CROSS, "marker": "+"},
+    BeamEnd.STOPPED: _CROSS,
+    BeamEnd.TOUCHING: {"marker": "s", "markersize": 3.0, "markerfacecolor": PAPER},
+    BeamEnd.FREE: {"marker": ".", "markersize": 3.5},
 }
 # How rays are drawn in the legend, where all have their full power.
 _FULL_RAY: Final[Any] = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
+_FAINT: Final = 2 * FULL_OPACITY * NO_RETURN_OPACITY
 _RAYS: Final[dict[BeamEnd, dict[str, Any]]] = {
+    **dict.fromkeys(END_MARKS, _FULL_RAY),
     BeamEnd.THROUGH: {"linewidth": THROUGH_WIDTH},
-    **dict.fromkeys(
-        (BeamEnd.SPENT, BeamEnd.STOPPED, BeamEnd.TOUCHING, BeamEnd.FREE), _FULL_RAY
-    ),
-    BeamEnd.NO_RETURN: {
-        "linewidth": FULL_WIDTH,
-        "alpha": 2 * FULL_OPACITY * NO_RETURN_OPACITY,
-    },
+    BeamEnd.NO_RETURN: {"linewidth": FULL_WIDTH, "alpha": _FAINT},
     BeamEnd.BLINDED: {"linewidth": 0.6, "linestyle": (0, (2, 4))},
 }
 MANY_AREA: Final = 5.0  # square points, of a reading of several scans
@@ -186,6 +321,7 @@ def draw_ray_ends(
         chosen = sight.ends == end
         if chosen.any():
             style = {"color": scan_colour(scan), **END_MARKS[end]}
+            style["zorder"] = 5 if end == BeamEnd.THROUGH else 4
             label = end.name.lower()
             axes.plot(*points[chosen].T, linestyle="none", label=label, **style)
 
@@ -211,9 +347,8 @@ def add_ray_rows(
         if len(marked) < len(having):
             legend.add_line("other ray", color=colour, **style)
         if marked:
-            marks = {k: v for k, v in END_MARKS.get(end, {}).items() if k != "zorder"}
             text = describe_end(end, *(sight for _, sight in marked))
-            legend.add_line(text, color=colour, **style | marks)
+            legend.add_line(text, color=colour, **style, **END_MARKS.get(end, {}))
 
 
 def draw_many(
@@ -227,11 +362,10 @@ def draw_many(
         sights: How their beams see.
         legend: Gets rows for the marks.
     """
-    colour = scan_colour(scans[0])
+    colour, pairs = scan_colour(scans[0]), [*zip(scans, sights, strict=True)]
     if lists_echoes(scans[0]):
         _draw_echo_dots(axes, scans, legend)
     else:
-        pairs = zip(scans, sights, strict=True)
         points = [
             scan_points(scan)[(s.ends >= BeamEnd.FREE) & (s.ends != BeamEnd.THROUGH)]
             for scan, s in pairs
@@ -240,25 +374,17 @@ def draw_many(
         if len(dots := np.concatenate(points)):
             _draw_dots(axes, dots, colour, "reading")
             legend.add_marker("reading", ".", color=colour, alpha=0.6)
-    seen = [
-        scan_points(scan)[s.ends == BeamEnd.THROUGH]
-        for scan, s in zip(scans, sights, strict=True)
-    ]
+    seen = [scan_points(scan)[s.ends == BeamEnd.THROUGH] for scan, s in pairs]
     if len(hits := np.concatenate(seen)):
-        style: dict[str, Any] = {"markeredgecolor": PAPER, "markeredgewidth": 0.5}
-        size = math.sqrt(MANY_THROUGH_AREA)
-        axes.plot(
-            *hits.T,
-            "o",
-            color=colour,
-            markersize=size,
-            label="seen through",
-            zorder=5,
-            **style,
-        )
-        seen_through = (s.materials[BeamEnd.THROUGH] for s in sights)
-        text = f"seen through {name_materials(chain.from_iterable(seen_through))}"
-        legend.add_marker(text, "o", color=colour, markersize=size, **style)
+        style: dict[str, Any] = {
+            "color": colour,
+            "markersize": math.sqrt(MANY_THROUGH_AREA),
+            "markeredgecolor": PAPER,
+            "markeredgewidth": 0.5,
+        }
+        axes.plot(*hits.T, "o", **style, label="seen through", zorder=5)
+        through = chain.from_iterable(s.materials[BeamEnd.THROUGH] for s in sights)
+        legend.add_marker(f"seen through {name_materials(through)}", "o", **style)
 
 
 def _draw_echo_dots(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:

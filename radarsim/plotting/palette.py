@@ -10,11 +10,11 @@ of a robot is blue, and red is what is truly there. Only where left and right ra
 radar are told apart they are coloured as in the thesis: left red, right blue.
 
 All colours that one picture shows together differ for normal sight, deuteranopia and
-protanopia; ``SHOWN_TOGETHER`` lists these groups.
+protanopia; the tests list these groups.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Final
 
@@ -90,7 +90,6 @@ ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 
 # Of charts.
 GRID: Final = "#dddddd"  # lines of a grid
-BAND: Final = "#f4f4f6"  # every other row
 
 # On the web page, by light and by dark.
 PAGE_COLOURS: Final[Mapping[str, tuple[str, str]]] = {
@@ -104,48 +103,6 @@ PAGE_COLOURS: Final[Mapping[str, tuple[str, str]]] = {
     "leave": (GOING, GOING),
     "goal": (TARGET, "#c031bc"),
     "robot": (ROBOT, "#3b414b"),
-}
-
-_ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
-_OUTLINES = (Family.STONE, Family.FOLIAGE, Family.SMOKE)  # of runs
-_RUN = (
-    PAPER,
-    INK,
-    TRUTH,
-    GOING,
-    FOLLOWING,
-    RETURNING,
-    TARGET,
-    *(FAMILY_COLOURS[family] for family in _OUTLINES),
-)
-_CELLS = (
-    NOT_SENSED,
-    PAPER,
-    INK,
-    *(FAMILY_COLOURS[family] for family in (Family.FOLIAGE, Family.SMOKE)),
-)
-_PAGE_MARKS: Final = ("radar", "laser", "true", "path", "hit", "goal")
-SHOWN_TOGETHER: Final = {
-    "left and right rays": (*_ON_MATERIALS, LEFT_RAY, RIGHT_RAY),
-    "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
-    "sensors over a plan": (*_ON_MATERIALS, RADAR, LASER),
-    "radars and lasers": (PAPER, INK, *RADARS, *LASERS),
-    **{f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, LASER)},
-    "map": (*_CELLS, GOING, TRUTH),
-    **{
-        f"robots on the page, {scheme}": (
-            *ROBOTS,
-            *(PAGE_COLOURS[name][dark] for name in ("paper", "radar", "laser")),
-        )
-        for dark, scheme in enumerate(("light", "dark"))
-    },
-    **{
-        f"map on the page, {scheme}": (
-            *_CELLS,
-            *(PAGE_COLOURS[name][dark] for name in _PAGE_MARKS),
-        )
-        for dark, scheme in enumerate(("light", "dark"))
-    },
 }
 
 # The last word of a name that is found decides: a "wood_floor" is ground.
@@ -171,15 +128,22 @@ def family_of(material: Material) -> Family:
     """
     words = re.split(r"[^a-z]+", material.name.casefold())
     named = [_FAMILY_OF_WORD[word] for word in words if word in _FAMILY_OF_WORD]
-    lets_radar_in = material.penetrable or material.sheet_loss is not None
-    if Family.FOLIAGE in named and lets_radar_in:
+    if Family.FOLIAGE in named and material.lets_beams_in:
         return Family.FOLIAGE  # a "shrub_cloud" is no smoke
     if named:
         return named[-1]
-    if lets_radar_in:
+    if material.lets_beams_in:
         return Family.FOLIAGE if material.solid else Family.SMOKE
     mirror = material.radar_mirror or material.laser_mirror
     return Family.METAL if mirror else Family.STONE
+
+
+def names_by_family(materials: Iterable[Material]) -> dict[Family, list[str]]:
+    """Return the names of materials by their families, each once and in their order."""
+    names: dict[Family, dict[str, None]] = {}
+    for material in materials:
+        names.setdefault(family_of(material), {})[material.name] = None
+    return {family: [*of_family] for family, of_family in names.items()}
 
 
 def colour_of(material: Material) -> str:

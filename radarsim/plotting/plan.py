@@ -207,7 +207,9 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
         x, y = scene.trial.goal
         axes.plot(x, y, "*", color=TARGET, mec=MARKER, mew=0.7, ms=13, zorder=5)
         shown.append(np.array([[x, y]]))
-        labels.append(Label("goal of the trial", x, y, x, y, is_bold=True, radius=5.0))
+        labels.append(
+            Label("goal of the trial", (x, y, x, y), is_bold=True, radius=5.0)
+        )
     show_extent(axes, np.concatenate(shown), coordinates=True)
     objects = len({part.object_name for part in scene.parts})
     starts = len(scene.starts)
@@ -237,23 +239,20 @@ def _draw_start(axes: Axes, start: StartPose) -> Label:
     corners = np.concatenate(
         [each.get_xy() for each in draw_robot(axes, ROBOT_CLASS, pose, zorder=4)]
     )
-    west, south, east, north = _box_of(corners).bounds
-    return Label(start.name, west, south, east, north, is_bold=True)
+    return Label(start.name, _box_of(corners).bounds, is_bold=True)
 
 
-def name_objects(
-    axes: Axes, parts: Iterable[Part], height: float, most: int | None = None
-) -> None:
+def name_objects(axes: Axes, parts: Iterable[Part], height: float, most: int) -> None:
     """Write the name of each object that the section cuts, walls excepted.
 
     Args:
         axes: Axes in m, map frame, with their final limits.
         parts: The parts of the scene.
         height: Height of the section, m, map frame.
-        most: No names are written if there were more; None for any number.
+        most: No names are written if there were more.
     """
     labels = label_objects(parts, height)
-    if most is None or len(labels) <= most:
+    if len(labels) <= most:
         write_labels(axes, labels)
 
 
@@ -278,9 +277,8 @@ def label_objects(parts: Iterable[Part], height: float) -> list[Label]:
     boxes = {name: _box_of(np.concatenate(each)) for name, each in places.items()}
     labels = []
     for text, name in _names(boxes).items():
-        west, south, east, north = boxes[name].bounds
         is_pale = fills[name] not in _DARK
-        labels.append(Label(text, west, south, east, north, is_inside=is_pale))
+        labels.append(Label(text, boxes[name].bounds, is_inside=is_pale))
     return labels
 
 

@@ -27,6 +27,7 @@ from radarsim.plotting.marks import (
     draw_echoes,
     draw_many,
     draw_ray_ends,
+    draw_rays,
     lists_echoes,
 )
 from radarsim.plotting.palette import MARKER
@@ -39,12 +40,12 @@ from radarsim.plotting.plan import (
     plot_scene,
     show_extent,
 )
-from radarsim.plotting.ray_segments import draw_rays
 from radarsim.plotting.sight import BeamEnd, Sight, find_sight, name_materials
 from radarsim.plotting.style import (
     QUIET,
     Legend,
     as_words,
+    figure_of,
     render,
     write_title,
 )
@@ -114,18 +115,16 @@ def _names_of(scans: Sequence[Scan]) -> list[str]:
     """Return the names of sensors; those of one name with the settings that differ."""
     names = [name_sensor(scan) for scan in scans]
     settings = [scan.echoes.settings.model_dump() for scan in scans]
-    for number, own in enumerate(settings):
-        name = name_sensor(scans[number])
-        others = [
-            settings[n] for n, scan in enumerate(scans) if name_sensor(scan) == name
-        ]
+    whole = []
+    for name, own in zip(names, settings, strict=True):
+        others = [s for other, s in zip(names, settings, strict=True) if other == name]
         changed = [
             f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
             for key, value in own.items()
             if any(other[key] != value for other in others)
         ]
-        names[number] += f" with {', '.join(changed)}" if changed else ""
-    return names
+        whole.append(f"{name} with {', '.join(changed)}" if changed else name)
+    return whole
 
 
 def _finding(names: Sequence[str], sights: Sequence[Sight]) -> str:
@@ -280,20 +279,13 @@ def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
 
 def draw_scene(scene: Scene, *, form: str = "png") -> bytes:
     """Draw the plan of a scene, see ``plot_scene``, as a file of one of ``FORMS``."""
-    return render(_figure_of(plot_scene(scene)), form)
+    return render(figure_of(plot_scene(scene)), form)
 
 
 def as_svg(axes: Axes) -> str:
     """Return the figure of axes as an ``<svg>`` element."""
-    text = render(_figure_of(axes), "svg").decode()
+    text = render(figure_of(axes), "svg").decode()
     return text[text.index("<svg") :]
-
-
-def _figure_of(axes: Axes) -> Figure:
-    figure = axes.get_figure(root=True)
-    if figure is None:
-        raise ValueError("axes without a figure, expected axes of a figure")
-    return figure
 
 
 def _draw_sensor(axes: Axes, scan: Scan, robot: Pose2 | None) -> None:

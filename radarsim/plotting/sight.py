@@ -9,9 +9,10 @@ behind the bush. Other beams are stopped by such a material, read what stands in
 at it, or have nothing of it in their way.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from shapely import Geometry
 
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import Family, family_of
+from radarsim.plotting.palette import family_of, names_by_family
 from radarsim.plotting.style import as_words
 from radarsim.raycast.rays import EventKind
 from radarsim.raycast.tracer import tracer_of
@@ -51,27 +52,19 @@ class Sight:
 
     Attributes:
         ends: (N,) how each beam ends, a ``BeamEnd``.
-        meeting: (N,) whether the beam meets what some beams see through, and comes back
-            or is spent.
         materials: What beams see through, are stopped by, are spent in or touch, by
             their end.
     """
 
     ends: NDArray[np.uint8]
-    meeting: NDArray[np.bool_]
     materials: Mapping[BeamEnd, tuple[Material, ...]]
 
 
 def name_materials(materials: Iterable[Material]) -> str:
     """Return the name of a material as words, or the families of several."""
-    names: dict[Family, list[str]] = {}
-    for material in materials:
-        of_family = names.setdefault(family_of(material), [])
-        if material.name not in of_family:
-            of_family.append(material.name)
     words = (
-        as_words(of_family[0]) if len(of_family) == 1 else family.value
-        for family, of_family in names.items()
+        as_words(names[0]) if len(names) == 1 else family.value
+        for family, names in names_by_family(materials).items()
     )
     return " and ".join(words)
 
@@ -87,45 +80,67 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     parts = tracer.parts
     events = tracer.trace(scan.cast, events=True).events
     ends = np.full(len(scan.ranges), BeamEnd.NO_RETURN, np.uint8)
-    spent_unread = np.zeros(len(scan.ranges), np.bool_)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
-    shadows: dict[int, Geometry] = {}
+    # Cached, since many beams are compared with the same part.
+    covers = cache(lambda part: _from_above(parts[part]))
     answers = scan.echoes.answers_in_clouds()
     # Events are ordered by their rays, so that each beam has a slice of them.
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
-    ranges = _echo_ranges(scan)
-    for beam, reading in enumerate(ranges.tolist()):
-        mine = events[edges[beam] : edges[beam + 1]]
+    for beam, reading in enumerate(_echo_ranges(scan).tolist()):
         if reading == 0:
             ends[beam] = BeamEnd.BLINDED
         if not 0 < reading < np.inf:
-            spent_unread[beam] = reading > 0 and (mine["kind"] == EventKind.SPENT).any()
             continue
         if beam in answers:
-            ends[beam] = BeamEnd.STOPPED
-            found[BeamEnd.STOPPED][answers[beam].name] = answers[beam]
-            continue
-        passed = _parts_passed(mine, reading, parts)
-        for part in passed:
-            if part not in shadows:
-                shadows[part] = _from_above(parts[part])
-        place = scan.cast.origins[beam] + reading * scan.cast.directions[beam]
-        if passed and not any(_covers(shadows[part], place) for part in passed):
-            end, materials = BeamEnd.THROUGH, [parts[part].material for part in passed]
-        elif (inside := _read_inside(mine, reading, parts)) is not None:
-            nearest = mine[np.argmin(np.abs(mine["t"] - reading))]
-            is_spent = nearest["kind"] == EventKind.SPENT
-            end, materials = BeamEnd.SPENT if is_spent else BeamEnd.STOPPED, [inside]
-        elif met := _materials_met(mine, reading, parts):
-            end, materials = BeamEnd.TOUCHING, met
+            end, materials = BeamEnd.STOPPED, [answers[beam]]
         else:
-            end, materials = BeamEnd.FREE, []
+            place = scan.cast.origins[beam] + reading * scan.cast.directions[beam]
+            mine = events[edges[beam] : edges[beam + 1]]
+            end, materials = _end_of_beam(mine, reading, place, parts, covers)
         ends[beam] = end
         found[end].update({material.name: material for material in materials})
-    families = {family_of(each) for each in found[BeamEnd.THROUGH].values()}
-    meeting = _meet(events, ranges, parts, families)
-    meeting &= spent_unread | (ends >= BeamEnd.FREE)
-    return Sight(ends, meeting, {end: tuple(m.values()) for end, m in found.items()})
+    return Sight(ends, {end: tuple(m.values()) for end, m in found.items()})
+
+
+def _end_of_beam(
+    events: NDArray[np.void],
+    reading: float,
+    place: Floats,
+    parts: Sequence[Part],
+    covers: Callable[[int], Geometry],
+) -> tuple[BeamEnd, list[Material]]:
+    """Return how a beam with a reading ends, and at or behind which materials.
+
+    Args:
+        events: Those of its ray.
+        reading: Its range, m.
+        place: Where that is, (3,) m, map frame.
+        parts: The parts of the scene.
+        covers: Returns what a part covers as seen from above.
+    """
+    known = events[(events["part"] >= 0) & (events["part"] < len(parts))]
+    if not len(known):
+        return BeamEnd.FREE, []
+    last = known[np.argmin(np.abs(known["t"] - reading))]
+    read = parts[int(last["part"])].material
+    before = known[known["t"] < min(reading, float(last["t"])) - _NEAR]
+    left = before["part"][np.isin(before["kind"], _PASSED)]
+    passed = list(dict.fromkeys(left.tolist()))
+    materials = [parts[part].material for part in passed]
+    # By families: a beam that reads one plant behind another is still among plants.
+    is_behind = family_of(read) not in map(family_of, materials)
+    point = shapely.Point(place[:2])
+    near = (shapely.dwithin(covers(part), point, BESIDE) for part in passed)
+    if passed and is_behind and not any(near):
+        return BeamEnd.THROUGH, materials
+    if read.lets_beams_in:
+        nearest = events[np.argmin(np.abs(events["t"] - reading))]
+        is_spent = nearest["kind"] == EventKind.SPENT
+        return BeamEnd.SPENT if is_spent else BeamEnd.STOPPED, [read]
+    entered = np.unique(known["part"][known["t"] < reading - _NEAR]).tolist()
+    met = [parts[part].material for part in entered]
+    met = [material for material in met if material.lets_beams_in]
+    return (BeamEnd.TOUCHING if met else BeamEnd.FREE), met
 
 
 def _echo_ranges(scan: Scan) -> Floats:
@@ -145,76 +160,8 @@ def _echo_ranges(scan: Scan) -> Floats:
     return ranges
 
 
-def _parts_passed(
-    events: NDArray[np.void], reading: float, parts: Sequence[Part]
-) -> list[int]:
-    """Return the parts that a ray has left before it reads one of another family."""
-    known = _of_parts(events, parts)
-    if not len(known):
-        return []
-    last = known[np.argmin(np.abs(known["t"] - reading))]
-    before = known[known["t"] < min(reading, float(last["t"])) - _NEAR]
-    left = before[np.isin(before["kind"], _PASSED)]
-    passed = list(dict.fromkeys(left["part"].tolist()))
-    # By families: a beam that reads one plant behind another is still among plants.
-    read = family_of(parts[int(last["part"])].material)
-    families = (family_of(parts[part].material) for part in passed)
-    return [] if read in families else passed
-
-
-def _of_parts(events: NDArray[np.void], parts: Sequence[Part]) -> NDArray[np.void]:
-    return events[(events["part"] >= 0) & (events["part"] < len(parts))]
-
-
-def _meet(
-    events: NDArray[np.void],
-    ranges: Floats,
-    parts: Sequence[Part],
-    families: set[Family],
-) -> NDArray[np.bool_]:
-    """Return which rays meet a material of some families up to their readings, (N,)."""
-    known = _of_parts(events, parts)
-    known = known[known["t"] <= ranges[known["ray"]] + _NEAR]
-    wanted = [n for n, part in enumerate(parts) if family_of(part.material) in families]
-    meeting = np.zeros(len(ranges), np.bool_)
-    meeting[known["ray"][np.isin(known["part"], wanted)]] = True
-    return meeting
-
-
-def _read_inside(
-    events: NDArray[np.void], reading: float, parts: Sequence[Part]
-) -> Material | None:
-    """Return the material that a ray reads, if some beams can enter it."""
-    known = _of_parts(events, parts)
-    if not len(known):
-        return None
-    last = known[np.argmin(np.abs(known["t"] - reading))]
-    material = parts[int(last["part"])].material
-    return material if lets_beams_in(material) else None
-
-
-def _materials_met(
-    events: NDArray[np.void], reading: float, parts: Sequence[Part]
-) -> list[Material]:
-    """Return the materials that a ray is in before its reading."""
-    known = _of_parts(events, parts)
-    before = known[known["t"] < reading - _NEAR]["part"]
-    materials = (parts[part].material for part in np.unique(before).tolist())
-    return [each for each in materials if lets_beams_in(each)]
-
-
-def lets_beams_in(material: Material) -> bool:
-    """Return whether radar or laser beams can enter a material."""
-    return material.penetrable or material.sheet_loss is not None
-
-
 def _from_above(part: Part) -> Geometry:
     """Return what a part covers as seen from above, without its hollows, m."""
     hull = shapely.convex_hull(shapely.multipoints(part.vertices[:, :2]))
-    # Prepared, since many beams are compared with the same part.
     shapely.prepare(hull)
     return hull
-
-
-def _covers(area: Geometry, place: Floats) -> bool:
-    return bool(shapely.dwithin(area, shapely.Point(place[:2]), BESIDE))

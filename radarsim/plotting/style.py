@@ -5,7 +5,6 @@
 
 import io
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from textwrap import fill
 from typing import Any, Final
@@ -28,7 +27,7 @@ from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     MARKER,
     Family,
-    family_of,
+    names_by_family,
 )
 from radarsim.scene.material import Material
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT, pattern_of
@@ -68,6 +67,14 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
     with rc_context({"svg.hashsalt": "radarsim"}):
         FigureCanvasAgg(figure).print_figure(data, format=form, metadata=metadata)
     return data.getvalue()
+
+
+def figure_of(axes: Axes) -> Figure:
+    """Return the figure that axes are in."""
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        raise ValueError("axes without a figure, expected axes of a figure")
+    return figure
 
 
 def escape_texts(figure: Figure) -> None:
@@ -190,20 +197,12 @@ class Legend:
         """Add a row with a sample of a marker."""
         self._add(text, Line2D([], [], marker=marker, linestyle="none", **style))
 
-    def add_area(self, text: str, **style: Any) -> None:
-        """Add a row with a sample of a filled area."""
-        self._add(text, Patch(**style))
-
     def add_materials(self, materials: Iterable[Material]) -> None:
         """Add a row for each colour, which names the materials that have it."""
-        names = defaultdict[Family, list[str]](list)
-        for material in materials:
-            of_family = names[family_of(material)]
-            if material.name not in of_family:
-                of_family.append(material.name)
+        names = names_by_family(materials)
         for family in Family:
             if family in names:
-                self.add_area(_listed(names[family]), **area_style(family))
+                self._add(_listed(names[family]), Patch(**area_style(family)))
 
     def add_numbers(self, texts: Mapping[int, str]) -> None:
         """Add a row for each number, up to ``MAX_NUMBERS``, with what it stands for."""
@@ -222,10 +221,11 @@ class Legend:
             columns: 1 for a legend on the right; several for one below, without
                 headings.
         """
-        rows, headings = self._rows()
-        if columns > 1:
-            rows = [row for number, row in enumerate(rows) if number not in headings]
-            headings = set()
+        rows: list[tuple[str, Artist, bool]] = []  # text, sample, whether a heading
+        for heading, group in self._groups.items():
+            if heading and group and columns == 1:
+                rows.append((heading, Line2D([], [], linestyle="none"), True))
+            rows += [(text, sample, False) for text, sample in group.items()]
         if not rows:
             return
         side = "lower center" if columns > 1 else "right center"
@@ -234,34 +234,23 @@ class Legend:
             beside = max(axes.get_position().x1 for axes in figure.axes)
             place = {"loc": "center left", "bbox_to_anchor": (beside, 0.5)}
         legend = figure.legend(
-            [sample for sample, _ in rows],
+            [sample for _, sample, _ in rows],
             [" "] * len(rows),  # matplotlib hides texts that begin with "_"
             fontsize="small",
             frameon=False,
             **place,
         )
         labels = zip(legend.get_texts(), rows, strict=True)
-        for number, (label, (_, text)) in enumerate(labels):
+        for label, (text, _, is_heading) in labels:
             label.set_text(fill(text, LINE_LENGTH))
             # A name may have dollar signs, between which matplotlib would read
             # formulas.
             label.set_parse_math(False)
-            if number in headings:
+            if is_heading:
                 label.set_fontweight("bold")
 
     def _add(self, text: str, sample: Artist) -> None:
         self._groups[self._heading].setdefault(text, sample)
-
-    def _rows(self) -> tuple[list[tuple[Artist, str]], set[int]]:
-        """Return samples with texts, and which of these are headings."""
-        rows: list[tuple[Artist, str]] = []
-        headings: set[int] = set()
-        for heading, group in self._groups.items():
-            if heading and group:
-                headings.add(len(rows))
-                rows.append((Line2D([], [], linestyle="none"), heading))
-            rows += [(sample, text) for text, sample in group.items()]
-        return rows, headings
 
 
 def _listed(names: list[str]) -> str:

@@ -175,6 +175,11 @@ class Material:
         return math.isfinite(self.density) or math.isfinite(self.laser_density)
 
     @property
+    def lets_beams_in(self) -> bool:
+        """Whether radar or laser beams can enter it, or pass it as a sheet."""
+        return self.penetrable or self.sheet_loss is not None
+
+    @property
     def is_cloud(self) -> bool:
         """Whether lasers can read first returns from its inside, as from smoke.
 

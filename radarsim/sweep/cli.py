@@ -49,7 +49,6 @@ def sweep(
         scheduler: Scheduler of a dask cluster that runs already.
     """
     from radarsim.errors import import_optional
-    from radarsim.sweep.cluster import run_on_cluster
     from radarsim.sweep.file import read_sweep
     from radarsim.sweep.results import (
         ABOUT,
@@ -81,11 +80,8 @@ def sweep(
     left = {key: tasks[key] for key in tasks if key not in done}
     began = time.perf_counter()
     if left:
-        todo, batch = [*left.values()], _BATCHES[wanted.kind]
-        if scheduler is None:
-            running = _run_here(todo, scenes, batch, workers or process_cpu_count())
-        else:
-            running = run_on_cluster(scheduler, scenes, todo, batch, print_message)
+        batch = _BATCHES[wanted.kind]
+        running = _start([*left.values()], scenes, batch, workers, scheduler)
         with raise_on_signals(), closing(running):
             _collect(folder, [*left], running)
     folder.write(path, wanted, tasks)
@@ -100,19 +96,25 @@ def sweep(
     return int(bool(failed))
 
 
-def _run_here(
-    todo: list[Parameters], scenes: dict[str, Scene], batch: int, workers: int
+def _start(
+    tasks: list[Parameters],
+    scenes: dict[str, Scene],
+    batch: int,
+    workers: int | None,
+    scheduler: str | None,
 ) -> Generator[TaskResult[Any], None, None]:
-    """Run tasks in processes of this machine, of which each has a batch at least."""
-    from radarsim.autonomy.evaluation.task_runner import run_tasks
+    """Run tasks here or on a cluster, where each process has a batch at least."""
+    from radarsim.autonomy.evaluation.task_runner import run_on_cluster, run_tasks
     from radarsim.sweep.tasks import prepare_worker, run_sweep_task
 
-    return run_tasks(
-        run_sweep_task,
-        [(task,) for task in todo],
-        workers=min(workers, -(-len(todo) // batch)),
-        prepare=partial(prepare_worker, __version__, scenes),
-    )
+    todo = [(task,) for task in tasks]
+    prepare = partial(prepare_worker, __version__, scenes)
+    if scheduler is not None:
+        return run_on_cluster(
+            scheduler, run_sweep_task, todo, batch, prepare, print_message
+        )
+    processes = min(workers or process_cpu_count(), -(-len(todo) // batch))
+    return run_tasks(run_sweep_task, todo, workers=processes, prepare=prepare)
 
 
 def _count(wanted: SweepFile, tasks: int) -> str:

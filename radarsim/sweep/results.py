@@ -341,15 +341,12 @@ def _points(
         for row in batch.to_pylist():
             if row["ranges"] is None:
                 continue  # it failed
-            settings = tuple(
-                (
-                    key.removeprefix("sensor."),
-                    tuple(value) if isinstance(value, list) else value,
-                )
+            sensor = {
+                key.removeprefix("sensor."): value
                 for key, value in row.items()
                 if key.startswith("sensor.")
-            )
-            angles = angles_of(settings) + math.radians(row["yaw_deg"])
+            }
+            angles = angles_of(canonical_json(sensor)) + math.radians(row["yaw_deg"])
             ranges = np.array([np.nan if r is None else r for r in row["ranges"]])
             beyond = row["x"] + ranges * np.cos(angles) > entry.beyond_x
             place = _number_of(row[entry.x])
@@ -368,7 +365,7 @@ def _number_of(value: Any) -> str | float:
     return float(found[1]) if found else value
 
 
-def _angles(settings: tuple[tuple[str, Any], ...]) -> Floats:
-    """Return the directions of a sensor's beams, (N,) rad."""
-    values = dict(settings)
-    return load_sensor(values.pop("name"), **values).angles
+def _angles(sensor: str) -> Floats:
+    """Return the directions of the beams of a sensor, whose settings are JSON, rad."""
+    settings = json.loads(sensor)
+    return load_sensor(settings.pop("name"), **settings).angles

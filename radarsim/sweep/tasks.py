@@ -16,7 +16,6 @@ from radarsim.autonomy.evaluation.trials import (
     config_with_sensor,
     drive_trial,
     run_plan,
-    shortest_for,
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.errors import MapError, SweepError
@@ -155,12 +154,8 @@ def unpacked(text: str | None, kind: type[np.generic]) -> Any:
 
 
 def _trial_rows(task: Parameters, scene: Scene) -> list[Row]:
-    trial = scene.trial
-    assert trial is not None
-    row = drive_trial(
-        _host(task, scene), task["algorithm"], time_limit=task["time_limit"]
-    )
-    row = replace(row, shortest_path=shortest_for(scene, trial))
+    host, limit = _host(task, scene), task["time_limit"]
+    row = drive_trial(host, task["algorithm"], time_limit=limit)
     return [row.select(TRIAL_VALUES, 4)]
 
 

@@ -2,18 +2,16 @@
 
 import json
 import math
-from dataclasses import fields
-from typing import Any
 
 import numpy as np
 import pytest
 
-from radarsim.autonomy.cli.map_files import view_of
-from radarsim.autonomy.cli.map_run import as_text
-from radarsim.autonomy.evaluation.map_score import MapScore
+from radarsim.autonomy.cli.map_output import as_text, view_of
+from radarsim.autonomy.evaluation.map_score import Score
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.mapping.mapper import Mapper
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import RangeScan
@@ -62,9 +60,9 @@ def test_open_map_has_no_coverage(empty_room: Scene) -> None:
     assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"
 
 
-def score_with(**known: float) -> MapScore:
-    unknown: dict[str, Any] = dict.fromkeys(each.name for each in fields(MapScore))
-    return MapScore(**unknown | known)
+def score_with(**known: float) -> Score:
+    names = ("coverage", "reachable_coverage", "hidden_coverage")
+    return dict.fromkeys(names) | known
 
 
 def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
@@ -73,7 +71,7 @@ def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
     view = view_of(run, mapper)
     assert view.title == "The floor out of the robot's reach: 97 % mapped"
     assert view.subtitle.startswith("P3AT_Radar360 maps empty_room: ")
-    assert [outline.kind for outline in view.outlines] == ["solid"]
+    assert [outline.kind for outline in view.outlines] == [CellClass.OBSTACLE]
     run.outcome, run.score = "broken_off", score_with(coverage=0.4)
     view = view_of(run, mapper)
     assert view.title == "40 % of the floor mapped"

@@ -17,8 +17,13 @@ from parts import brick
 
 import radarsim
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid, distance_field
-from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
-from radarsim.autonomy.mapping.scan_matching import ScanPoints, best_start, fit
+from radarsim.autonomy.mapping.scan_matching import (
+    PointMap,
+    ScanPoints,
+    best_start,
+    fit,
+    inward_normals,
+)
 from radarsim.autonomy.navigation.footprint_planning import Footprint, plan_footprint
 from radarsim.autonomy.navigation.grid_search import shortest_path
 from radarsim.engine import engine

@@ -68,9 +68,9 @@ def test_panels_leave_no_empty_bands(
 def test_each_mark_has_one_row_in_the_legend_of_all_panels(empty_room: Scene) -> None:
     """Beams of the two touch other materials."""
     scan = radarsim.load_sensor("laser", fov_deg=2).scan(empty_room, (0, 0, 0))
-    ends, meeting = np.full(3, BeamEnd.TOUCHING, np.uint8), np.zeros(3, np.bool_)
+    ends = np.full(3, BeamEnd.TOUCHING, np.uint8)
     sights = [
-        Sight(ends, meeting, {BeamEnd.TOUCHING: (Material(name),)})
+        Sight(ends, {BeamEnd.TOUCHING: (Material(name),)})
         for name in ("smoke", "leaves")
     ]
     figure, legend = Figure(), Legend(QUIET)

@@ -96,7 +96,7 @@ def test_a_legend_does_not_list_names_without_end() -> None:
 def test_without_numbers_long_labels_are_cut_off_and_crowded_ones_left_out() -> None:
     axes = Figure().add_subplot()
     axes.set(xlim=(0, 1), ylim=(0, 1))
-    labels = [Label("x" * 60, 0.5, 0.5, 0.5, 0.5) for _ in range(40)]
+    labels = [Label("x" * 60, (0.5, 0.5, 0.5, 0.5)) for _ in range(40)]
     assert write_labels(axes, labels) == {}
     assert 1 < len(written(axes)) < 40
     assert {len(text.get_text()) for text in written(axes)} == {LONGEST}
@@ -106,7 +106,7 @@ def test_without_numbers_long_labels_are_cut_off_and_crowded_ones_left_out() -> 
 def test_label_lies_in_what_it_names_if_it_fits() -> None:
     axes = Figure().add_subplot()
     axes.set(xlim=(0, 1), ylim=(0, 1))
-    write_labels(axes, [Label("in", 0.3, 0.3, 0.7, 0.7, is_inside=True)])
+    write_labels(axes, [Label("in", (0.3, 0.3, 0.7, 0.7), is_inside=True)])
     (text,) = written(axes)
     middle = axes.transData.transform((0.5, 0.5))
     box_of_text = text.get_window_extent()

@@ -14,7 +14,23 @@ import radarsim
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
-    SHOWN_TOGETHER,
+    FOLLOWING,
+    GOING,
+    INK,
+    LASER,
+    LASERS,
+    LEFT_RAY,
+    NOT_SENSED,
+    PAGE_COLOURS,
+    PAPER,
+    RADAR,
+    RADARS,
+    RETURNED,
+    RETURNING,
+    RIGHT_RAY,
+    ROBOTS,
+    TARGET,
+    TRUTH,
     Family,
     family_of,
     paler,
@@ -49,6 +65,48 @@ XYZ_OF_RGB = np.array(  # sRGB, D65
         [0.0193339, 0.1191920, 0.9503041],
     ]
 )
+
+_ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
+_OUTLINES = (Family.STONE, Family.FOLIAGE, Family.SMOKE)  # of runs
+_RUN = (
+    PAPER,
+    INK,
+    TRUTH,
+    GOING,
+    FOLLOWING,
+    RETURNING,
+    TARGET,
+    *(FAMILY_COLOURS[family] for family in _OUTLINES),
+)
+_CELLS = (
+    NOT_SENSED,
+    PAPER,
+    INK,
+    *(FAMILY_COLOURS[family] for family in (Family.FOLIAGE, Family.SMOKE)),
+)
+_PAGE_MARKS = ("radar", "laser", "true", "path", "hit", "goal")
+SHOWN_TOGETHER = {
+    "left and right rays": (*_ON_MATERIALS, LEFT_RAY, RIGHT_RAY),
+    "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
+    "sensors over a plan": (*_ON_MATERIALS, RADAR, LASER),
+    "radars and lasers": (PAPER, INK, *RADARS, *LASERS),
+    **{f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, LASER)},
+    "map": (*_CELLS, GOING, TRUTH),
+    **{
+        f"robots on the page, {scheme}": (
+            *ROBOTS,
+            *(PAGE_COLOURS[name][dark] for name in ("paper", "radar", "laser")),
+        )
+        for dark, scheme in enumerate(("light", "dark"))
+    },
+    **{
+        f"map on the page, {scheme}": (
+            *_CELLS,
+            *(PAGE_COLOURS[name][dark] for name in _PAGE_MARKS),
+        )
+        for dark, scheme in enumerate(("light", "dark"))
+    },
+}
 
 
 def lab(colour: str, sight: Floats) -> Floats:

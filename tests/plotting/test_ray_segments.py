@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from radarsim import Material, Part
 from radarsim.geometry import Floats
-from radarsim.plotting.ray_segments import MAX_POWER_DROP, RaySegments, split_rays
+from radarsim.plotting.marks import MAX_POWER_DROP, RaySegments, split_rays
 from radarsim.raycast.rays import LASER, RADAR, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.shapes import box

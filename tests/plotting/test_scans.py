@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
-from radarsim.plotting.ray_segments import FULL_OPACITY, NO_RETURN_OPACITY
+from radarsim.plotting.marks import FULL_OPACITY, NO_RETURN_OPACITY
 from radarsim.plotting.scans import draw_scans, plot_scans
 from radarsim.plotting.sight import BeamEnd, find_sight, name_materials
-from radarsim.plotting.style import FORMS, scan_points
+from radarsim.plotting.style import FORMS
 from radarsim.raycast.rays import EventKind
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
@@ -195,20 +195,6 @@ def test_noise_of_ones_own_changes_nothing_that_beams_see_through(
     assert np.abs(scans[1].ranges - scans[0].ranges).max() > 1
     exact, blurred = [find_sight(smoke_room, scan) for scan in scans]
     assert np.array_equal(blurred.ends, exact.ends)
-    assert np.array_equal(blurred.meeting, exact.meeting)
-
-
-def test_beams_stopped_in_front_of_dust_are_not_counted_as_meeting_it() -> None:
-    dusty = radarsim.load_map("marulan_trial@dust")
-    scan = radarsim.load_sensor("hss94_marulan").scan(
-        dusty, (-15.8, 0, 0), generator_for(0, "dust")
-    )
-    sight = find_sight(dusty, scan)
-    cloud = next(p for p in dusty.parts if p.material.name == "dust_cloud")
-    ends = scan_points(scan)[:, 0]
-    behind = np.isfinite(scan.ranges) & (ends > cloud.vertices[:, 0].max())
-    assert np.array_equal(sight.meeting, behind)
-    assert ((sight.ends == BeamEnd.STOPPED) & ~sight.meeting).any()
 
 
 @pytest.mark.parametrize("form", FORMS)

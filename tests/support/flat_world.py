@@ -7,7 +7,6 @@ import numpy as np
 from radarsim.autonomy.mapping.scan import PlanarScan, read_scan
 from radarsim.autonomy.mapping.trajectory import (
     Trajectory,
-    TrajectoryErrors,
     trajectory_errors,
 )
 from radarsim.geometry import Floats, Pose2
@@ -101,7 +100,7 @@ def look_through(
     return read_scan(report, seen, max_range=20.0)
 
 
-def errors_of(found: list[Pose2], true: list[Pose2]) -> TrajectoryErrors:
+def errors_of(found: list[Pose2], true: list[Pose2]) -> dict[str, float]:
     """Return the errors of poses, one a second."""
     truth, estimate = Trajectory(), Trajectory()
     for time, (pose, other) in enumerate(zip(true, found, strict=True)):

@@ -20,8 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.rotation import Rotation
-from radarsim.autonomy.mapping.point_map import PointMap
-from radarsim.autonomy.mapping.scan_matching import ScanPoints, fit
+from radarsim.autonomy.mapping.scan_matching import PointMap, ScanPoints, fit
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.scene.scene import Scene
 

@@ -23,7 +23,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, run_plan
+from radarsim.autonomy.evaluation.trials import SCANNER, run_plan
 from radarsim.autonomy.navigation.algorithms import (
     ROBOT_RADIUS,
     Algorithm,
@@ -41,6 +41,7 @@ from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
 CELL: Final = 0.05  # m
+SENSORS: Final = ("radar", "laser")
 ROBOT_HALF_WIDTH: Final = 0.248  # m; of a P3AT
 HALF_PASSAGE: Final = 0.2  # m beyond the safety distance: half of what passages need
 _MARGIN: Final = 3.0  # m of floor around everything

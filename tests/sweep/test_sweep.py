@@ -19,8 +19,8 @@ import pytest
 from commands import Run, run_in_process
 
 import radarsim
+from radarsim.autonomy.evaluation.task_runner import run_batches
 from radarsim.errors import SweepError
-from radarsim.sweep.cluster import run_batches
 from radarsim.sweep.file import read_sweep, shipped_sweeps
 from radarsim.sweep.results import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
 from radarsim.sweep.tasks import prepare_worker
@@ -394,7 +394,7 @@ def test_task_that_kills_its_worker_fails(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
     with dask_cluster(1) as address, distributed.Client(address) as client:
         executor = client.get_executor(pure=False)
-        ((_, value, error),) = run_batches(executor, run, [1], 1, lambda: 1)
+        ((_, value, error),) = run_batches(executor, run, [(1,)], 1, lambda: 1)
     assert value is None
     assert "killed or crashed" in error
 
@@ -443,7 +443,7 @@ def logged(out: Path) -> bytes:
 def test_cluster_of_another_version_is_refused(
     small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.sweep.cluster.__version__", "9.9")
+    monkeypatch.setattr("radarsim.sweep.cli.__version__", "9.9")
     run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
     assert run.code == 1
     assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err

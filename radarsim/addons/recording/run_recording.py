@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from annotated_types import Interval
 
 from radarsim import __version__
-from radarsim.autonomy.cli.recording import Recording
+from radarsim.autonomy.cli.run_files import Recording
 from radarsim.cli.output import print_message
 from radarsim.cli.server_options import ServedMap, ServeExtension
 from radarsim.errors import RecordingError

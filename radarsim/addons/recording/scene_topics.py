@@ -65,8 +65,7 @@ def opacity_of(material: Material) -> float:
     """Return how much a material hides what is behind it, 0 to 1."""
     if not material.solid:
         return SMOKE
-    seen_through = material.penetrable or material.sheet_loss is not None
-    return SEEN_THROUGH if seen_through else 1.0
+    return SEEN_THROUGH if material.lets_beams_in else 1.0
 
 
 def _marker(number: int, part: Part, every: int) -> Fields:

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -33,12 +32,12 @@ from radarsim.autonomy.mapping.export import (
     sensed_window,
 )
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
+from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
-from radarsim.autonomy.plotting.maps import CELL_COLOURS, CELL_TEXTS
+from radarsim.autonomy.plotting.maps import CELLS, SHADES
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
 from radarsim.errors import RadarsimError
@@ -52,10 +51,6 @@ MAP_INTERVAL: Final = 1.0  # s between two pictures
 MOST_POINTS: Final = 1000  # of a path in a message
 MOST_WAITING: Final = 2000  # reports for a map; beyond it new ones are lost
 HERE: Final = Pose2(0.0, 0.0)  # the robot is spawned; this is not looked at
-_SHADES: Final = np.array(
-    [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
-    np.uint8,
-)
 
 
 def _every(interval: float) -> Callable[[], bool]:
@@ -191,8 +186,8 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
         pixels = commander_pixels(grid)[rows, columns]
         legend = [[f"#{bytes(c).hex()}", text] for text, c in COMMANDER_CELLS.items()]
     else:
-        pixels = _SHADES[grid.classes()[rows, columns]]
-        legend = [[CELL_COLOURS[each], CELL_TEXTS[each]] for each in CellClass]
+        pixels = SHADES[grid.classes()[rows, columns]]
+        legend = [[*each] for each in CELLS.values()]
     data = io.BytesIO()
     # Rows of pictures go down, those of maps north.
     Image.fromarray(np.flip(pixels, axis=0)).save(data, "png")

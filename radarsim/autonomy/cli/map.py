@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 import click
 from annotated_types import Interval
 
-from radarsim.autonomy.cli.film import check_start
+from radarsim.autonomy.cli.run_files import check_start, make_recording
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -83,9 +83,7 @@ def map_(
     _check_combination(where, plan, files)
 
     # Late, so that wrong options are told at once: numpy and plots take long.
-    from radarsim.autonomy.cli.map_files import MapFiles
-    from radarsim.autonomy.cli.map_run import explore, follow
-    from radarsim.autonomy.cli.recording import make_recording
+    from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
     recording = make_recording(files.record, plan.drive_unit, robots_map=True)

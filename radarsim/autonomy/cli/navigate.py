@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from radarsim.autonomy.cli.film import check_film, check_start, filmed
+from radarsim.autonomy.cli.run_files import (
+    check_film,
+    check_start,
+    filmed,
+    make_recording,
+)
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -34,7 +39,6 @@ from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.autonomy.evaluation.navigation_run import NavigationRun
-    from radarsim.autonomy.navigation.run_log import Row
     from radarsim.scene.scene import Scene
 
 EXIT_CODES: Final = {"reached": 0, "no_path": 3}
@@ -103,7 +107,7 @@ def navigate(
     Returns:
         The exit code.
     """
-    from radarsim.autonomy.cli.recording import make_recording
+    from radarsim.autonomy.cli.navigate_output import run_camera, run_progress
     from radarsim.autonomy.evaluation.navigation_run import NavigationRun
 
     files.check()
@@ -122,7 +126,8 @@ def navigate(
         recording,
         files.written(run),
         _print_result(run, as_json=as_json),
-        _shown(run, files) as observe,
+        filmed(files, run_camera(run)) as update_film,
+        run_progress(run.run_log, update_film) as observe,
     ):
         run.execute(where.connect or LOCAL_SERVER, observe)
     if run.error:
@@ -158,23 +163,6 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
         start=mission.start if has_start else trial.start,
         safety_distance=mission.safety_distance if is_safe else trial.safety_distance,
     )
-
-
-@contextmanager
-def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None]]:
-    """Show the progress of a run, and film it if a file is given."""
-    from radarsim.autonomy.cli.navigate_output import run_camera, run_progress
-
-    with (
-        filmed(files.film, run_camera(run), files.film_speed) as update_film,
-        run_progress(run.run_log) as update,
-    ):
-
-        def observe(row: Row) -> None:
-            update(row)
-            update_film(row.time)
-
-        yield observe
 
 
 @contextmanager

@@ -6,16 +6,17 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from typing import Final
 
-from radarsim.autonomy.cli.film import drawn_robot
+from radarsim.autonomy.cli.run_files import drawn_robot
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
-from radarsim.autonomy.plotting.outlines import Outline, outlines_of
+from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.autonomy.plotting.runs import (
     NO_PATH,
     RunFrames,
@@ -48,11 +49,14 @@ _DRIVES: Final = "drives to its goal"
 
 
 @contextmanager
-def run_progress(run_log: RunLog) -> Iterator[Callable[[Row], None]]:
-    """Show the progress of a run on stderr.
+def run_progress(
+    run_log: RunLog, update_film: Callable[[float], None]
+) -> Iterator[Callable[[Row], None]]:
+    """Show the progress of a run on stderr, and film it.
 
     Args:
         run_log: Rows of the run so far.
+        update_film: Films it, at a time in s.
 
     Yields:
         A function to be called with each row after it has been added to the log.
@@ -63,6 +67,7 @@ def run_progress(run_log: RunLog) -> Iterator[Callable[[Row], None]]:
 
         def update(row: Row) -> None:
             nonlocal state, hits, leaves
+            update_film(row.time)
             last, state = state, (row.activity, row.goal)
             if last == state:
                 return
@@ -150,7 +155,7 @@ def _judged_goal(mission: Mission) -> str:
 
 def view_of(run: NavigationRun) -> RunView:
     """Return how a run is drawn; it has at least one row."""
-    run_log, monitor = run.run_log, run.monitor
+    run_log, monitor, scene = run.run_log, run.monitor, run.scene
     subtitle = f"{run_log.path_length:.1f} m in {run_log.time:.0f} s"
     if run.circuits:
         subtitle += f", {run.circuits} circuit{'s' * (run.circuits != 1)}"
@@ -162,7 +167,7 @@ def view_of(run: NavigationRun) -> RunView:
         headline(run),
         drawn_robot(run.mission.robot_class).name,
         _medium_of(run),
-        outlines=_true_outlines(run),
+        () if scene is None else outlines_of(scene, plan_height(scene)),
         subtitle=subtitle,
         true_path=_true_path(run),
     )
@@ -194,11 +199,6 @@ def _medium_of(run: NavigationRun) -> str:
     return "" if sensor is None else load_settings(sensor).medium
 
 
-def _true_outlines(run: NavigationRun) -> tuple[Outline, ...]:
-    scene = run.scene
-    return () if scene is None else outlines_of(scene, plan_height(scene))
-
-
 def _true_path(run: NavigationRun) -> Floats:
     return NO_PATH if run.monitor is None else run.monitor.positions
 
@@ -207,23 +207,26 @@ def run_camera(run: NavigationRun) -> Callable[[], Pixels]:
     """Return a function that draws a run as it is; at least one row."""
 
     @cache  # not before: where the robot starts is known by its first row
-    def frames() -> RunFrames:
-        first, outlines = run.run_log.rows[0], _true_outlines(run)
-        return RunFrames(
-            first_run_extent(outlines, (first.x, first.y), run.mission.goals),
-            _title(run, _DRIVES),
-            drawn_robot(run.mission.robot_class).name,
-            _medium_of(run),
-            outlines,
-            returns=run.mission.algorithm is Algorithm.BUG1,
-        )
+    def film() -> tuple[RunView, RunFrames]:
+        view, row = view_of(run), run.run_log.rows[0]
+        view = replace(view, title=_title(run, _DRIVES))
+        place, goals = (row.x, row.y), run.mission.goals
+        extent = first_run_extent(view.outlines, place, goals)
+        returns = run.mission.algorithm is Algorithm.BUG1
+        return view, RunFrames(extent, view, returns=returns)
 
     def draw() -> Pixels:
+        view, frames = film()
         run_log = run.run_log
         activity = run_log.rows[-1].activity
         path = f"{run_log.time:.1f} s, {run_log.path_length:.1f} m"
-        title = _title(run, TITLES.get(activity.value, _DRIVES))
-        status = f"{path}, {ACTIVITIES[activity]}"
-        return frames().draw(run_log, _true_path(run), status, title)
+        return frames.draw(
+            replace(
+                view,
+                title=_title(run, TITLES.get(activity.value, _DRIVES)),
+                subtitle=f"{path}, {ACTIVITIES[activity]}",
+                true_path=_true_path(run),
+            )
+        )
 
     return draw

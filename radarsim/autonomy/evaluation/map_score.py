@@ -13,14 +13,12 @@ block of walls that is closed on all sides is no floor, unless the robot is in i
 """
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 import shapely
 from shapely import MultiPoint, Point, Polygon
 
-from radarsim.autonomy.evaluation.navigation_run import rounded
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
@@ -33,8 +31,11 @@ from radarsim.autonomy.navigation.grid_search import flood_fill
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_mesh
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.simulation.map_warnings import Position, free_space
+
+Score: TypeAlias = dict[str, Any]  # by name, see ``score_map``
 
 _SAMPLES: Final = 4  # along a line, for each cell
 TOLERANCE: Final = 2  # cells
@@ -71,7 +72,7 @@ class Truth:
         for part in scene.parts:
             segments = slice_mesh(part.vertices, part.faces, height)
             if len(segments):
-                kind = class_of(part)
+                kind = class_of(part.material)
                 filled = _filled(part, segments, starts, frame)
                 self.inside[kind] |= filled
                 self.kinds[kind] |= filled | _drawn(segments, frame)
@@ -111,13 +112,11 @@ class Truth:
         return np.asarray((solid & np.isfinite(beside)) | self.kinds[CellClass.FOLIAGE])
 
 
-def class_of(part: Part) -> CellClass:
-    """Return the class that a part should have on a map."""
-    material = part.material
+def class_of(material: Material) -> CellClass:
+    """Return the class that something of a material should have on a map."""
     if not material.solid:
         return CellClass.SMOKE
-    seen_through = material.penetrable or material.sheet_loss is not None
-    return CellClass.FOLIAGE if seen_through else CellClass.OBSTACLE
+    return CellClass.FOLIAGE if material.lets_beams_in else CellClass.OBSTACLE
 
 
 def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
@@ -128,7 +127,7 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
     lines = shapely.linestrings(np.round(segments, 6))
     # Split where they cross: one mesh may intersect itself
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
-    if class_of(part) == CellClass.OBSTACLE:
+    if class_of(part.material) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]
     return covered_cells(shapely.union_all(areas), frame)
 
@@ -200,34 +199,31 @@ def find_floor(
 class FloorPart:
     """The free floor that a robot can get to, or where it would fit, but cannot.
 
-    It is what ``MapScore.reachable_coverage`` and ``hidden_coverage`` count, computed
+    It is what ``reachable_coverage`` and ``hidden_coverage`` of a score count, computed
     once for many maps.
     """
 
     def __init__(
         self,
         part: Literal["reachable", "hidden"],
+        mapper: Mapper,
         scene: Scene,
-        resolution: float,
-        *,
-        start: tuple[float, float],
-        robot_radius: float,
-        height: float,
+        robot_class: str,
+        start: Position,
     ) -> None:
         """Find the cells.
 
         Args:
             part: Which floor.
+            mapper: Makes the maps.
             scene: The mapped scene.
-            resolution: Side of a cell of the maps, m.
+            robot_class: Class of the robot.
             start: Start of the robot, m.
-            robot_radius: Half the diagonal of the robot, m.
-            height: Height of its sensor in the map frame, m.
         """
-        low, high = scene.bounds[:, :2].tolist()
-        frame = GridFrame(resolution).extended_to(tuple(low), tuple(high))
+        radius, height = robot_and_sensor(mapper, scene, robot_class, start)
+        frame = _with_scene(GridFrame(mapper.grid.frame.resolution), scene)
         truth = Truth(scene, frame, height)
-        floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
+        floor = find_floor(truth, scene, start=start, robot_radius=radius)
         rows, columns = np.nonzero(floor[part])
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
@@ -242,11 +238,30 @@ class FloorPart:
         return float(np.count_nonzero(sensed)) / len(rows)
 
 
-@dataclass(frozen=True, slots=True)
-class MapScore:
-    """The score of a map, in cells.
+def _with_scene(frame: GridFrame, scene: Scene) -> GridFrame:
+    """Return a frame that contains all of a scene too."""
+    (west, south), (east, north) = scene.bounds[:, :2].tolist()
+    return frame.extended_to((west, south), (east, north))
 
-    Attributes:
+
+def score_map(
+    grid: OccupancyGrid,
+    scene: Scene,
+    *,
+    start: Position,
+    robot_radius: float,
+    height: float,
+) -> Score:
+    """Score a map.
+
+    Args:
+        grid: The map.
+        scene: The mapped scene.
+        start: Start of the robot, m.
+        robot_radius: Half the diagonal of the robot, m.
+        height: Height of its sensor in the map frame, m.
+
+    Returns:
         right: Number of known cells with the right class.
         wrong: Number of known cells with a wrong class.
         unknown: Number of cells of floor, bare or under foliage or smoke, that no beam
@@ -265,51 +280,11 @@ class MapScore:
             known cell that is empty.
         misplaced: Share of ``obstacles`` more than 15 cm from everything solid, as of a
             wall that is on the map twice; None if there are none.
-        class_accuracy: Share of the obstacle and foliage cells near something of their
-            own class; cells near neither class do not count. None if none is left.
+        told_apart: Share of the obstacle and foliage cells near something of their own
+            class; cells near neither class do not count. None if none is left.
     """
-
-    right: int
-    wrong: int
-    unknown: int | None
-    coverage: float | None
-    near_coverage: float | None
-    reachable_coverage: float | None
-    hidden_coverage: float | None
-    obstacles: int
-    within_one_cell: float | None
-    within_two_cells: float | None
-    false_obstacles: float
-    misplaced: float | None
-    class_accuracy: float | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the score for JSON, with shares rounded to four digits."""
-        values: dict[str, Any] = rounded(asdict(self), 4)
-        values["told_apart"] = values.pop("class_accuracy")
-        return values
-
-
-def score_map(
-    grid: OccupancyGrid,
-    scene: Scene,
-    *,
-    start: Position,
-    robot_radius: float,
-    height: float,
-) -> MapScore:
-    """Score a map.
-
-    Args:
-        grid: The map.
-        scene: The mapped scene.
-        start: Start of the robot, m.
-        robot_radius: Half the diagonal of the robot, m.
-        height: Height of its sensor in the map frame, m.
-    """
-    low, high = scene.bounds[:, :2].tolist()
     # Of the whole scene: floor that was never sensed counts as well.
-    frame = grid.frame.extended_to(tuple(low), tuple(high))
+    frame = _with_scene(grid.frame, scene)
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)
     near = grid.frame.copy_into(grid.short_range_cells(), frame)
@@ -331,26 +306,26 @@ def score_map(
     false = int(np.count_nonzero(np.isinf(_distances(solid)[walls])))
     misplaced = np.isinf(distance_field(solid, MISPLACED / frame.resolution))[walls]
     air = int(np.count_nonzero(known & ~truth.anything()))
-    return MapScore(
-        right=int(np.count_nonzero(known & right)),
-        wrong=int(np.count_nonzero(known & ~right)),
-        unknown=None if is_outdoors else unknown,
-        coverage=_mean(known[floor["free"]]),
-        near_coverage=_mean(near[floor["free"]]),
-        reachable_coverage=_mean(known[floor["reachable"]]),
-        hidden_coverage=_mean(known[floor["hidden"]]),
-        obstacles=len(faces),
-        within_one_cell=_mean(faces <= 1 + BESIDE),
-        within_two_cells=_mean(faces <= 2 + BESIDE),
-        false_obstacles=false / max(air, 1),
-        misplaced=_mean(misplaced),
-        class_accuracy=_class_accuracy(classes, truth),
-    )
+    return {
+        "right": int(np.count_nonzero(known & right)),
+        "wrong": int(np.count_nonzero(known & ~right)),
+        "unknown": None if is_outdoors else unknown,
+        "coverage": _mean(known[floor["free"]]),
+        "near_coverage": _mean(near[floor["free"]]),
+        "reachable_coverage": _mean(known[floor["reachable"]]),
+        "hidden_coverage": _mean(known[floor["hidden"]]),
+        "obstacles": len(faces),
+        "within_one_cell": _mean(faces <= 1 + BESIDE),
+        "within_two_cells": _mean(faces <= 2 + BESIDE),
+        "false_obstacles": false / max(air, 1),
+        "misplaced": _mean(misplaced),
+        "told_apart": _class_accuracy(classes, truth),
+    }
 
 
 def score_mapper(
     mapper: Mapper, scene: Scene, *, robot_class: str, start: Pose2
-) -> MapScore:
+) -> Score:
     """Score the map that a robot has made with its scanner.
 
     Args:

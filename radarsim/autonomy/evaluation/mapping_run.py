@@ -11,7 +11,7 @@ get to, and when some share of that was known.
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -19,8 +19,7 @@ import numpy as np
 
 from radarsim.autonomy.evaluation.map_score import (
     FloorPart,
-    MapScore,
-    robot_and_sensor,
+    Score,
     score_mapper,
 )
 from radarsim.autonomy.evaluation.navigation_run import (
@@ -36,13 +35,12 @@ from radarsim.autonomy.exploration.exploration import (
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.autonomy.mapping.trajectory import TrajectoryErrors, trajectory_errors
+from radarsim.autonomy.mapping.trajectory import trajectory_errors
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.lockstep import InProcessTransport
 
 INTERVAL: Final = 1.0  # s between two samples of the known area
 MOST_SAMPLES: Final = 200  # that are kept; beyond it every second one
@@ -72,13 +70,16 @@ class AreaCurve:
 
     Attributes:
         samples: In the order of time.
-        reached: The first sample at which each of ``SHARES`` was known.
+        reached: Time and path length at which each of ``SHARES`` was known, for JSON;
+            None for those that were not.
         floor: The floor that the robot can get to; None if that is not known.
     """
 
     def __init__(self) -> None:
         self.samples: list[Sample] = []
-        self.reached: dict[float, Sample] = {}
+        self.reached: dict[str, dict[str, float] | None] = dict.fromkeys(
+            f"{share:g}" for share in SHARES
+        )
         self.floor: FloorPart | None = None
         self._interval = INTERVAL
         self._due = -math.inf
@@ -103,8 +104,9 @@ class AreaCurve:
             math.nan if share is None else share,
         )
         for each in SHARES:
-            if sample.reachable >= each:
-                self.reached.setdefault(each, sample)
+            if sample.reachable >= each and self.reached[f"{each:g}"] is None:
+                time, length = round(sample.time, 2), round(sample.path_length, 2)
+                self.reached[f"{each:g}"] = {"time": time, "path_length": length}
         if last and self.samples and self.samples[-1].time == sample.time:
             del self.samples[-1]  # what was known at that scan before the run ended
         # all are looked at, but not all are kept
@@ -126,16 +128,6 @@ class AreaCurve:
         if any(map(math.isfinite, shares)):
             columns["reachable_coverage"] = shares
         return columns
-
-    def reached_to_dict(self) -> dict[str, dict[str, float] | None]:
-        """Return for JSON when each share was known; None for those that were not."""
-        found: dict[str, dict[str, float] | None] = dict.fromkeys(
-            f"{share:g}" for share in SHARES
-        )
-        for share, sample in self.reached.items():
-            time, length = round(sample.time, 2), round(sample.path_length, 2)
-            found[f"{share:g}"] = {"time": time, "path_length": length}
-        return found
 
 
 @dataclass(slots=True)
@@ -171,7 +163,7 @@ class MappingResult:
     monitor: GroundTruthMonitor | None = None
     robot_class: str | None = None
     scene: Scene | None = None
-    score: MapScore | None = None
+    score: Score | None = None
     area_curve: AreaCurve = field(default_factory=AreaCurve)
     files: tuple[Path, ...] = ()
     error: str = ""
@@ -223,9 +215,9 @@ class MappingResult:
                 "collisions": self.monitor.collisions,
             }
             if self.score is not None:
-                result["judge"] |= self.score.to_dict()
+                result["judge"] |= rounded(self.score, 4)
             if self.area_curve.floor is not None:
-                result["judge"]["reached"] = self.area_curve.reached_to_dict()
+                result["judge"]["reached"] = self.area_curve.reached
         return result
 
     def _pose_errors(self) -> dict[str, float | None] | None:
@@ -236,8 +228,12 @@ class MappingResult:
             errors = trajectory_errors(self.mapper.trajectory, truth)
         except ValueError:
             return None
-        motion = trajectory_errors(alone, truth).ate if len(alone) else None
-        return _describe_errors(errors, motion)
+        motion = trajectory_errors(alone, truth)["ate"] if len(alone) else math.nan
+        plain = {**errors, "motion_ate": motion}
+        for name in ("yaw", "yaw_max", "rpe_yaw"):
+            plain[f"{name}_deg"] = math.degrees(plain.pop(name))
+        values: dict[str, float | None] = rounded(plain, 5)
+        return values
 
     def to_json(self) -> str:
         """Return the result as one line of JSON."""
@@ -327,22 +323,14 @@ class MappingRun:
         curve, scene, robot_class = result.area_curve, result.scene, result.robot_class
         if scene is not None and robot_class is not None and curve.floor is None:
             start = (trip.start.x, trip.start.y)
-            radius, height = robot_and_sensor(mapper, scene, robot_class, start)
-            curve.floor = FloorPart(
-                "reachable",
-                scene,
-                mapper.grid.frame.resolution,
-                start=start,
-                robot_radius=radius,
-                height=height,
-            )
+            curve.floor = FloorPart("reachable", mapper, scene, robot_class, start)
         curve.add(trip, mapper.grid, last=last)
 
     def _open_client(self, address: tuple[str, int]) -> Client:
         if self._host is None:
             return self.connect(*address)
-        monitor = self.result.monitor = GroundTruthMonitor(self._host)
-        return Client(InProcessTransport(self._host, after_tick=monitor.watch))
+        self.result.monitor = GroundTruthMonitor(self._host)
+        return self.result.monitor.open_client()
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
@@ -352,14 +340,3 @@ def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
     known = [each for each in CellClass if each is not CellClass.UNKNOWN]
     named = {each.name.lower(): int(counts[each]) for each in known}
     return {"resolution": mapper.grid.frame.resolution, **named}
-
-
-def _describe_errors(
-    errors: TrajectoryErrors, motion_ate: float | None
-) -> dict[str, float | None]:
-    plain: dict[str, float] = asdict(errors)
-    plain["motion_ate"] = math.nan if motion_ate is None else motion_ate
-    for name in ("yaw", "yaw_max", "rpe_yaw"):
-        plain[f"{name}_deg"] = math.degrees(plain.pop(name))
-    errors_of_poses: dict[str, float | None] = rounded(plain, 5)
-    return errors_of_poses

@@ -5,8 +5,7 @@ The true path, collisions and distances of the robot are those of the simulation
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,87 +14,60 @@ from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
-from radarsim.geometry import Floats, Pose2, wrap_angle
+from radarsim.geometry import Floats, Point, Pose2
 from radarsim.scene.scene import Scene
-from radarsim.server.host import Host
+from radarsim.server.host import Host, HostObserver
 from radarsim.server.host.lockstep import InProcessTransport
-from radarsim.simulation.clock import TICK
-
-Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
 
 STEP: Final = 0.02  # m between two positions of the true path
-PUSH: Final = 1.0  # s; a longer touch is a push
-SAME_PLACE: Final = 0.15  # m between two touches at the same place,
-SAME_YAW: Final = math.radians(20)  # and between their headings
 INTERRUPTED: Final = "interrupted"
 
 
-@dataclass(slots=True)
-class Contact:
-    """A touch: the pose of the robot when it began, and how long it has lasted, s."""
-
-    pose: Pose2
-    duration: float = 0.0
-
-    def repeats(self, earlier: "Contact") -> bool:
-        """Return whether it is at the place of an earlier one."""
-        pose, other = self.pose, earlier.pose
-        apart = math.hypot(pose.x - other.x, pose.y - other.y)
-        turned = abs(wrap_angle(pose.yaw - other.yaw))
-        return apart < SAME_PLACE and turned < SAME_YAW
-
-
-class GroundTruthMonitor:
+class GroundTruthMonitor(HostObserver):
     """Watches the first robot of a simulation, tick by tick.
 
+    As an observer of a host it watches after each tick, when the next one begins.
+
     Attributes:
-        contacts: Its touches of something, or of another robot.
+        collisions: How often the robot began to touch something, or another robot.
         path_length: Length of the true path of its centre, m.
         path: Its path, in steps of at least ``STEP``.
     """
 
     def __init__(self, host: Host) -> None:
-        self.contacts: list[Contact] = []
+        self.collisions = 0
         self.path_length = 0.0
-        self.path: list[Position] = []
-        self._simulation = host.simulation
+        self.path: list[Point] = []
+        self._host = host
         self._number: int | None = None  # of the robot
         self._touches = False
         self._pose: Pose2 | None = None
 
+    def open_client(self) -> Client:
+        """Connect to the host, in lockstep, so that every tick is watched."""
+        return Client(InProcessTransport(self._host, after_tick=self.watch))
+
+    def step(self, *, passes: bool) -> None:  # noqa: ARG002 - it watches all ticks
+        """See ``HostObserver.step``."""
+        self.watch()
+
     def watch(self) -> None:
         """Update from the simulation; to be called after every tick."""
-        for vehicle in self._simulation.vehicles:
+        for vehicle in self._host.simulation.vehicles:
             if self._number is None:
                 self._number = vehicle.number
             if vehicle.number == self._number:
                 self._add(vehicle.robot.pose, touches=vehicle.robot.touched)
 
     def _add(self, pose: Pose2, *, touches: bool) -> None:
-        if touches:
-            # a touch that lasts is one collision, not one a tick
-            if not self._touches:
-                self.contacts.append(Contact(pose))
-            self.contacts[-1].duration += TICK
+        # a touch that lasts is one collision, not one a tick
+        self.collisions += touches and not self._touches
         previous = self._pose or pose
         self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
         self._pose, self._touches = pose, touches
         x, y = self.path[-1] if self.path else (math.inf, math.inf)
         if math.hypot(pose.x - x, pose.y - y) >= STEP:
             self.path.append((pose.x, pose.y))
-
-    @property
-    def collisions(self) -> int:
-        """How often the robot began to touch something."""
-        return len(self.contacts)
-
-    @property
-    def pushes(self) -> int:
-        """How many contacts lasted, or were where there had been one before."""
-        return sum(
-            each.duration > PUSH or any(map(each.repeats, self.contacts[:k]))
-            for k, each in enumerate(self.contacts)
-        )
 
     @property
     def positions(self) -> Floats:
@@ -113,7 +85,7 @@ class GroundTruthMonitor:
             goal = self.path[0]
         return self.distance(goal)
 
-    def distance(self, goal: tuple[float, float]) -> float:
+    def distance(self, goal: Point) -> float:
         """Return the robot's distance from a point, m; ``inf`` without a robot."""
         if self._pose is None:
             return math.inf
@@ -164,7 +136,7 @@ class NavigationRun:
         return "failed" if self.result is None else self.result.outcome
 
     @property
-    def goals(self) -> tuple[Position, ...]:
+    def goals(self) -> tuple[Point, ...]:
         """The goals in turn: the start as well, if the robot is to return there."""
         first = self.run_log.rows[:1] if self.mission.return_to_start else []
         return (*self.mission.goals, *((row.x, row.y) for row in first))
@@ -202,11 +174,8 @@ class NavigationRun:
         def observe(step: NavigationStep) -> None:
             on_scan(self.run_log.add(step))
 
-        if self.host is None or self.monitor is None:
-            client = self.connect(*address)
-        else:
-            watch = self.monitor.watch
-            client = Client(InProcessTransport(self.host, after_tick=watch))
+        monitor = self.monitor
+        client = self.connect(*address) if monitor is None else monitor.open_client()
         try:
             with client:
                 self.result = run_mission(client, self.mission, observe)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -26,7 +26,7 @@ from radarsim.autonomy.evaluation.trials import (
     config_with_sensor,
     judge_drive,
     load_trial,
-    prepare_trial,
+    shortest_for,
 )
 from radarsim.autonomy.navigation.algorithms import ROBOT
 from radarsim.errors import ClientError, NavigationError
@@ -34,7 +34,6 @@ from radarsim.geometry import Point
 from radarsim.local import LocalRobot, LocalSimulation
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
-from radarsim.server.host import HostObserver
 from radarsim.validation import check_number
 
 OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
@@ -136,17 +135,6 @@ class _TrialSimulation(LocalSimulation):
         super().step(min(duration, max(self._end - self.time, 0.0)))
         if self.time >= self._end:
             raise _TimeIsUp
-
-
-class _Judge(HostObserver):
-    """Watches the true robots after each tick, when the next one begins."""
-
-    def __init__(self, monitor: GroundTruthMonitor) -> None:
-        self._monitor = monitor
-
-    def step(self, *, passes: bool) -> None:  # noqa: ARG002 - it always passes here
-        """See ``HostObserver.step``."""
-        self._monitor.watch()
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,11 +287,11 @@ def run_own_trial(
     seed: int,
 ) -> TrialResult:
     """Run one trial; arguments as of ``evaluate``."""
-    scene, trial, shortest = prepare_trial(map_)
+    scene, trial = load_trial(map_)
     sim = _TrialSimulation(scene, sensor, seed, time_limit)
     monitor = GroundTruthMonitor(sim.host)
     robot = sim.spawn(ROBOT, start=trial.start)
-    sim.host.add_observer(_Judge(monitor))
+    sim.host.add_observer(monitor)
     outcome, note = "failed", ""
     try:
         sim.step(0.1)
@@ -318,13 +306,14 @@ def run_own_trial(
         raise
     monitor.watch()
     off = monitor.distance(trial.goal)
-    row = vars(judge_drive(sim.host, monitor, off, outcome, note))
+    result = judge_drive(sim.host, monitor, off, outcome, note)
     if folder is not None:
         sim.render(folder / f"{Path(map_).stem}-{seed}.png")
-    return TrialResult(
+    return replace(
+        result,
         map=map_,
         algorithm=getattr(controller, "__name__", type(controller).__name__),
         sensor=sensor,
         seed=seed,
-        **row | {"shortest_path": shortest},
+        shortest_path=shortest_for(scene, trial),
     )

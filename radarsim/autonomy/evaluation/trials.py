@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-from radarsim.autonomy.evaluation.map_score import MapScore
+from radarsim.autonomy.evaluation.map_score import Score
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor, rounded
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
@@ -18,7 +18,6 @@ from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm, Rule
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.client import Client
 from radarsim.errors import (
     ClientError,
     MapError,
@@ -30,7 +29,6 @@ from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, Trial
 from radarsim.server.host import Host
-from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.config import SimulationConfig
 
 MAPS = (
@@ -42,23 +40,20 @@ MAPS = (
     "foliage_room",
     "hedge_garden",
 )
-SENSORS = ("radar", "laser")
 SCANNER = "lms200"
 GOAL_TOLERANCE = 0.5  # m from the goal, in truth, up to which it counts as reached
 TIME_LIMIT = 3600.0  # s of simulated time
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
-    """How a run went, in truth.
+class TrialResult:
+    """How a run went, in truth, and which trial it was.
 
     Attributes:
         outcome: Of a drive ``reached`` if the robot reports that and is there,
             ``no_path`` or ``too_near`` if it reports that, ``failed`` otherwise; of a
             map how the exploration ended.
         collisions: How often the robot began to touch something.
-        pushes: How often it did so for more than a second, or where it had done so
-            before.
         path_length: Length of the true path of the robot's centre, m.
         shortest_path: Length of the shortest path for a robot that keeps half its
             diagonal from everything solid, m; None if there is no path.
@@ -69,6 +64,11 @@ class Row:
         measured_length: Length of the path by the robot's own measurements, m; nan if
             they were not needed.
         score: Comparison of a map with the scene.
+        map: Name of the map of a trial; empty for other runs.
+        algorithm: Name of its algorithm.
+        sensor: Name of its sensor preset; all of them cover a full circle.
+        seed: Seed of its simulation.
+        rule: Rule of its bumpers.
     """
 
     outcome: str
@@ -80,16 +80,29 @@ class Row:
     off: float = math.nan
     note: str = ""
     measured_length: float = math.nan
-    score: MapScore | None = None
-    pushes: int = 0
+    score: Score | None = None
+    map: str = ""
+    algorithm: str = ""
+    sensor: str = ""
+    seed: int = 0
+    rule: str = Rule.SHARE.value
+
+    @property
+    def is_correct(self) -> bool:
+        """Whether the robot found what the map allows, and touched nothing."""
+        correct = "no_path" if self.shortest_path is None else "reached"
+        return self.outcome == correct and not self.collisions
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result of a trial for JSON, rounded to mm and ms."""
+        what = ("map", "algorithm", "sensor", "seed", "rule")
+        how = ("outcome", "collisions", "path_length", "shortest_path", "time")
+        return self.select((*what, *how, "circuits", "off", "note"))
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
         """Return some of the values, those of the score too, rounded for JSON."""
-        values: dict[str, Any] = {}
-        for name in names:
-            home = self if hasattr(self, name) else self.score
-            values[name] = rounded(getattr(home, name, None), digits)
-        return values
+        values = vars(self) | (self.score or {})
+        return {name: rounded(values.get(name), digits) for name in names}
 
 
 def run_plan(
@@ -97,7 +110,7 @@ def run_plan(
     host: Host,
     *,
     seed: int = 0,
-) -> Row:
+) -> TrialResult:
     """Run a plan in lockstep with a server of its own, and judge it by the truth.
 
     Args:
@@ -114,7 +127,7 @@ def run_plan(
         note = str(error)
     run.judge()
     result, monitor = run.result, run.result.monitor
-    return Row(
+    return TrialResult(
         outcome=result.outcome,
         collisions=0 if monitor is None else monitor.collisions,
         path_length=0.0 if monitor is None else monitor.path_length,
@@ -125,11 +138,11 @@ def run_plan(
     )
 
 
-def _drive(mission: Mission, host: Host) -> Row:
+def _drive(mission: Mission, host: Host) -> TrialResult:
     monitor = GroundTruthMonitor(host)
     outcome, note, circuits = "failed", "", 0
 
-    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
+    with monitor.open_client() as client:
         try:
             result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits
@@ -144,7 +157,7 @@ def _drive(mission: Mission, host: Host) -> Row:
 
 def judge_drive(
     host: Host, monitor: GroundTruthMonitor, off: float, outcome: str, note: str
-) -> Row:
+) -> TrialResult:
     """Return how a drive went; ``reached`` elsewhere than at the goal has failed.
 
     Args:
@@ -157,46 +170,14 @@ def judge_drive(
     # the robot's own pose drifts: it may take another place for the goal
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
-    return Row(
+    return TrialResult(
         outcome=outcome,
         collisions=monitor.collisions,
-        pushes=monitor.pushes,
         path_length=monitor.path_length,
         time=host.simulation.time,
         off=off,
         note=note,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrialResult(Row):
-    """The result of a trial: an algorithm that ran with a sensor on a map.
-
-    Attributes:
-        map: Name of the map.
-        algorithm: Name of the algorithm.
-        sensor: Name of the sensor preset; all of them cover a full circle.
-        seed: Seed of the simulation.
-        rule: Rule of the bumpers.
-    """
-
-    map: str
-    algorithm: str
-    sensor: str
-    seed: int
-    rule: str = Rule.SHARE.value
-
-    @property
-    def is_correct(self) -> bool:
-        """Whether the robot found what the map allows, and touched nothing."""
-        correct = "no_path" if self.shortest_path is None else "reached"
-        return self.outcome == correct and not self.collisions
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, rounded to mm and ms."""
-        what = ("map", "algorithm", "sensor", "seed", "rule")
-        how = ("outcome", "collisions", "path_length", "shortest_path", "time")
-        return self.select((*what, *how, "circuits", "off", "note"))
 
 
 def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
@@ -215,8 +196,9 @@ def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
     return config
 
 
+@cache
 def load_trial(map_: str) -> tuple[Scene, Trial]:
-    """Load a map that defines a trial.
+    """Load a map that defines a trial, once in a process.
 
     Raises:
         MapError: If the map is wrong, or defines no trial.
@@ -236,11 +218,11 @@ def run_trial(
         MapError: If the map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
-    scene, _, shortest = prepare_trial(map_)
+    scene, _ = load_trial(map_)
     host = Host(scene, config=config_with_sensor(sensor), seed=seed)
-    row = vars(drive_trial(host, algorithm, rule)) | {"shortest_path": shortest}
-    return TrialResult(
-        map=map_, algorithm=algorithm, sensor=sensor, seed=seed, rule=rule, **row
+    result = drive_trial(host, algorithm, rule)
+    return replace(
+        result, map=map_, algorithm=algorithm, sensor=sensor, seed=seed, rule=rule
     )
 
 
@@ -249,8 +231,8 @@ def drive_trial(
     algorithm: str,
     rule: str = Rule.SHARE.value,
     time_limit: float = TIME_LIMIT,
-) -> Row:
-    """Run the trial of a host's map, without its shortest path."""
+) -> TrialResult:
+    """Run the trial of a host's map."""
     trial = host.scene.trial
     assert trial is not None
     mission = Mission(
@@ -261,9 +243,11 @@ def drive_trial(
         rule=Rule(rule),
         time_limit=time_limit,
     )
-    return run_plan(mission, host)
+    shortest = shortest_for(host.scene, trial)
+    return replace(run_plan(mission, host), shortest_path=shortest)
 
 
+@cache
 def shortest_for(scene: Scene, trial: Trial) -> float | None:
     """Return the length of a trial's shortest path, m; None if there is none."""
     start = scene.start(trial.start)
@@ -272,10 +256,3 @@ def shortest_for(scene: Scene, trial: Trial) -> float | None:
     clearance = math.hypot(model.length, model.width) / 2
     path = shortest_path(scene, (start.pose.x, start.pose.y), trial.goal, clearance)
     return None if path is None else path[0]
-
-
-@cache
-def prepare_trial(map_: str) -> tuple[Scene, Trial, float | None]:
-    """Load a map and compute its shortest path, once in a process."""
-    scene, trial = load_trial(map_)
-    return scene, trial, shortest_for(scene, trial)

@@ -36,8 +36,13 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.mapping.point_map import PointMap
-from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
+from radarsim.autonomy.mapping.scan_matching import (
+    Fit,
+    PointMap,
+    ScanPoints,
+    best_start,
+    fit,
+)
 from radarsim.engine import Packed
 from radarsim.geometry import Floats, Pose2
 
@@ -275,8 +280,7 @@ def _starts_around(pose: Pose2, limit: float, turn: float) -> Floats:
         np.arange(-count, count + 1, dtype=np.float64) * step
         for count, step in zip(counts, (STEP, STEP, TURN_STEP), strict=True)
     ]
-    x, y, yaw = np.meshgrid(*steps)
-    offsets = np.column_stack([x.ravel(), y.ravel(), yaw.ravel()])
+    offsets = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)
     starts: Floats = offsets + np.array([pose.x, pose.y, pose.yaw])
     return starts
 

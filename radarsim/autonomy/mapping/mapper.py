@@ -72,9 +72,8 @@ class RebuildableGrid:
         self.grid = OccupancyGrid(resolution)
         self._trajectory = trajectory
         self._radius = radius
-        self._scans: list[
-            tuple[int, PlanarScan]
-        ] = []  # with the numbers of their poses
+        # with the numbers of their poses
+        self._scans: list[tuple[int, PlanarScan]] = []
         self._last: Pose2 | None = None  # of the last scan while driving
         self._standing = 0
         self._next: OccupancyGrid | None = None
@@ -201,6 +200,8 @@ class Mapper(ScanReader):
         self._motion = MotionReports()
         self._scans_since_report = 0
         self._sources: set[str] = set()  # that sent poses
+        self._missing_scan = f"scan of {scanner.name!r}"
+        self._missing_pose = f"pose from {motion_source}"
         has_source = motion_source != "none"
         self.missing = self._missing_pose if has_source else self._missing_scan
 
@@ -218,14 +219,6 @@ class Mapper(ScanReader):
     def trajectory(self) -> Trajectory:
         """Estimated pose of the robot at each scan."""
         return self.slam.trajectory
-
-    @property
-    def _missing_scan(self) -> str:
-        return f"scan of {self.scanner.name!r}"
-
-    @property
-    def _missing_pose(self) -> str:
-        return f"pose from {self.slam.motion_source}"
 
     @property
     def hint(self) -> str:

@@ -21,6 +21,7 @@ does not. When a loop closes, the error is spread over the loop in these proport
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
@@ -63,16 +64,14 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
         (N, 3).
     """
     poses = poses.copy()
-    starts = np.array([edge.start for edge in edges])
-    ends = np.array([edge.end for edge in edges])
     information = np.array([edge.information for edge in edges])
     # each edge adds a block of (6, 6), of the unknowns of both of its ends
-    unknowns = np.concatenate([_rows(starts), _rows(ends)], axis=1)
+    unknowns = (3 * _ends(edges)[:, :, None] + np.arange(3)).reshape(-1, 6)
     rows = np.repeat(unknowns, 6, axis=1).ravel()
     columns = np.tile(unknowns, (1, 6)).ravel()
     size = 3 * len(poses)
     for _ in range(MAX_ITERATIONS):
-        errors, by_start, by_end = _linearized(poses, edges, starts, ends)
+        errors, by_start, by_end = _linearized(poses, edges)
         jacobians = np.concatenate([by_start, by_end], axis=2)  # (E, 3, 6)
         weighted = jacobians.transpose(0, 2, 1) @ information
         gradient = np.zeros(size)
@@ -94,19 +93,16 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
 
 def squared_errors(poses: Floats, edges: list[Edge]) -> Floats:
     """Return the error of each edge, (E,), in variances: chi squared."""
-    starts = np.array([edge.start for edge in edges])
-    ends = np.array([edge.end for edge in edges])
-    errors = _linearized(poses, edges, starts, ends)[0]
+    errors = _linearized(poses, edges)[0]
     information = np.array([edge.information for edge in edges])
     squares: Floats = np.einsum("ei,eij,ej->e", errors, information, errors)
     return squares
 
 
-def _linearized(
-    poses: Floats, edges: list[Edge], starts: Floats, ends: Floats
-) -> tuple[Floats, Floats, Floats]:
+def _linearized(poses: Floats, edges: list[Edge]) -> tuple[Floats, Floats, Floats]:
     """Return errors, (E, 3), and their Jacobians by start and by end, (E, 3, 3)."""
     measured = np.array([(e.motion.x, e.motion.y, e.motion.yaw) for e in edges])
+    starts, ends = _ends(edges).T
     yaws = poses[starts, 2]
     c, s = np.cos(yaws), np.sin(yaws)
     dx, dy, turn = (poses[ends] - poses[starts]).T
@@ -124,9 +120,9 @@ def _linearized(
     return errors, by_start, by_end
 
 
-def _rows(numbers: Floats) -> Floats:
-    """Return the three unknowns of each pose, (E, 3)."""
-    return 3 * numbers[:, None] + np.arange(3)
+def _ends(edges: list[Edge]) -> NDArray[np.int64]:
+    """Return the numbers of the poses at both ends of each edge, (E, 2)."""
+    return np.array([(edge.start, edge.end) for edge in edges], np.int64)
 
 
 class KeyframeGraph:

@@ -124,16 +124,16 @@ class PlanarScan:
 
     def within(self, distance: float) -> "PlanarScan":
         """Return the scan of beams that end at a distance, m, if nothing is nearer."""
-        if not (self.known_range > distance).any():
+        is_cut = self.known_range > distance
+        if not is_cut.any():
             return self
-        hits = self.hits.chosen(self.hits.near <= distance)
+        ends, hits = self.ends.copy(), self.hits.chosen(self.hits.near <= distance)
+        # A beam that is cut ends at nothing: what is before is free all the same.
+        ends[is_cut] = BeamEnd.NOTHING
         return replace(
             self,
-            # A beam that is cut ends at nothing: what is before is free all the same.
             known_range=np.minimum(self.known_range, distance),
-            ends=np.where(
-                self.known_range > distance, BeamEnd.NOTHING, self.ends
-            ).astype(np.int8),
+            ends=ends,
             hits=hits._replace(far=np.minimum(hits.far, distance)),
         )
 

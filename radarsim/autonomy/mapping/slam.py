@@ -36,10 +36,15 @@ from radarsim.autonomy.mapping.loop_closure import (
     KeyframeMap,
     find_correction,
 )
-from radarsim.autonomy.mapping.point_map import inward_normals
 from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
 from radarsim.autonomy.mapping.scan import PlanarScan, scan_of
-from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
+from radarsim.autonomy.mapping.scan_matching import (
+    Fit,
+    ScanPoints,
+    best_start,
+    fit,
+    inward_normals,
+)
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.client import ScannerInfo

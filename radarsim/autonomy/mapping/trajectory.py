@@ -1,7 +1,6 @@
 """Trajectories, and the errors of an estimated one."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,13 +34,16 @@ class Trajectory:
         return np.array(rows, np.float64).reshape(-1, 3)
 
 
-@dataclass(frozen=True, slots=True)
-class TrajectoryErrors:
-    """Errors of an estimated trajectory.
+def trajectory_errors(
+    estimate: Trajectory, truth: Trajectory, *, rpe_over: float = 1.0
+) -> dict[str, float]:
+    """Compare a trajectory with the true one.
 
-    The trajectories are not aligned first, as both begin at a known pose.
+    The trajectories are not aligned first, as both begin at a known pose. The truth is
+    interpolated at the times of the estimate; poses before its first and after its last
+    time are left out.
 
-    Attributes:
+    Returns:
         poses: Number of poses compared.
         length: Length of the true path, m.
         ate: Absolute trajectory error, root mean square, m.
@@ -52,26 +54,6 @@ class TrajectoryErrors:
             path, root mean square, m; nan if the path is shorter.
         rpe_yaw: Relative error of the heading over the same distance, rad.
         rpe_over: Length of the motions compared, m.
-    """
-
-    poses: int
-    length: float
-    ate: float
-    ate_max: float
-    yaw: float
-    yaw_max: float
-    rpe: float
-    rpe_yaw: float
-    rpe_over: float
-
-
-def trajectory_errors(
-    estimate: Trajectory, truth: Trajectory, *, rpe_over: float = 1.0
-) -> TrajectoryErrors:
-    """Compare a trajectory with the true one.
-
-    The truth is interpolated at the times of the estimate; poses before its first and
-    after its last time are left out.
 
     Raises:
         ValueError: If there is no pose to compare.
@@ -99,17 +81,17 @@ def trajectory_errors(
         dx, dy, turn = (motions - _motions(true[starts], true[ends])).T
         rpe = _root_mean_square(np.hypot(dx, dy))
         rpe_yaw = _root_mean_square(_wrapped(turn))
-    return TrajectoryErrors(
-        poses=len(poses),
-        length=float(path[-1]),
-        ate=_root_mean_square(off),
-        ate_max=float(off.max()),
-        yaw=_root_mean_square(turned),
-        yaw_max=float(np.abs(turned).max()),
-        rpe=rpe,
-        rpe_yaw=rpe_yaw,
-        rpe_over=rpe_over,
-    )
+    return {
+        "poses": len(poses),
+        "length": float(path[-1]),
+        "ate": _root_mean_square(off),
+        "ate_max": float(off.max()),
+        "yaw": _root_mean_square(turned),
+        "yaw_max": float(np.abs(turned).max()),
+        "rpe": rpe,
+        "rpe_yaw": rpe_yaw,
+        "rpe_over": rpe_over,
+    }
 
 
 def tum_text(trajectory: Trajectory) -> str:

@@ -21,12 +21,16 @@ from matplotlib.transforms import Bbox
 from radarsim.autonomy.evaluation.mapping_run import SHARES, AreaCurve
 from radarsim.autonomy.mapping.export import MARK, sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.autonomy.plotting.cells import add_cell_image, show_cells
 from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
-from radarsim.autonomy.plotting.panels import Panels, titles_of
+from radarsim.autonomy.plotting.panels import (
+    Panels,
+    add_cell_image,
+    show_cells,
+    titles_of,
+)
 from radarsim.autonomy.plotting.run_markers import START
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.film import FrameCanvas, Pixels
+from radarsim.plotting.film import Pixels
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     GOING,
@@ -37,26 +41,20 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
-from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, render
+from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, figure_of, render
 from radarsim.scene.scene import Part
 
-CELL_COLOURS: Final = {
-    CellClass.UNKNOWN: NOT_SENSED,
-    CellClass.FREE: PAPER,
-    CellClass.OBSTACLE: INK,
-    CellClass.FOLIAGE: FAMILY_COLOURS[Family.FOLIAGE],
-    CellClass.SMOKE: FAMILY_COLOURS[Family.SMOKE],
-}
-CELL_TEXTS: Final = {
-    CellClass.UNKNOWN: "not sensed",
-    CellClass.FREE: "free",
-    CellClass.OBSTACLE: "solid",
-    CellClass.FOLIAGE: "foliage",
-    CellClass.SMOKE: "smoke or dust",
+# Colour and text of each class of cells.
+CELLS: Final = {
+    CellClass.UNKNOWN: (NOT_SENSED, "not sensed"),
+    CellClass.FREE: (PAPER, "free"),
+    CellClass.OBSTACLE: (INK, "solid"),
+    CellClass.FOLIAGE: (FAMILY_COLOURS[Family.FOLIAGE], "foliage"),
+    CellClass.SMOKE: (FAMILY_COLOURS[Family.SMOKE], "smoke or dust"),
 }
 PATH: Final[dict[str, Any]] = {"color": GOING, "linewidth": 2.0}
-_SHADES: Final = np.array(
-    [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
+SHADES: Final = np.array(
+    [[round(255 * part) for part in to_rgb(colour)] for colour, _ in CELLS.values()],
     np.uint8,
 )
 _TRUTH: Final[dict[str, Any]] = {"color": TRUTH, "linewidth": 0.9}
@@ -114,29 +112,21 @@ class MapView:
 class MapPanel:
     """A map in a panel, which can be updated while it grows."""
 
-    def __init__(
-        self,
-        axes: Axes,
-        robot_class: str,
-        outlines: Sequence[Outline] = (),
-        *,
-        text: float = 10.0,
-    ) -> None:
+    def __init__(self, axes: Axes, view: MapView, *, text: float = 10.0) -> None:
         """Draw what does not change.
 
         Args:
             axes: The panel, m, map frame.
-            robot_class: Class of the robot.
-            outlines: What is truly there.
+            view: A map of the robot, among the same outlines.
             text: Size of labels, points.
         """
         axes.set_facecolor(NOT_SENSED)  # beyond the map
         self._axes = axes
-        self._robot_class = robot_class
+        self._robot_class = view.robot_class
         self._image = add_cell_image(axes, zorder=1)
         self._outlines = [
             axes.add_collection(LineCollection(outline.lines, **_TRUTH, zorder=2))
-            for outline in outlines
+            for outline in view.outlines
         ]
         self._path = axes.add_line(Line2D([], [], **PATH, zorder=3))
         (self._start,) = axes.plot([], [], zorder=3, **START.options)
@@ -153,9 +143,9 @@ class MapPanel:
         self._robot: Sequence[Artist] = ()
 
     def update(self, grid: OccupancyGrid, path: Floats) -> None:
-        """Show a map, and the path so far, (N, 3) as in ``MapView``."""
+        """Show a map, and the path so far, as in ``MapView``."""
         window = sensed_window(grid)
-        shades = _SHADES[grid.classes()[window]]
+        shades = SHADES[grid.classes()[window]]
         show_cells(self._image, shades, extent_of(grid, window))
         self._path.set_data(path[:, 0], path[:, 1])
         self._start.set_data(path[:1, 0], path[:1, 1])
@@ -167,10 +157,8 @@ class MapPanel:
 
     def _place_label(self, path: Floats) -> None:
         """Place the label of the start on a side where it covers little of the path."""
-        figure = self._axes.get_figure(root=True)
-        assert figure is not None
         pixels = self._axes.transData.transform(path)
-        points = (pixels - pixels[0]) * 72 / figure.dpi
+        points = (pixels - pixels[0]) * 72 / figure_of(self._axes).dpi
         high = float(self._label.get_fontsize())
         size = np.array([_LETTER * high * len(START.label), high])
         covered = [
@@ -212,7 +200,7 @@ def map_figure(
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
-        panel = MapPanel(axes, view.robot_class, view.outlines, text=text)
+        panel = MapPanel(axes, view, text=text)
         panel.update(view.grid, view.path)
         name_objects(axes, view.parts, view.height, most=_MOST_NAMES)
     shown = {
@@ -245,7 +233,7 @@ def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
         truth: Whether outlines of what is truly there are shown.
     """
     cells = [
-        Patch(facecolor=CELL_COLOURS[each], edgecolor="0.5", label=CELL_TEXTS[each])
+        Patch(facecolor=CELLS[each][0], edgecolor="0.5", label=CELLS[each][1])
         for each in CellClass
         if each in classes
     ]
@@ -282,49 +270,27 @@ class MapFrames:
         figure: The figure, as it was drawn last.
     """
 
-    def __init__(
-        self,
-        extent: Bbox,
-        resolution: float,
-        title: str,
-        robot_class: str,
-        outlines: Sequence[Outline] = (),
-    ) -> None:
+    def __init__(self, first: MapView) -> None:
         """Draw what does not change.
 
         Args:
-            extent: What is shown at first.
-            resolution: Side of a cell, m.
-            title: Title, in words, one line.
-            robot_class: Class of the robot.
-            outlines: What is truly there.
+            first: The map of the first frame; robot and outlines stay.
         """
-        scale = pixels_per_metre(extent, resolution)
-        self._panels = Panels(extent, scale, [title], [""])
-        self._panel = MapPanel(self._panels.axes[0], robot_class, outlines)
-        (self._status,) = self._panels.subtitles
+        extent = first_map_extent(first.outlines, first.grid)
+        scale = pixels_per_metre(extent, first.grid.frame.resolution)
+        self._panels = Panels(extent, scale, [first.title], [""])
+        self._panel = MapPanel(self._panels.axes[0], first)
         # what cells may come to be: anything, if the scene is unknown
-        by_kind = {"foliage": CellClass.FOLIAGE, "cloud": CellClass.SMOKE}
-        kinds = {outline.kind for outline in outlines} or by_kind.keys()
-        absent = {each for kind, each in by_kind.items() if kind not in kinds}
-        self._panels.add_legend(map_rows({*CellClass} - absent, truth=bool(outlines)))
+        kinds = {outline.kind for outline in first.outlines} or {*CellClass}
+        shown = {*CellClass} - ({CellClass.FOLIAGE, CellClass.SMOKE} - kinds)
+        self._panels.add_legend(map_rows(shown, truth=bool(first.outlines)))
         self.figure = self._panels.figure
-        self._canvas = FrameCanvas(self.figure)
 
-    def draw(self, grid: OccupancyGrid, path: Floats, status: str) -> Pixels:
-        """Draw a frame, (H, W, 3).
-
-        Args:
-            grid: The map.
-            path: Estimated poses of the robot, (N, 3): x and y in m, yaw in rad.
-            status: The second line of the title.
-        """
-        self._panel.update(grid, path)
-        self._panels.show(extent_of(grid, sensed_window(grid)))
-        self._status.set_text(status)
-        return self._canvas.render(
-            [*self._panel.artists, *self._panels.scale_bar, self._status]
-        )
+    def draw(self, view: MapView) -> Pixels:
+        """Draw a frame, (H, W, 3)."""
+        self._panel.update(view.grid, view.path)
+        self._panels.show(extent_of(view.grid, sensed_window(view.grid)))
+        return self._panels.render(self._panel.artists, view.title, view.subtitle)
 
 
 def draw_area_curve(curve: AreaCurve, name: str, title: str, form: str) -> bytes:

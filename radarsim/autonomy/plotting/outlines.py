@@ -13,10 +13,11 @@ from matplotlib.path import Path
 from matplotlib.transforms import Bbox
 from shapely import Geometry
 
+from radarsim.autonomy.evaluation.map_score import class_of
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family, family_of
 from radarsim.robots.obstacles import enclosed_area, slice_mesh
-from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
 _EDGE: Final = 0.3  # m around things that are shown whole
@@ -28,18 +29,15 @@ class Outline:
     """The outlines of all things of one kind and one family of materials.
 
     Attributes:
-        kind: ``solid``, ``foliage`` or ``cloud``.
+        kind: What they are on a map: obstacle, foliage or smoke.
         lines: Their outlines, (N, 2) m each, map frame; where things overlap, that of
             both together.
         family: The family, which gives the colour.
     """
 
-    kind: str
+    kind: CellClass
     lines: tuple[Floats, ...]
     family: Family = Family.STONE
-
-
-KINDS: Final = ("cloud", "foliage", "solid")
 
 
 def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
@@ -50,8 +48,8 @@ def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
         height: m, map frame.
     """
     found = []
-    for kind in KINDS:
-        parts = [part for part in scene.parts if kind_of(part.material) == kind]
+    for kind in (CellClass.SMOKE, CellClass.FOLIAGE, CellClass.OBSTACLE):
+        parts = [part for part in scene.parts if class_of(part.material) == kind]
         for family in Family:
             alike = (part for part in parts if family_of(part.material) == family)
             if lines := _outline(alike, height):
@@ -89,14 +87,6 @@ def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
     return wanted
 
 
-def kind_of(material: Material) -> str:
-    """Return what a material is to a robot and to its radar, one of ``KINDS``."""
-    if not material.solid:
-        return "cloud"
-    seen_through = material.penetrable or material.sheet_loss is not None
-    return "foliage" if seen_through else "solid"
-
-
 def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
     areas: list[Geometry] = []
     lines: list[Floats] = []
@@ -129,7 +119,7 @@ def draw_areas(
     drawn = []
     for outline in outlines:
         path = Path.make_compound_path(*(Path(line) for line in outline.lines))
-        order = solid_zorder if outline.kind == "solid" else zorder
+        order = solid_zorder if outline.kind == CellClass.OBSTACLE else zorder
         drawn.append(PathPatch(path, **_area_style(outline.family), zorder=order))
         axes.add_patch(drawn[-1])
     return drawn

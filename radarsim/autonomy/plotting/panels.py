@@ -6,6 +6,7 @@ show can be compared; above each its title, below all of them one legend.
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -13,11 +14,14 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox, offset_copy
+from numpy.typing import NDArray
 
+from radarsim.plotting.film import FrameCanvas, Pixels
 from radarsim.plotting.palette import MARKER
 from radarsim.plotting.style import round_length
 
@@ -137,7 +141,15 @@ class Panels:
         """Place a legend below the panels, in as many lines as it needs."""
         # The width of a legend is known once it is there: the widest that fits stays.
         for columns in range(len(rows), 0, -1):
-            legend = self._legend(rows, columns)
+            legend = self.figure.legend(
+                handles=list(rows),
+                loc="lower center",
+                ncols=columns,
+                fontsize=self._text,
+                columnspacing=1.5,
+                handlelength=1.6,
+                frameon=False,
+            )
             box = _size_of(legend, self.figure)
             room = self.figure.bbox.width - 2 * self._pixels(_LEGEND_MARGIN)
             if box.width <= room or columns == 1:
@@ -146,14 +158,9 @@ class Panels:
         narrowest = math.ceil(box.width) + 2 * self._pixels(_LEGEND_MARGIN)
         self._place(math.ceil(box.height), narrowest)
 
-    @property
-    def extent(self) -> Bbox:
-        """What each panel shows now, m."""
-        return self.axes[0].viewLim.frozen()
-
     def show(self, extent: Bbox) -> None:
         """Let all panels show an extent too, at a smaller scale if it is larger."""
-        shown = self.extent
+        shown = self.axes[0].viewLim.frozen()
         wanted = Bbox.union([shown, extent])
         if np.array_equal(wanted, shown):
             return
@@ -166,6 +173,23 @@ class Panels:
             axes.set_xlim(middle_x - across, middle_x + across)
             axes.set_ylim(middle_y - up, middle_y + up)
         self._draw_scale()
+
+    def render(self, moving: Sequence[Artist], title: str, status: str) -> Pixels:
+        """Return a frame of a film of the only panel, (H, W, 3).
+
+        Args:
+            moving: What may have changed in the panel.
+            title: The title from now on.
+            status: The line below it.
+        """
+        self.titles[0].set_text(title)
+        self.subtitles[0].set_text(status)
+        texts = (*self.titles, *self.subtitles)
+        return self._canvas.render([*moving, *self.scale_bar, *texts])
+
+    @cached_property
+    def _canvas(self) -> FrameCanvas:
+        return FrameCanvas(self.figure)
 
     def _draw_scale(self) -> None:
         for artist in self.scale_bar:
@@ -210,17 +234,6 @@ class Panels:
             parse_math=False,
         )
 
-    def _legend(self, rows: Sequence[Artist], columns: int) -> Legend:
-        return self.figure.legend(
-            handles=list(rows),
-            loc="lower center",
-            ncols=columns,
-            fontsize=self._text,
-            columnspacing=1.5,
-            handlelength=1.6,
-            frameon=False,
-        )
-
     def _place(self, legend_height: int, narrowest: int = _NARROWEST) -> None:
         across, up = self._size
         count = len(self.axes)
@@ -247,6 +260,26 @@ def titles_of(views: Sequence[Any]) -> tuple[list[str], list[str]]:
     """Return titles and subtitles of views of runs or maps; none if all lack them."""
     subtitles = [view.subtitle for view in views]
     return [view.title for view in views], subtitles if any(subtitles) else []
+
+
+def add_cell_image(axes: Axes, *, zorder: float) -> AxesImage:
+    """Add an image of square cells, each pixel in the colour of the cell below it."""
+    image = AxesImage(axes, origin="lower", interpolation="nearest", zorder=zorder)
+    axes.add_artist(image)
+    return image
+
+
+def show_cells(image: AxesImage, cells: NDArray[np.uint8], extent: Bbox) -> None:
+    """Set the cells of an image.
+
+    Args:
+        image: The image.
+        cells: Colours, (R, C, 3), or with opacities, (R, C, 4); the first row is the
+            southernmost.
+        extent: Where they are, m.
+    """
+    image.set_data(cells)
+    image.set_extent((*extent.intervalx, *extent.intervaly))
 
 
 def _even(pixels: float) -> int:

@@ -19,9 +19,9 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, Bbox
 
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.run_log import RunLog
-from radarsim.autonomy.plotting.cells import SensedCells, sensed_rows
 from radarsim.autonomy.plotting.outlines import (
     Outline,
     area_rows,
@@ -35,13 +35,15 @@ from radarsim.autonomy.plotting.run_markers import (
     HIT,
     LEAVE,
     MarkerStyle,
+    SensedCells,
     draw_markers,
     marker_places,
     marker_rows,
+    sensed_rows,
 )
 from radarsim.geometry import Floats, Point, Pose2
 from radarsim.plotting import palette
-from radarsim.plotting.film import FrameCanvas, Pixels
+from radarsim.plotting.film import Pixels
 from radarsim.plotting.palette import MARKER, PAPER
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import render
@@ -167,70 +169,56 @@ class RunView:
     true_path: Floats = field(default_factory=lambda: NO_PATH)
 
     @property
+    def paths(self) -> Bbox:
+        """The extent of its paths and goals."""
+        log = self.run_log
+        ends = np.array([end for leg in log.legs for end in (leg.start, leg.goal)])
+        points = [log.path, ends.reshape(-1, 2), self.true_path]
+        return box_around(np.concatenate(points))
+
+    @property
     def extent(self) -> Bbox:
-        """What is to be shown: the run, and things that it touches, as a whole."""
-        extent = run_extent(self.run_log, self.true_path)
-        return include_touched(extent, self.outlines)
-
-
-def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Bbox:
-    """Return the extent of a run: its paths and goals, and beam ends near them."""
-    paths = path_extent(run_log, true_path)
-    around = paths.padded(AROUND)
-    beam_ends = run_log.beam_ends[:, :2]
-    # What is far away is left out: with it the run itself would be tiny.
-    near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
-    if not near.any():
-        return paths.padded(_MARGIN)
-    return Bbox.union([paths, box_around(beam_ends[near])]).padded(_MARGIN)
-
-
-def path_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Bbox:
-    """Return the extent of the paths and the goals of a run; at least one row."""
-    ends = [end for leg in run_log.legs for end in (leg.start, leg.goal)]
-    points = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2), true_path])
-    return box_around(points)
+        """What is to be shown: paths, goals, beam ends near them, and whole things."""
+        shown, around = self.paths, self.paths.padded(AROUND)
+        beam_ends = self.run_log.beam_ends[:, :2]
+        # What is far away is left out: with it the run itself would be tiny.
+        near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
+        if near.any():
+            shown = Bbox.union([shown, box_around(beam_ends[near])])
+        return include_touched(shown.padded(_MARGIN), self.outlines)
 
 
 class RunPanel:
     """A run in a panel, which can be updated while it goes on."""
 
-    def __init__(
-        self,
-        axes: Axes,
-        robot_class: str,
-        medium: str,
-        outlines: Sequence[Outline] = (),
-    ) -> None:
+    def __init__(self, axes: Axes, view: RunView) -> None:
         """Draw what does not change.
 
         Args:
             axes: The panel, m, map frame.
-            robot_class: Class of the robot.
-            medium: What it steers by, as in ``RunView``.
-            outlines: What is truly there.
+            view: A run of the robot, with the same sensor among the same outlines.
         """
         self._axes = axes
-        self._robot_class = robot_class
+        self._robot_class = view.robot_class
         # What beams enter lies below what they sense, walls lie above it.
-        self._areas = draw_areas(axes, outlines, zorder=1.0, solid_zorder=2.7)
-        self._sensed = SensedCells(axes, _sensor_colour(medium), outlines)
+        self._areas = draw_areas(axes, view.outlines, zorder=1.0, solid_zorder=2.7)
+        colour = _sensor_colour(view.medium)
+        self._sensed = SensedCells(axes, colour, view.outlines)
         self._moving: list[Artist] = []
 
     def update(
-        self, run_log: RunLog, true_path: Floats, *, text: float, is_over: bool = True
+        self, view: RunView, *, text: float = 10.0, is_over: bool = True
     ) -> None:
         """Show a run as it is.
 
         Args:
-            run_log: The run; at least one row.
-            true_path: Path that the robot truly drove, (N, 2) m.
+            view: The run.
             text: Size of labels, points.
             is_over: Whether a goal that is not reached by now never will be.
         """
         for artist in self._moving:
             artist.remove()
-        axes = self._axes
+        axes, run_log, true_path = self._axes, view.run_log, view.true_path
         self._sensed.update(run_log)
         self._moving = []
         for leg in run_log.legs:
@@ -275,8 +263,7 @@ def run_figure(
     scale = pixels_per_metre(extent)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
-        panel = RunPanel(axes, view.robot_class, view.medium, view.outlines)
-        panel.update(view.run_log, view.true_path, text=text)
+        RunPanel(axes, view).update(view, text=text)
     panels.add_legend(
         _legend_rows(
             {style for view in views for style in _styles(view.run_log)},
@@ -375,7 +362,12 @@ def first_run_extent(
         return shown
     if max(scene.width, scene.height) > _LARGEST_SCENE:
         return include_touched(shown.padded(_AROUND_START), outlines)
-    walls = [line for each in outlines if each.kind == "solid" for line in each.lines]
+    walls = [
+        line
+        for each in outlines
+        if each.kind == CellClass.OBSTACLE
+        for line in each.lines
+    ]
     is_enclosed = any(Path(line).contains_point(start) for line in walls)
     return Bbox.union([shown, scene.padded(_EDGE if is_enclosed else _OUTSIDE)])
 
@@ -387,54 +379,26 @@ class RunFrames:
         axes: The panel.
     """
 
-    def __init__(
-        self,
-        extent: Bbox,
-        title: str,
-        robot_class: str,
-        medium: str,
-        outlines: Sequence[Outline] = (),
-        *,
-        returns: bool = True,
-    ) -> None:
+    def __init__(self, extent: Bbox, first: RunView, *, returns: bool = True) -> None:
         """Draw what does not change.
 
         Args:
             extent: What is shown at first.
-            title: Title, in words, one line.
-            robot_class: Class of the robot.
-            medium: What it steers by, as in ``RunView``.
-            outlines: What is truly there.
+            first: The run of the first frame; robot, sensor and outlines stay.
             returns: Whether the robot may return to a leave point.
         """
-        self._panels = Panels(extent, pixels_per_metre(extent), [title], [""])
+        self._panels = Panels(extent, pixels_per_metre(extent), [first.title], [""])
         self.axes = self._panels.axes[0]
-        self._panel = RunPanel(self.axes, robot_class, medium, outlines)
-        (self._title,), (self._status,) = self._panels.titles, self._panels.subtitles
-        styles = PATH_STYLES[: 2 + returns]
+        self._panel = RunPanel(self.axes, first)
+        styles, outlines = PATH_STYLES[: 2 + returns], first.outlines
         # all that may come: the legend of a film does not change
         rows = _legend_rows(
-            styles, medium, outlines, [HIT, LEAVE], truth=bool(outlines)
+            styles, first.medium, outlines, [HIT, LEAVE], truth=bool(outlines)
         )
         self._panels.add_legend(rows)
-        self._canvas = FrameCanvas(self._panels.figure)
 
-    def draw(
-        self, run_log: RunLog, true_path: Floats, status: str, title: str = ""
-    ) -> Pixels:
-        """Draw a frame, (H, W, 3).
-
-        Args:
-            run_log: The run; at least one row.
-            true_path: Path that the robot truly drove, (N, 2) m.
-            status: The second line of the title.
-            title: Another title from now on; empty to keep the one that is there.
-        """
-        if title:
-            self._title.set_text(title)
-        self._panels.show(path_extent(run_log, true_path).padded(_FILM_MARGIN))
-        self._panel.update(run_log, true_path, text=10.0, is_over=False)
-        self._status.set_text(status)
-        return self._canvas.render(
-            [*self._panel.artists, *self._panels.scale_bar, self._title, self._status]
-        )
+    def draw(self, view: RunView) -> Pixels:
+        """Draw a frame, (H, W, 3)."""
+        self._panels.show(view.paths.padded(_FILM_MARGIN))
+        self._panel.update(view, is_over=False)
+        return self._panels.render(self._panel.artists, view.title, view.subtitle)

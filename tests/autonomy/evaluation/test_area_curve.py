@@ -60,8 +60,7 @@ def test_samples_are_few_and_in_order_and_end_with_the_last(
 def test_long_runs_are_sampled_less_often_but_shares_are_told_to_a_second() -> None:
     curve = curve_of([k // 2 for k in range(2001)], step=1.0)
     assert MOST_SAMPLES / 2 <= len(curve.samples) <= MOST_SAMPLES
-    reached = curve.reached_to_dict()
-    assert reached == {
+    assert curve.reached == {
         "0.5": {"time": 1000.0, "path_length": 500.0},
         "0.9": {"time": 1800.0, "path_length": 900.0},
         "0.99": {"time": 1980.0, "path_length": 990.0},
@@ -74,4 +73,4 @@ def test_without_a_scene_nothing_is_told_of_the_floor() -> None:
     curve.add(trip, grid)
     assert set(curve.to_dict()) == {"time", "path_length", "area"}
     assert math.isnan(curve.samples[0].reachable)
-    assert curve.reached_to_dict() == {"0.5": None, "0.9": None, "0.99": None}
+    assert curve.reached == {"0.5": None, "0.9": None, "0.99": None}

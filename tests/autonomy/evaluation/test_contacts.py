@@ -2,10 +2,11 @@
 
 import math
 
+from contacts import Contact, Contacts
 from random_trials import load_random_map
 from traffic import Mover, Traffic
 
-from radarsim.autonomy.evaluation.navigation_run import Contact, GroundTruthMonitor
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.client import Client
 from radarsim.generators.random_maps import Block, RandomMap
 from radarsim.geometry import Pose2
@@ -26,7 +27,7 @@ def test_contact_is_repeated_where_the_robot_stands_and_faces_as_before() -> Non
 def test_push_is_a_touch_that_lasts_or_is_repeated() -> None:
     yard = RandomMap(0, "boxes", (WALL,), math.inf, (-1.0, 0.0), (5.0, 0.0))
     host = Host(load_random_map(yard))
-    monitor = GroundTruthMonitor(host)
+    monitor, contacts = GroundTruthMonitor(host), Contacts(host)
     with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
         client.spawn("P3AT", pose=Pose2(-1.0, 0.0))
         for speed, seconds in ((3.0, 2.5), (-3.0, 1.0), (3.0, 1.6), (-3.0, 1.0)):
@@ -34,9 +35,9 @@ def test_push_is_a_touch_that_lasts_or_is_repeated() -> None:
             end = host.simulation.time + seconds
             while host.simulation.time < end:
                 client.read(0.1)
-    assert monitor.collisions == len(monitor.contacts) == 2
-    assert monitor.pushes == 1
-    assert all(contact.duration < 1.0 for contact in monitor.contacts)
+    assert monitor.collisions == len(contacts.found) == 2
+    assert contacts.pushes == 1
+    assert all(contact.duration < 1.0 for contact in contacts.found)
 
 
 def test_movers_drive_to_and_fro_and_stop_before_the_robot() -> None:

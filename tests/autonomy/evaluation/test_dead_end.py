@@ -5,7 +5,11 @@ from pathlib import Path
 import pytest
 from random_trials import mission_to
 
-from radarsim.autonomy.evaluation.trials import Row, config_with_sensor, run_plan
+from radarsim.autonomy.evaluation.trials import (
+    TrialResult,
+    config_with_sensor,
+    run_plan,
+)
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
 
@@ -35,7 +39,7 @@ def _map(folder: Path) -> Path:
     return path
 
 
-def _drive(path: Path, sensor: str) -> Row:
+def _drive(path: Path, sensor: str) -> TrialResult:
     host = Host(load_map(path), config=config_with_sensor(sensor), seed=0)
     return run_plan(mission_to((7.0, 0.0), "planned", time_limit=600.0), host)
 

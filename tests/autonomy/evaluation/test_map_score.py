@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarsim.autonomy.evaluation.map_score import MapScore, Truth, score_map
+from radarsim.autonomy.evaluation.map_score import Score, Truth, score_map
+from radarsim.autonomy.evaluation.mapping_run import MappingResult
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
     GridFrame,
@@ -15,6 +17,7 @@ from radarsim.autonomy.mapping.occupancy_grid import (
 )
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 
 HEIGHT = 0.346
 START = (-8.0, 0.0)
@@ -53,9 +56,7 @@ def perfect(scene: Scene) -> NDArray[np.uint8]:
     return classes
 
 
-def compute_score(
-    classes: NDArray[np.uint8], scene: Scene, **overrides: Any
-) -> MapScore:
+def compute_score(classes: NDArray[np.uint8], scene: Scene, **overrides: Any) -> Score:
     values = {"start": START, "robot_radius": 0.371, "height": HEIGHT, **overrides}
     return score_map(Painted(classes), scene, **values)
 
@@ -69,53 +70,58 @@ def around(x: float, y: float, radius: float) -> Mask:
 def test_true_map_has_a_perfect_score(name: str) -> None:
     scene = load_map(name)
     score = compute_score(perfect(scene), scene)
-    assert score.wrong == score.unknown == 0
-    assert score.coverage == score.within_one_cell == score.class_accuracy == 1.0
-    assert score.false_obstacles == 0.0
-    assert score.right > 100_000
+    assert score["wrong"] == score["unknown"] == 0
+    assert score["coverage"] == score["within_one_cell"] == score["told_apart"] == 1.0
+    assert score["false_obstacles"] == 0.0
+    assert score["right"] > 100_000
 
 
 def test_unknown_cells_are_not_wrong(foliage_room: Scene) -> None:
     score = compute_score(
         np.full(FRAME.shape, CellClass.UNKNOWN, np.uint8), foliage_room
     )
-    assert (score.right, score.wrong, score.obstacles) == (0, 0, 0)
-    assert score.coverage == score.hidden_coverage == 0.0
-    assert score.reachable_coverage == 0.0
-    assert score.near_coverage == pytest.approx(0.1, abs=0.02)  # around the start
+    assert (score["right"], score["wrong"], score["obstacles"]) == (0, 0, 0)
+    assert score["coverage"] == score["hidden_coverage"] == 0.0
+    assert score["reachable_coverage"] == 0.0
+    assert score["near_coverage"] == pytest.approx(0.1, abs=0.02)  # around the start
     assert (
-        score.within_one_cell is score.within_two_cells is score.class_accuracy is None
+        score["within_one_cell"]
+        is score["within_two_cells"]
+        is score["told_apart"]
+        is None
     )
-    assert score.unknown is not None
-    assert score.unknown * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.02)
+    assert score["unknown"] is not None
+    assert score["unknown"] * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.02)
 
 
 def test_hidden_floor_is_what_the_robot_cannot_reach(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
     across, _ = FRAME.cell_centers()
     classes[:, across > 0.5] = CellClass.UNKNOWN
-    assert compute_score(classes, foliage_room).hidden_coverage == 0.0
+    assert compute_score(classes, foliage_room)["hidden_coverage"] == 0.0
     classes = perfect(foliage_room)
     classes[:, across < 0.0] = CellClass.UNKNOWN
-    assert compute_score(classes, foliage_room).hidden_coverage == 1.0
+    assert compute_score(classes, foliage_room)["hidden_coverage"] == 1.0
     # from behind it is the other side that is hidden
-    assert compute_score(classes, foliage_room, start=(6.0, 3.0)).hidden_coverage == 0.0
+    assert (
+        compute_score(classes, foliage_room, start=(6.0, 3.0))["hidden_coverage"] == 0.0
+    )
 
 
 def test_nothing_is_hidden_where_everything_is_reachable(empty_room: Scene) -> None:
-    assert compute_score(perfect(empty_room), empty_room).hidden_coverage is None
+    assert compute_score(perfect(empty_room), empty_room)["hidden_coverage"] is None
 
 
 @pytest.mark.parametrize("cells", [0, 1, 2, 3])
 def test_walls_within_two_cells_are_right(empty_room: Scene, cells: int) -> None:
     classes = np.roll(perfect(empty_room), cells, axis=0)
     score = compute_score(classes, empty_room)
-    assert (score.wrong == 0) == (cells <= 2)
-    assert score.within_two_cells is not None
-    assert score.within_one_cell is not None
-    assert (score.within_one_cell == 1.0) == (cells <= 1)
-    assert (score.within_two_cells == 1.0) == (cells <= 2)
-    assert (score.false_obstacles == 0.0) == (cells <= 2)
+    assert (score["wrong"] == 0) == (cells <= 2)
+    assert score["within_two_cells"] is not None
+    assert score["within_one_cell"] is not None
+    assert (score["within_one_cell"] == 1.0) == (cells <= 1)
+    assert (score["within_two_cells"] == 1.0) == (cells <= 2)
+    assert (score["false_obstacles"] == 0.0) == (cells <= 2)
 
 
 @pytest.mark.parametrize(
@@ -140,25 +146,25 @@ def test_wrong_cells_are_counted(
         classes[spot] = kind
     score = compute_score(classes, foliage_room)
     wrong = 0 if is_right else np.count_nonzero(spot)
-    assert score.wrong == wrong
+    assert score["wrong"] == wrong
     in_the_air = kind == CellClass.OBSTACLE and not is_right
-    assert (score.false_obstacles > 0) == in_the_air
+    assert (score["false_obstacles"] > 0) == in_the_air
 
 
 def test_class_accuracy_counts_foliage_taken_for_walls(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
     classes[classes == CellClass.FOLIAGE] = CellClass.OBSTACLE
     score = compute_score(classes, foliage_room)
-    assert score.wrong == 0
-    assert score.class_accuracy is not None
-    assert 0.0 < score.class_accuracy < 0.9
+    assert score["wrong"] == 0
+    assert score["told_apart"] is not None
+    assert 0.0 < score["told_apart"] < 0.9
 
 
 def test_smoke_has_to_be_classified_as_smoke(smoke_room: Scene) -> None:
     classes = perfect(smoke_room)
     classes[classes == CellClass.SMOKE] = CellClass.FREE
     score = compute_score(classes, smoke_room)
-    assert score.wrong * 0.05**2 == pytest.approx(12.5 * 13, rel=0.06)
+    assert score["wrong"] * 0.05**2 == pytest.approx(12.5 * 13, rel=0.06)
 
 
 def test_open_terrain_has_no_coverage() -> None:
@@ -166,8 +172,8 @@ def test_open_terrain_has_no_coverage() -> None:
     score = compute_score(
         np.full(FRAME.shape, CellClass.FREE, np.uint8), scene, start=(-4.0, -0.4)
     )
-    assert score.unknown is score.coverage is score.near_coverage is None
-    assert score.wrong > 0  # the box is not free
+    assert score["unknown"] is score["coverage"] is score["near_coverage"] is None
+    assert score["wrong"] > 0  # the box is not free
 
 
 def test_leaves_have_no_interior() -> None:
@@ -180,7 +186,10 @@ def test_leaves_have_no_interior() -> None:
 
 
 def test_json_values_are_rounded(empty_room: Scene) -> None:
-    values = compute_score(perfect(empty_room), empty_room).to_dict()
+    monitor = GroundTruthMonitor(Host(empty_room))
+    score = compute_score(perfect(empty_room), empty_room)
+    result = MappingResult("auto", "ins", monitor=monitor, score=score)
+    values = result.to_dict()["judge"]
     assert values["coverage"] == 1.0
     assert values["hidden_coverage"] is None
     assert all(len(str(value)) < 8 for value in values.values())
@@ -211,7 +220,7 @@ def block_room(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     return load_map(path)
 
 
-def score_of_seen(scene: Scene, seen: Mask) -> MapScore:
+def score_of_seen(scene: Scene, seen: Mask) -> Score:
     classes = np.where(seen, CellClass.FREE, CellClass.UNKNOWN).astype(np.uint8)
     return compute_score(classes, scene, start=(-1.0, -1.5))
 
@@ -224,26 +233,26 @@ def test_reachable_floor_is_that_of_the_robot_without_closed_blocks(
     in_block = (across < -1.9) & (up > 1.0)
     this_side = (across < 2.0) & ~in_block
     score = score_of_seen(block_room, this_side)
-    assert score.reachable_coverage == 1.0
-    assert score.hidden_coverage == 0.0
-    assert score.coverage == pytest.approx((36 - 4) / (36 - 4 + 1.6 * 6), abs=0.02)
+    assert score["reachable_coverage"] == 1.0
+    assert score["hidden_coverage"] == 0.0
+    assert score["coverage"] == pytest.approx((36 - 4) / (36 - 4 + 1.6 * 6), abs=0.02)
     half = score_of_seen(block_room, this_side & (up < -1.0))
-    assert half.reachable_coverage == pytest.approx(12 / (36 - 4), abs=0.02)
+    assert half["reachable_coverage"] == pytest.approx(12 / (36 - 4), abs=0.02)
     behind = score_of_seen(block_room, across > 2.4)
-    assert (behind.reachable_coverage, behind.hidden_coverage) == (0.0, 1.0)
-    assert score_of_seen(block_room, ~in_block).coverage == 1.0
+    assert (behind["reachable_coverage"], behind["hidden_coverage"]) == (0.0, 1.0)
+    assert score_of_seen(block_room, ~in_block)["coverage"] == 1.0
 
 
 def test_walls_farther_than_15_cm_from_the_true_ones_are_misplaced(
     empty_room: Scene,
 ) -> None:
     right = perfect(empty_room)
-    assert compute_score(right, empty_room).misplaced == 0.0
+    assert compute_score(right, empty_room)["misplaced"] == 0.0
     across, up = FRAME.cell_centers()
     for offset, is_misplaced in [(0.1, False), (0.3, True)]:
         classes = right.copy()
         row = np.abs(up - (6.4 - offset)).argmin()
         classes[row, np.abs(across) < 4.0] = CellClass.OBSTACLE  # a wall again
-        misplaced = compute_score(classes, empty_room).misplaced
+        misplaced = compute_score(classes, empty_room)["misplaced"]
         share = 160 / np.count_nonzero(classes == CellClass.OBSTACLE)
         assert misplaced == pytest.approx(share if is_misplaced else 0.0, rel=0.01)

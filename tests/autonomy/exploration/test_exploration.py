@@ -113,7 +113,7 @@ def test_every_motion_source_gives_a_map(empty_room: Scene, seed: Any) -> None:
     errors = trajectory_errors(
         mapper_of(exploration).trajectory, mapper_of(exploration).truth
     )
-    assert errors.ate < 0.05
+    assert errors["ate"] < 0.05
     assert exploration.trip.start is not None
     assert exploration.trip.start.y == pytest.approx(3.5, abs=0.05)
 

@@ -11,9 +11,8 @@ from radarsim.autonomy.mapping.loop_closure import (
     KeyframeMap,
     find_correction,
 )
-from radarsim.autonomy.mapping.point_map import inward_normals
 from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
-from radarsim.autonomy.mapping.scan_matching import ScanPoints
+from radarsim.autonomy.mapping.scan_matching import ScanPoints, inward_normals
 from radarsim.geometry import Floats, Pose2
 
 OFF = Pose2(0.03, -0.02, 0.01)  # of all but the first scans

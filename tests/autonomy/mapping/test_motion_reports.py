@@ -90,6 +90,6 @@ def test_scans_between_reports_are_matched_as_well_as_others(every: int) -> None
             truth.add(time, pose)
             slam.step(look(ROOM, pose, time=time), *(motion.at(time) or ()))
     found = trajectory_errors(slam.trajectory, truth)
-    assert found.length > 3
-    assert found.ate_max < 0.01
-    assert found.yaw_max < math.radians(0.2)
+    assert found["length"] > 3
+    assert found["ate_max"] < 0.01
+    assert found["yaw_max"] < math.radians(0.2)

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from local_shapes import shape_around
 
-from radarsim.autonomy.mapping.point_map import PointMap
+from radarsim.autonomy.mapping.scan_matching import PointMap
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 

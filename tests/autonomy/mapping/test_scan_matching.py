@@ -6,9 +6,14 @@ from flat_world import CORRIDOR, ROOM, look
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
 from radarsim.autonomy.mapping.scan import PlanarScan
-from radarsim.autonomy.mapping.scan_matching import ScanPoints, best_start, fit
+from radarsim.autonomy.mapping.scan_matching import (
+    PointMap,
+    ScanPoints,
+    best_start,
+    fit,
+    inward_normals,
+)
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 

@@ -9,8 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from local_shapes import shape_around
 
-from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
-from radarsim.autonomy.mapping.scan_matching import ScanPoints, fit
+from radarsim.autonomy.mapping.scan_matching import (
+    PointMap,
+    ScanPoints,
+    fit,
+    inward_normals,
+)
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from contacts import Contacts
 from flatland import moved
 from random_trials import load_random_map, mission_to
 
@@ -241,8 +242,9 @@ def test_turn_into_what_is_seen_becomes_a_way_out() -> None:
 def run(algorithm: str, *blocks: Block) -> tuple[str, int, int]:
     map_ = RandomMap(0, "mirrors", blocks, math.inf, (-3.0, 0.1), (3.0, 0.0))
     mission = mission_to(map_.goal, algorithm, time_limit=600.0)
-    row = run_plan(mission, Host(load_random_map(map_)))
-    return row.outcome, row.collisions, row.pushes
+    host = Host(load_random_map(map_))
+    contacts, row = Contacts(host), run_plan(mission, host)
+    return row.outcome, row.collisions, contacts.pushes
 
 
 @pytest.mark.slow
@@ -305,5 +307,5 @@ def test_robot_is_right_on_maps_where_it_was_wrong(
     config = SimulationConfig(item_settings={"lms200": settings})
     mission = mission_to(goal, algorithm, time_limit=1800.0)
     host = Host(scene, config=config, seed=int(name.partition("_")[2]))
-    row = run_plan(mission, host)
-    assert (row.outcome, row.pushes) == (expected, 0)
+    contacts, row = Contacts(host), run_plan(mission, host)
+    assert (row.outcome, contacts.pushes) == (expected, 0)

@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from radarsim.scene.map_file import load_map
 
 PATH = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.2, 0.4]])
 ROOM = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4], [-4, -4.0]])
-PLAN = (Outline("solid", (ROOM,)),)
+PLAN = (Outline(CellClass.OBSTACLE, (ROOM,)),)
 
 
 def grid_of(reach: float, *, ends: bool = True) -> OccupancyGrid:
@@ -52,7 +53,7 @@ def image_of(figure: Figure) -> AxesImage:
 
 
 def shade_of(kind: CellClass) -> list[int]:
-    return [round(255 * part) for part in to_rgb(maps.CELL_COLOURS[kind])]
+    return [round(255 * part) for part in to_rgb(maps.CELLS[kind][0])]
 
 
 def view_of(grid: OccupancyGrid, **options: Any) -> maps.MapView:
@@ -108,7 +109,7 @@ def test_picture_is_the_same_again_and_known_as_the_programs() -> None:
 def test_scene_is_shown_whole_unless_it_is_much_larger() -> None:
     grid = grid_of(2.0)
     assert view_of(grid, outlines=PLAN).extent.width == pytest.approx(8.4)
-    large = (Outline("solid", (ROOM * 10,)),)
+    large = (Outline(CellClass.OBSTACLE, (ROOM * 10,)),)
     assert view_of(grid, outlines=large).extent.width < 6
 
 
@@ -146,11 +147,11 @@ def test_cells_have_a_whole_number_of_pixels() -> None:
 
 def test_film_shows_more_when_the_map_outgrows_it() -> None:
     grid = grid_of(5.0)
-    frames = maps.MapFrames(
-        maps.first_map_extent((), grid), 0.05, "A map grows", "P3AT"
-    )
     path = np.array([[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
-    small, large = (frames.draw(each, path, "2 s") for each in (grid, grid_of(15.0)))
+    first = maps.MapView(grid, path, "P3AT", "A map grows", subtitle="2 s")
+    frames = maps.MapFrames(first)
+    views = (first, replace(first, grid=grid_of(15.0)))
+    small, large = (frames.draw(each) for each in views)
     assert small.shape == large.shape
     assert all(side % 2 == 0 for side in small.shape[:2])
     blue = [round(255 * part) for part in to_rgb(GOING)]
@@ -159,10 +160,9 @@ def test_film_shows_more_when_the_map_outgrows_it() -> None:
 
 
 def test_legend_of_a_film_lists_what_the_scene_has() -> None:
-    grid, bush = grid_of(2.0), Outline("foliage", (ROOM / 4,))
-    shown, scene = maps.first_map_extent(PLAN, grid), (*PLAN, bush)
-    known = maps.MapFrames(shown, 0.05, "A map", "P3AT", scene)
-    unknown = maps.MapFrames(maps.first_map_extent((), grid), 0.05, "A map", "P3AT")
+    grid, bush = grid_of(2.0), Outline(CellClass.FOLIAGE, (ROOM / 4,))
+    known = maps.MapFrames(view_of(grid, outlines=(*PLAN, bush)))
+    unknown = maps.MapFrames(view_of(grid))
     always = {"not sensed", "free", "solid", "path"}
     assert legend(known.figure) == {*always, "foliage", "what is truly there"}
     assert legend(unknown.figure) == {*always, "foliage", "smoke or dust"}
@@ -171,7 +171,7 @@ def test_legend_of_a_film_lists_what_the_scene_has() -> None:
 def test_film_begins_with_a_scene_that_is_not_too_large() -> None:
     grid = grid_of(2.0)
     assert maps.first_map_extent(PLAN, grid).width == pytest.approx(9)
-    large = (Outline("solid", (ROOM * 20,)),)
+    large = (Outline(CellClass.OBSTACLE, (ROOM * 20,)),)
     around_map = maps.first_map_extent((), grid)
     assert maps.first_map_extent(large, grid).bounds == around_map.bounds
     assert 4 < around_map.width < 7

@@ -8,12 +8,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from parts import STONE, slab
 
+from radarsim.autonomy.evaluation.map_score import class_of
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.plotting import outlines
 from radarsim.plotting.palette import FAMILY_COLOURS, Family
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import sphere
 
+KINDS = (CellClass.SMOKE, CellClass.FOLIAGE, CellClass.OBSTACLE)
 LEAF = Material("leaf", 0.7)
 SMOKE = Material("smoke", 0.0, 0.5, solid=False)
 
@@ -44,8 +47,8 @@ def test_each_kind_has_its_outline() -> None:
         Part("cloud", SMOKE, *sphere(1.0)),
     )
     found = outlines.outlines_of(Scene("x", "X", parts), 0.5)
-    assert [outline.kind for outline in found] == ["cloud", "foliage", "solid"]
-    assert outlines.kind_of(Material("leaves", sheet_loss=0.2)) == "foliage"
+    assert [outline.kind for outline in found] == [*KINDS]
+    assert class_of(Material("leaves", sheet_loss=0.2)) == CellClass.FOLIAGE
     extent = outlines.outlines_extent(found)
     assert extent is not None
     assert (extent.x1, extent.y1) == pytest.approx((5.5, 0.87), abs=0.02)
@@ -66,7 +69,7 @@ def test_each_family_of_materials_has_its_colour_and_its_row() -> None:
         Part("car", Material("steel"), *sphere(1.0)),
     )
     found = outlines.outlines_of(Scene("x", "X", parts), 0.5)
-    assert {outline.kind for outline in found} == {"solid"}
+    assert {outline.kind for outline in found} == {CellClass.OBSTACLE}
     axes = Figure().add_subplot()
     drawn = outlines.draw_areas(axes, found, zorder=1.0, solid_zorder=2.0)
     rows = {str(row.get_label()): row for row in outlines.area_rows(found)}

@@ -14,14 +14,15 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from PIL import Image
 
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.navigation.control import STOP
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.autonomy.plotting import runs
-from radarsim.autonomy.plotting.cells import STRONGEST
 from radarsim.autonomy.plotting.outlines import Outline
+from radarsim.autonomy.plotting.run_markers import STRONGEST
 from radarsim.geometry import Floats, Point, Pose2
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
@@ -36,8 +37,7 @@ from radarsim.plotting.style import FORMS
 WALL = np.array([[1.5, -1.0], [2.0, -1.0], [2.0, 1.0], [1.5, 1.0], [1.5, -1.0]])
 WALLS = Family.STONE.value
 ROOM = 10 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
-NO_PATH_YET = np.zeros((0, 2))
-PLAN = (Outline("solid", (WALL,)),)
+PLAN = (Outline(CellClass.OBSTACLE, (WALL,)),)
 TRUE = np.array([[0.0, 0.0], [1.0, 0.2], [4.0, 0.2]])
 GOES, FOLLOWS, REACHES = Activity.GOING, Activity.FOLLOWING, Activity.REACHED
 BUG1 = [
@@ -134,8 +134,8 @@ def test_goal_that_is_not_reached_is_crossed_out() -> None:
 def test_goal_of_a_run_that_goes_on_is_not_crossed_out_in_a_film() -> None:
     for rows, crossed in ((BUG1[:3], False), (NO_PATH, True)):
         figure = Figure()
-        panel = runs.RunPanel(figure.add_subplot(), "P3AT", "")
-        panel.update(record_of(*rows), TRUE, text=10.0, is_over=False)
+        view = view_of(record_of(*rows), true_path=TRUE)
+        runs.RunPanel(figure.add_subplot(), view).update(view, is_over=False)
         markers = {line.get_marker() for line in figure.axes[0].lines}
         assert ("X" in markers) == crossed
 
@@ -151,8 +151,8 @@ def test_what_is_sensed_does_not_cover_the_walls() -> None:
     areas = []
     extent = Bbox.from_extents(-2.0, -3.0, 6.0, 3.0)
     for each in (record_of(*rows), record_of(*rows, ranges=())):
-        frames = runs.RunFrames(extent, "title", "P3AT", "", PLAN)
-        frame = frames.draw(each, TRUE[:1], "status")
+        view = view_of(each, outlines=PLAN, true_path=TRUE[:1])
+        frame = runs.RunFrames(extent, view).draw(view)
         grey = np.round(255 * np.array(to_rgb(FAMILY_COLOURS[Family.STONE])))
         areas.append(int((frame == grey).all(axis=2).sum()))
     assert areas[0] == areas[1] > 100
@@ -267,8 +267,8 @@ def test_no_seam_is_left_between_sensed_cells(width: float) -> None:
     middles = (np.arange(40) + 0.5) * CELL
     ends = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
     extent = Bbox.from_extents(-2.0, -1.0, width - 2.0, 3.0)
-    frames = runs.RunFrames(extent, "title", "P3AT", "")
-    frame = frames.draw(log_of_ends(ends + np.array([1.0, 0.5])), TRUE[:0], "status")
+    view = view_of(log_of_ends(ends + np.array([1.0, 0.5])))
+    frame = runs.RunFrames(extent, view).draw(view)
     colour = np.array(to_rgb(UNKNOWN_SENSOR)) * 255 * STRONGEST + 255 * (1 - STRONGEST)
     painted = np.all(np.abs(frame - colour) < 3, axis=2).astype(np.int64)
     rows, columns = (np.nonzero(painted.sum(axis=axis) > 50)[0] for axis in (1, 0))
@@ -280,7 +280,7 @@ def test_no_seam_is_left_between_sensed_cells(width: float) -> None:
 def test_foliage_stays_green_where_it_is_sensed() -> None:
     middles = (np.arange(20) + 0.5) * CELL
     ends = np.stack(np.meshgrid(middles + 1.5, middles - 0.5), axis=-1).reshape(-1, 2)
-    bush = (Outline("foliage", (WALL,), Family.FOLIAGE),)
+    bush = (Outline(CellClass.FOLIAGE, (WALL,), Family.FOLIAGE),)
     figure = runs.run_figure([view_of(log_of_ends(ends), outlines=bush)])
     cells = np.asarray(image_of(figure).get_array())
     west, east, *_ = image_of(figure).get_extent()
@@ -294,28 +294,28 @@ def test_foliage_stays_green_where_it_is_sensed() -> None:
 
 
 def test_film_of_a_robot_that_goes_round_a_thing_keeps_its_frame() -> None:
-    box = Outline("solid", (WALL * 2,))
+    box = Outline(CellClass.OBSTACLE, (WALL * 2,))
     extent = runs.first_run_extent((box,), (0.0, 0.0), [(6.0, 0.0)])
-    frames = runs.RunFrames(extent, "title", "P3AT", "", (box,))
+    frames = None
     around = [(2.0, -3.3), (5.2, -3.3), (5.2, 3.3), (2.0, 3.3)]
     places = [(0.0, 0.0), *around, (6.0, 0.0)]
     shown = []
     for number in range(1, len(places) + 1):
         rows = [(x, y, Activity.FOLLOWING) for x, y in places[:number]]
-        frames.draw(record_of(*rows, goal=(6.0, 0.0)), NO_PATH_YET, "status")
+        view = view_of(record_of(*rows, goal=(6.0, 0.0)), outlines=(box,))
+        frames = frames or runs.RunFrames(extent, view)
+        frames.draw(view)
         shown.append(frames.axes.viewLim.bounds)
     assert {*shown} == {extent.bounds}
-    room = Outline("solid", (ROOM,))
+    room = Outline(CellClass.OBSTACLE, (ROOM,))
     assert runs.first_run_extent((room,), (0.0, 0.0), [(6.0, 0.0)]).width < 20 + 2
 
 
 def test_film_may_change_its_title() -> None:
-    frames = runs.RunFrames(
-        Bbox.from_extents(-1.0, -2.0, 5.0, 2.0), "drives", "P3AT", ""
-    )
-    run_log = record_of(*BUG1)
+    run_log, extent = record_of(*BUG1), Bbox.from_extents(-1.0, -2.0, 5.0, 2.0)
+    frames = runs.RunFrames(extent, view_of(run_log, "drives"))
     before, after, again = (
-        frames.draw(run_log, NO_PATH_YET, "status", title)
+        frames.draw(view_of(run_log, title))
         for title in ("drives", "reaches", "drives")
     )
     assert (before != after).any()
@@ -340,9 +340,11 @@ def test_things_at_the_edge_are_shown_whole_unless_they_are_large() -> None:
     run_log = record_of(*BUG1)
     bare = view_of(run_log).extent
     bush = WALL + np.array([0.0, bare.y0 - WALL[0, 1] - 1.0])
-    cut = view_of(run_log, outlines=(Outline("solid", (bush,)),)).extent
+    cut = view_of(run_log, outlines=(Outline(CellClass.OBSTACLE, (bush,)),)).extent
     assert cut.y0 == pytest.approx(bush[:, 1].min() - 0.3)
-    room = view_of(run_log, outlines=(Outline("solid", (WALL * 40,)),)).extent
+    room = view_of(
+        run_log, outlines=(Outline(CellClass.OBSTACLE, (WALL * 40,)),)
+    ).extent
     assert room.bounds == bare.bounds
 
 

@@ -1,23 +1,31 @@
-"""What ``navigate`` and ``map`` share: checks, the robot that is drawn, films."""
+"""What ``navigate`` and ``map`` share: checks, films and recordings of runs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Self
 
 import click
 
+from radarsim import plugins
 from radarsim.cli.output import check_writable, print_message
 from radarsim.errors import PresetError, describe_os_error, expected_one_of
 
 if TYPE_CHECKING:
+    from radarsim.autonomy.mapping.mapper import Mapper
+    from radarsim.autonomy.watching import DataCallback
+    from radarsim.cli.fields import RunFiles
+    from radarsim.client import Client
     from radarsim.plotting.film import Pixels
     from radarsim.presets.robots import RobotModel
+    from radarsim.protocol.dialect import DriveUnit
     from radarsim.scene.scene import Scene
+    from radarsim.server.host import Host
 
 HINT: Final = "--film"
+GROUP: Final = "radarsim.runs"  # of entries
 DRAWN_ROBOT: Final = "P3AT"  # where the class is unknown
 
 
@@ -64,14 +72,13 @@ def check_film(path: Path | None) -> None:
 
 @contextmanager
 def filmed(
-    path: Path | None, draw: Callable[[], Pixels], speed: float
+    files: RunFiles, draw: Callable[[], Pixels]
 ) -> Iterator[Callable[[float], None]]:
     """Film a run if a file is given; whatever ends the run, its film is completed.
 
     Args:
-        path: The file; None for no film.
+        files: The file of the film, if there is one, and how fast it is.
         draw: Returns a frame of the run as it is.
-        speed: Simulated seconds per second of film.
 
     Yields:
         A function to be called after each scan with its time, s.
@@ -79,12 +86,13 @@ def filmed(
     Raises:
         click.BadParameter: If the film of a run that succeeded cannot be written.
     """
+    path = files.film
     if path is None:
         yield lambda _: None
         return
     from radarsim.plotting.film import Film
 
-    film = Film(path, draw, speed=speed)
+    film = Film(path, draw, speed=files.film_speed)
     try:
         with film:
             yield film.update
@@ -94,3 +102,60 @@ def filmed(
     if film.error is not None:
         text = f"cannot write {path}: {describe_os_error(film.error)}"
         raise click.BadParameter(text, param_hint=HINT)
+
+
+class Recording:
+    """Records nothing; what records overrides all methods."""
+
+    def attach(self, host: Host, map_: str) -> None:
+        """Record what is done to a host in this process, whose map has this name."""
+
+    def connect(self, host: str, port: int) -> Client:
+        """Connect to a server over TCP, and record what passes.
+
+        Raises:
+            ClientError: If the connection cannot be opened.
+        """
+        from radarsim.client import Client
+
+        return Client.connect(host, port)
+
+    def follow(self, robot: str) -> DataCallback:  # noqa: ARG002 - nothing is recorded
+        """Return what records the reports of a robot of another client, by its name."""
+        return lambda *_: None
+
+    def add_map(self, mapper: Mapper | None, *, last: bool = False) -> None:
+        """Record a map, at most once a second.
+
+        Args:
+            mapper: Holds the map; None if there is none.
+            last: Whether it is complete, and recorded in any case.
+        """
+
+    def __enter__(self) -> Self:
+        """Begin to record."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Complete the recording."""
+
+
+def make_recording(
+    folder: Path | None, drive_unit: DriveUnit, *, robots_map: bool = False
+) -> Recording:
+    """Return the recording of a run.
+
+    Args:
+        folder: Folder to create; None for no recording.
+        drive_unit: Unit of the commands to drive.
+        robots_map: Whether robots make a map, which ``add_map`` records.
+
+    Raises:
+        RecordingError: If the folder exists, or a package is missing.
+        MissingPackage: If the add-on is not installed.
+    """
+    if folder is None:
+        return Recording()
+    record = plugins.load(GROUP, "record")
+    recording: Recording = record(folder, drive_unit, robots_map=robots_map)
+    return recording

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from radarsim.autonomy.evaluation import task_runner
+from radarsim.autonomy.evaluation.task_runner import run_batches
 from radarsim.errors import RadarsimError, SweepError
-from radarsim.sweep import cluster
-from radarsim.sweep.cluster import run_batches
 
 distributed = pytest.importorskip("distributed")
 
@@ -19,7 +19,8 @@ def square(number: int) -> int:
 
 def squares(executor: Executor, size: int) -> list[tuple[int, int | None, str]]:
     """Run nine tasks in batches."""
-    return sorted(run_batches(executor, square, range(9), size, lambda: 1))
+    tasks = ((number,) for number in range(9))
+    return sorted(run_batches(executor, square, tasks, size, lambda: 1))
 
 
 ALONE = squares(ThreadPoolExecutor(1), 1)
@@ -80,10 +81,10 @@ def test_workers_are_looked_at_while_results_are_awaited(
             return threads
         raise RadarsimError("no workers")
 
-    monkeypatch.setattr(cluster, "CHECK_INTERVAL", 0.01)
+    monkeypatch.setattr(task_runner, "CHECK_INTERVAL", 0.01)
     waiting = threading.Event()
     with ThreadPoolExecutor(1) as pool:
-        running = run_batches(pool, waiting.wait, [9.0], 1, count_threads)
+        running = run_batches(pool, waiting.wait, [(9.0,)], 1, count_threads)
         with pytest.raises(RadarsimError, match="no workers"):
             next(running)
         waiting.set()
@@ -111,7 +112,7 @@ class Client:
 def test_cluster_without_workers_ends_the_sweep(*, is_gone: bool, why: str) -> None:
     printed: list[str] = []
     with pytest.raises(SweepError, match=f"^--scheduler tcp://me:1: {why}.*; results"):
-        cluster.count_threads(Client(is_gone=is_gone), "tcp://me:1", printed.append)
+        task_runner.count_threads(Client(is_gone=is_gone), "tcp://me:1", printed.append)
     assert len(printed) == 1 - is_gone
 
 
@@ -130,7 +131,7 @@ class Registering:
 def test_worker_that_dies_while_it_registers_ends_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(cluster, "CHECK_INTERVAL", 0.0)
-    cluster.prepare_workers(distributed, Registering(2), {})
+    monkeypatch.setattr(task_runner, "CHECK_INTERVAL", 0.0)
+    task_runner.prepare_workers(distributed, Registering(2), list)
     with pytest.raises(SweepError, match="cannot run radarsim: it has died"):
-        cluster.prepare_workers(distributed, Registering(99), {})
+        task_runner.prepare_workers(distributed, Registering(99), list)

@@ -1,0 +1,458 @@
+"""Runs of ``radarsim map``: files, pictures, films, progress and the printed result.
+
+A run explores, or follows what another client drives.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import click
+import numpy as np
+
+from radarsim.autonomy.cli.run_files import (
+    Recording,
+    check_film,
+    drawn_robot,
+    filmed,
+)
+from radarsim.autonomy.evaluation.map_score import FloorPart, robot_and_sensor
+from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
+from radarsim.autonomy.exploration.exploration import Exploration
+from radarsim.autonomy.exploration.plans import ExplorationPlan
+from radarsim.autonomy.mapping.export import (
+    HEAD,
+    commander_png,
+    is_radarsim_map,
+    nav_map,
+)
+from radarsim.autonomy.mapping.mapper import Mapper
+from radarsim.autonomy.mapping.occupancy_grid import CellClass
+from radarsim.autonomy.mapping.trajectory import tum_text
+from radarsim.autonomy.plotting.maps import (
+    MapFrames,
+    MapView,
+    draw_area_curve,
+    draw_map_view,
+)
+from radarsim.autonomy.plotting.outlines import Outline, outlines_of
+from radarsim.autonomy.watching import RobotWatcher, WatchMapper
+from radarsim.cli.output import print_lines, print_message, start_log
+from radarsim.cli.progress import live_status
+from radarsim.errors import describe_os_error
+from radarsim.files import is_by_radarsim, write_atomically
+from radarsim.plotting.film import Pixels
+from radarsim.plotting.style import as_words
+from radarsim.processes import raise_on_signals, set_exit_code_of_sigterm
+
+if TYPE_CHECKING:
+    from radarsim.autonomy.cli.map import MapFileOptions
+
+DEFAULT_STEM: Final = "map"  # of the names of files in a folder
+FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
+TITLE_ENDINGS: Final = {
+    "incomplete": "until nothing was left to try",
+    "time_limit": "until time was up",
+    "stuck": "until the robot was stuck",
+    "failed": "until the run failed",
+    "broken_off": "until interrupted",
+}
+CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
+ENDINGS: Final = {
+    "incomplete": "given up",
+    "time_limit": "time is up",
+    "broken_off": "interrupted",
+    "watched": "mapped what was watched",
+}
+Source: TypeAlias = Exploration | WatchMapper
+
+
+class MapFiles:
+    """The files of a map.
+
+    Attributes:
+        options: What is written.
+        stem: The path that the names of all files begin with.
+        paths: All files: cells, nav2's image and YAML, trajectory, picture.
+    """
+
+    def __init__(self, options: MapFileOptions, name: str) -> None:
+        """Choose the names.
+
+        Args:
+            options: What is written. A folder, or what the names of the files begin
+                with; the suffix of one of the files may follow.
+            name: What they begin with by default.
+        """
+        self.options = options
+        out = options.output or name
+        path = Path(out)
+        self._names_folder = is_folder = out.endswith(("/", os.sep))
+        with suppress(OSError):  # as of a name that is too long
+            is_folder = is_folder or path.is_dir()
+        if is_folder:
+            path /= DEFAULT_STEM
+        elif path.suffix in FILE_SUFFIXES:
+            path = path.with_suffix("")
+        self.stem = path
+        scale, image = ("_scale", ".png") if options.mode == "scale" else ("", ".pgm")
+        endings = (".png", f"{scale}{image}", f"{scale}.yaml", ".tum", "_view.png")
+        self.paths = tuple(path.with_name(path.name + each) for each in endings)
+
+    def check(self, served: str | None = None) -> None:
+        """Check before the robot drives that the files can be written after it.
+
+        A missing folder is created if its name ends in a slash.
+
+        Args:
+            served: The map that is simulated, or None.
+
+        Raises:
+            click.BadParameter: If the folder is missing or not writable, or a file of
+                another program would be overwritten.
+        """
+        folder = self.stem.parent
+        try:
+            if self._names_folder:
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            text = f"cannot make {folder}: {describe_os_error(error)}"
+            raise click.BadParameter(text, param_hint="OUT") from None
+        for path in self.paths:
+            check_writable(path, "OUT")
+            is_served = _is_same(path, served)
+            if is_served or (path.is_file() and not _is_ours(path)):
+                what = "the simulated map" if is_served else "of another program"
+                text = f"would overwrite {path}, which is {what}, expected -o OUT"
+                raise click.BadParameter(text, param_hint="-o")
+        check_film(self.options.film)
+        check_picture(self.options.plot)
+
+    def write(self, result: MappingResult) -> None:
+        """Write the map of a run, and the plot, if there was a scan.
+
+        Why the map cannot be written is noted in the result, and on stderr.
+        """
+        mapper = result.mapper
+        if mapper is None or not mapper.scans:
+            return
+        grid, paths = mapper.grid, self.paths
+        image, yaml = nav_map(grid, paths[2].stem, mode=self.options.mode).values()
+        contents = (
+            commander_png(grid),
+            image,
+            yaml,
+            tum_text(mapper.trajectory).encode(),
+            draw_map_view(view_of(result, mapper)),
+        )
+        try:
+            # all or none: old and new files never stand side by side
+            write_atomically(dict(zip(paths, contents, strict=True)))
+            result.files = paths
+        except OSError as error:
+            name = "the map" if error.filename is None else error.filename
+            text = f"cannot write {name}: {describe_os_error(error)}"
+            print_message(text)
+            result.error = f"{result.error}; {text}" if result.error else text
+        plot, curve = self.options.plot, result.area_curve
+        if plot is not None and curve.samples:
+            name = "" if result.scene is None else f" in {as_words(result.scene.name)}"
+            strategy, title = result.strategy or "", f"Known area{name}"
+            form = check_picture(plot)
+            write_picture(plot, draw_area_curve(curve, strategy, title, form))
+
+
+def _is_ours(path: Path) -> bool:
+    """Return whether a file is of radarsim's, as far as it can be read."""
+    try:
+        with path.open("rb") as file:
+            return is_radarsim_map(file.read(HEAD)) or is_by_radarsim(path)
+    except OSError:
+        return True
+
+
+def _is_same(path: Path, served: str | None) -> bool:
+    with suppress(OSError):  # the simulated map is a shipped one, given by its name
+        return served is not None and path.samefile(served)
+    return False
+
+
+def view_of(result: MappingResult, mapper: Mapper) -> MapView:
+    """Return how the map of a run is drawn.
+
+    Args:
+        result: The run.
+        mapper: Holds the map; at least one scan.
+    """
+    scene, trip, path = result.scene, result.trip, mapper.trajectory.rows()
+    robot, height = drawn_robot(result.robot_class).name, 0.0
+    outlines: tuple[Outline, ...] = ()
+    if scene is not None:
+        x, y, _ = path[0].tolist()
+        _, height = robot_and_sensor(mapper, scene, robot, (x, y))
+        outlines = outlines_of(scene, height)
+    ending = TITLE_ENDINGS.get(result.outcome, "")
+    driven = f"{trip.length:.1f} m in {trip.time:.0f} s {ending}".rstrip()
+    return MapView(
+        mapper.grid,
+        path,
+        robot,
+        _headline(result, mapper, outlines),
+        outlines,
+        f"{_who_maps_what(result)}: {driven}",
+        () if scene is None else tuple(scene.parts),
+        height,
+    )
+
+
+def _headline(
+    result: MappingResult, mapper: Mapper, outlines: Iterable[Outline]
+) -> str:
+    score = result.score
+    if score is not None and score["hidden_coverage"] is not None:
+        return _hidden_text(score["hidden_coverage"], outlines)
+    if score is not None and score["coverage"] is not None:
+        return f"{100 * score['coverage']:.0f} % of the floor mapped"
+    grid = mapper.grid
+    area = np.count_nonzero(grid.sensed_cells()) * grid.frame.resolution**2
+    return f"{area:.0f} m² mapped"
+
+
+def _who_maps_what(result: MappingResult) -> str:
+    where = "what it senses" if result.scene is None else result.scene.name
+    who = result.robot_class or "a robot that another client drives"
+    return f"{who[0].upper()}{who[1:]} maps {where}"
+
+
+def _hidden_text(share: float, outlines: Iterable[Outline]) -> str:
+    """Return how much of the floor that the robot cannot reach is mapped, in words."""
+    is_foliage = any(outline.kind == CellClass.FOLIAGE for outline in outlines)
+    where = "behind the foliage" if is_foliage else "out of the robot's reach"
+    return f"The floor {where}: {100 * share:.0f} % mapped"
+
+
+def map_camera(result: MappingResult, source: Source) -> Callable[[], Pixels]:
+    """Return a function that draws a map as it is; at least one scan is on it.
+
+    Args:
+        result: Has the class of the robot and, if it is known, the scene.
+        source: Holds the map and the distance so far.
+    """
+
+    @cache  # not before the first scan: only then it is known where the robot stands
+    def film(mapper: Mapper) -> tuple[MapView, MapFrames, FloorPart | None]:
+        scene = result.scene
+        view = replace(view_of(result, mapper), title=_who_maps_what(result))
+        if scene is None:
+            return view, MapFrames(view), None
+        x, y, _ = view.path[0].tolist()
+        hidden = FloorPart("hidden", mapper, scene, view.robot_class, (x, y))
+        return view, MapFrames(view), hidden
+
+    def draw() -> Pixels:
+        mapper, trip = source.mapper, source.trip
+        assert mapper is not None
+        view, frames, hidden = film(mapper)
+        text = f"{trip.time:.1f} s, {trip.length:.1f} m"
+        share = None if hidden is None else hidden.coverage(mapper.grid)
+        if share is not None:
+            text = f"{_hidden_text(share, view.outlines)}, {text}"
+        path = mapper.trajectory.rows()
+        return frames.draw(replace(view, grid=mapper.grid, path=path, subtitle=text))
+
+    return draw
+
+
+@contextmanager
+def map_progress(
+    source: Source, recording: Recording, update_film: Callable[[float], None]
+) -> Iterator[Callable[[str], None]]:
+    """Show the progress of a map on stderr, film it and record it.
+
+    Args:
+        source: Holds the map and the distance so far.
+        recording: Records the map.
+        update_film: Films it, at a time in s.
+
+    Yields:
+        A function to be called after each scan with what the robot is doing.
+    """
+    activity = "waiting for a scan"
+    with live_status(lambda: _describe_status(source, activity)) as log:
+
+        def note(latest: str) -> None:
+            nonlocal activity
+            if latest != activity:
+                activity = latest
+                log(_describe_status(source, activity))
+            update_film(source.trip.time)
+            recording.add_map(source.mapper)
+
+        try:
+            yield note
+        finally:
+            recording.add_map(source.mapper, last=True)
+
+
+def _describe_status(source: Source, activity: str) -> str:
+    mapper, trip = source.mapper, source.trip
+    if mapper is None or not mapper.scans:
+        return activity
+    cells = int(np.count_nonzero(mapper.grid.sensed_cells()))
+    area = f"sensed {cells * mapper.grid.frame.resolution**2:7.1f} m²"
+    return f"{trip.time:8.1f} s  {activity:9}  path {trip.length:6.2f} m  {area}"
+
+
+def print_result(result: MappingResult, *, as_json: bool) -> None:
+    """Print a result; one that failed before its first scan only as JSON."""
+    if as_json:
+        print_lines([result.to_json()])
+    elif result.trip.start is not None or not result.error:
+        print_lines(as_text(result))
+
+
+def as_text(result: MappingResult) -> list[str]:
+    """Return a result as lines of text."""
+    plain = result.to_dict()
+    ending = ENDINGS.get(result.outcome, result.outcome)
+    how = " by" if result.outcome == "explored" else ", exploring by"
+    by = "" if result.strategy is None else f"{how} {result.strategy}"
+    path = f"{plain['path_length']:.2f} m in {plain['time']:.1f} s"
+    lines = [f"{ending}{by}: {path}, {plain['scans']} scans"]
+    lines += [f"doubt    {doubt}" for doubt in plain["doubts"]]
+    if cells := plain["cells"]:
+        area = cells["resolution"] ** 2
+        areas = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]
+        lines.append(f"map      {', '.join(areas)}")
+    if errors := plain["pose_errors"]:
+        lines.append(
+            f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
+            f" at most {errors['ate_max']:.3f} m and {errors['yaw_max_deg']:.2f}"
+        )
+    if result.unreached:
+        points = ", ".join(f"{x:.4g} {y:.4g}" for x, y in result.unreached)
+        why = "no way there" if result.outcome == "explored" else "not reached"
+        lines.append(f"left out {points}: {why}")
+    if judge := plain.get("judge"):
+        lines.append(f"in truth {_judge_text(judge)}")
+    if result.files:
+        lines.append(f"files    {_files_text(result.files)}")
+    return lines
+
+
+def _files_text(files: Sequence[Path]) -> str:
+    """Return names of files: first the picture that a person looks at."""
+    view = next(file for file in files if file.stem.endswith("_view"))
+    others = ", ".join(file.name for file in files if file != view)
+    return f"{view.name} to look at; for programs {others}; in {view.parent}"
+
+
+def _judge_text(judge: dict[str, Any]) -> str:
+    texts = [f"{judge['path_length']:.2f} m"]
+    if judge.get("coverage") is not None:
+        near = f"{judge['near_coverage']:.1%} at short range"
+        texts.append(f"{judge['coverage']:.1%} of the floor sensed, {near}")
+    if judge.get("reachable_coverage") is not None:
+        texts.append(f"{judge['reachable_coverage']:.1%} of what it can get to")
+    if judge.get("hidden_coverage") is not None:
+        texts.append(f"{judge['hidden_coverage']:.1%} of what it cannot get to")
+    if "right" in judge:
+        texts.append(f"{judge['right']} cells right, {judge['wrong']} wrong")
+    texts.append(f"collisions: {judge['collisions']}")
+    return ", ".join(texts)
+
+
+def explore(
+    run: MappingRun,
+    files: MapFiles,
+    recording: Recording,
+    address: tuple[str, int],
+    *,
+    as_json: bool,
+) -> None:
+    """Let a run explore; write, judge and describe its map however it ends.
+
+    Args:
+        run: The run.
+        files: What is written.
+        recording: Records what passes, and the map.
+        address: Host and port of the server, unless it is in this process.
+        as_json: Whether to print JSON.
+    """
+    result, source = run.result, run.exploration
+    film = filmed(files.options, map_camera(result, source))
+    with raise_on_signals(), recording, film as update_film:
+        try:
+            with map_progress(source, recording, update_film) as note:
+                run.run(address, lambda step: note(step.activity))
+        finally:
+            # an interrupt of the judge, which takes seconds, must not cost the map
+            try:
+                run.judge()
+            finally:
+                files.write(result)
+            print_result(result, as_json=as_json)
+
+
+def follow(
+    plan: ExplorationPlan,
+    files: MapFiles,
+    recording: Recording,
+    server: tuple[str, int],
+    robot: str,
+    *,
+    as_json: bool,
+) -> int:
+    """Map what a robot of another client reports, until it leaves or a signal comes.
+
+    Args:
+        plan: The scanner, the source of its motion, and the map's cells.
+        files: What is written.
+        recording: Records what passes, and the map.
+        server: Host and port of the server, which is one of radarsim.
+        robot: Name of the robot.
+        as_json: Whether to print JSON.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        click.BadParameter: If an option is wrong.
+    """
+    if not robot.strip() or "," in robot:
+        text = f"{robot[:80]!r}, expected the name of a robot, without commas"
+        raise click.BadParameter(text, param_hint="--watch")
+    watcher = RobotWatcher(server, robot, echoes=plan.echoes)
+    watcher.on_wait = lambda: print_message(f"waiting for the robot {robot[:80]!r}")
+    follower = WatchMapper(
+        motion_source=plan.motion_source,
+        resolution=plan.resolution,
+        map_range=plan.map_range,
+        scanner=plan.scanner,
+    )
+    files.check()
+    start_log(logging.WARNING, "%(message)s")
+    set_exit_code_of_sigterm(0)  # it has no end of its own
+    result = MappingResult(
+        None, follower.motion_source, trip=follower.trip, outcome="watched"
+    )
+    film = filmed(files.options, map_camera(result, follower))
+    with raise_on_signals(), recording, film as update_film:
+        follower.on_data = recording.follow(robot)
+        with map_progress(follower, recording, update_film) as note:
+            follower.on_scan = lambda: note("listening")
+            code = follower.watch(watcher, echoes=plan.echoes)
+        result.mapper = follower.mapper
+        files.write(result)
+        if follower.error and not result.error:
+            result.error = follower.error
+            print_message(follower.error)
+        print_result(result, as_json=as_json)
+    return 1 if result.error else code
