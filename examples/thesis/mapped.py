@@ -29,7 +29,7 @@ from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.geometry import Point
 from radarsim.plotting.style import as_words, write_at
 from radarsim.presets.robots import load_robot
-from radarsim.robots.obstacles import slice_parts
+from radarsim.robots.obstacles import slice_mesh
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
@@ -78,7 +78,8 @@ def count_object_cells(run: Mapped) -> dict[str, int]:
     far = (TOLERANCE + BESIDE) * run.grid.frame.resolution
     counts = {}
     for part in hidden_parts(load_scene(ROOM)):
-        lines = shapely.MultiLineString(list(slice_parts([part], run.height)))
+        cut = slice_mesh(part.vertices, part.faces, run.height)
+        lines = shapely.MultiLineString(list(cut))
         near = shapely.distance(lines, black) <= far
         counts[part.object_name] = int(np.count_nonzero(near))
     return counts

@@ -44,7 +44,14 @@ from radarsim.autonomy.plotting.maps import (
 )
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
-from radarsim.cli.output import print_lines, print_message, start_log
+from radarsim.cli.output import (
+    check_picture,
+    check_writable,
+    print_lines,
+    print_message,
+    start_log,
+    write_picture,
+)
 from radarsim.cli.progress import live_status
 from radarsim.errors import describe_os_error
 from radarsim.files import is_by_radarsim, write_atomically
