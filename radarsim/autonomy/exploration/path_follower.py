@@ -109,21 +109,18 @@ class PathFollower:
         return True
 
     def plan(self, observation: Observation, targets: Mask) -> bool:
-        """Plan the path to the nearest of some tiles; return whether there is one."""
+        """Plan the path to the nearest of some tiles; return whether there is one.
+
+        Tiles around targets that were given up are left out.
+        """
         had_path = bool(self._path)
-        self._path = self.find_path(self.floor, observation.pose, targets)
+        for point in self._given_up:
+            targets = targets & ~self.floor.disc(*point, GIVEN_UP_RADIUS)
+        self._path = self.floor.find_path(observation.pose, targets)
         # To plan again, which happens every second, is no progress.
         if self._last_progress is None or not had_path:
             self._last_progress = observation.time, observation.pose
         return bool(self._path)
-
-    def find_path(
-        self, floor: TraversabilityMap, pose: Pose2, targets: Mask
-    ) -> Sequence[Point]:
-        """Return the path to the nearest of some tiles that are not given up."""
-        for point in self._given_up:
-            targets = targets & ~floor.disc(*point, GIVEN_UP_RADIUS)
-        return floor.find_path(pose, targets)
 
     def step(self, observation: Observation) -> Twist:
         """Return the twist along the path."""

@@ -21,7 +21,6 @@ class StrategyName(StrEnum):
     CONTOUR = "contour"
     CENTRE_OUT = "centre_out"
     FRONTIERS = "frontiers"
-    INFORMATION_GAIN = "information_gain"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,7 +21,6 @@ from radarsim.autonomy.exploration.coverage import (
     SpiralCoverage,
     frontier_strategy,
 )
-from radarsim.autonomy.exploration.next_best_view import NextBestView
 from radarsim.autonomy.exploration.path_follower import (
     MAP_INTERVAL,
     ExplorationSettings,
@@ -41,7 +40,6 @@ _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]
     StrategyName.CONTOUR: ContourStrategy,
     StrategyName.CENTRE_OUT: SpiralCoverage,
     StrategyName.FRONTIERS: frontier_strategy,
-    StrategyName.INFORMATION_GAIN: NextBestView,
 }
 LEAST_AREA = 0.25  # m² of floor that is worth telling
 
