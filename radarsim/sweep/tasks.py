@@ -18,7 +18,7 @@ from radarsim.autonomy.evaluation.trials import (
     run_plan,
     shortest_for,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.errors import MapError, SweepError
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map

@@ -18,9 +18,8 @@ from processes import start_radarsim
 
 from radarsim.autonomy.cli.navigate_output import headline
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
-from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import Result
+from radarsim.autonomy.plans import Algorithm, Mission
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
 from radarsim.scene.scene import Scene

@@ -8,12 +8,12 @@ import numpy as np
 import shapely
 from flat_world import cast
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Controller, ControllerSettings
 from radarsim.autonomy.navigation.mission import CONTROLLERS
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Floats, Point, Pose2
 
 BEARINGS: Floats = np.radians(np.arange(-180.0, 180.0, 2.0))

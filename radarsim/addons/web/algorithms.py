@@ -26,7 +26,6 @@ from radarsim.autonomy.exploration.exploration import (
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.export import (
     COMMANDER_CELLS,
     commander_pixels,
@@ -35,9 +34,9 @@ from radarsim.autonomy.mapping.export import (
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.autonomy.plans import ExplorationPlan, Mission
 from radarsim.autonomy.plotting.maps import CELL_COLOURS, CELL_TEXTS
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name

@@ -17,7 +17,7 @@ from radarsim.autonomy.cli.map_files import MapFiles, map_camera
 from radarsim.autonomy.cli.recording import Recording
 from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.autonomy.exploration.exploration import Exploration
-from radarsim.autonomy.exploration.plans import ExplorationPlan
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.cli.output import print_lines, print_message, start_log
 from radarsim.cli.progress import live_status

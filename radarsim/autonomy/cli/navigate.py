@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from radarsim.autonomy.cli.film import check_film, check_start, filmed
-from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.plans import Mission
 from radarsim.cli.fields import (
     LOCAL_SERVER,
     Json,

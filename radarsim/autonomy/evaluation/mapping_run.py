@@ -33,11 +33,11 @@ from radarsim.autonomy.exploration.exploration import (
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import TrajectoryErrors, trajectory_errors
 from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.client import Client
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene

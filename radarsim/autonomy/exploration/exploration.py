@@ -14,7 +14,6 @@ from radarsim.autonomy.exploration.path_follower import (
     Strategy,
     WaypointFollower,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.revisit import Revisit
 from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
 from radarsim.autonomy.mapping.mapper import Mapper
@@ -28,6 +27,7 @@ from radarsim.autonomy.navigation.control import (
 from radarsim.autonomy.navigation.mission import check_field_of_view, spawn_robot
 from radarsim.autonomy.navigation.observation import Observation, check_beams
 from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Point

@@ -26,11 +26,11 @@ from radarsim.autonomy.exploration.path_follower import (
     ExplorationSettings,
     Strategy,
 )
-from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import StrategyName
 from radarsim.geometry import Point, Pose2
 
 MAX_FRONTIERS: Final = 4  # times that frontiers are chosen

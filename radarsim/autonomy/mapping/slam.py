@@ -41,7 +41,7 @@ from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
 from radarsim.autonomy.mapping.scan import PlanarScan, scan_of
 from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.autonomy.navigation.plans import MotionSource
+from radarsim.autonomy.plans import MotionSource
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.protocol.reports import Ins, RangeScan, TargetEchoes

@@ -24,8 +24,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from radarsim.autonomy.navigation.algorithms import GiveUp
 from radarsim.autonomy.navigation.control import distance
+from radarsim.autonomy.plans import GiveUp
 from radarsim.geometry import Point, Pose2
 
 LEAST_CIRCUIT = 1.5  # m; a shorter closed path is no circuit

@@ -8,7 +8,6 @@ its boundary policy says. What is beyond the goal is no obstacle.
 import math
 from collections.abc import Sequence
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.boundary_memory import (
     FollowedBoundary,
 )
@@ -33,6 +32,7 @@ from radarsim.autonomy.navigation.wall_following import (
     BumperWallFollower,
     WallFollower,
 )
+from radarsim.autonomy.plans import Algorithm, Rule
 from radarsim.geometry import Point, Pose2
 
 GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path

@@ -23,9 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.algorithms import Rule
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
-from radarsim.autonomy.navigation.plans import LEAST_SHARE
+from radarsim.autonomy.plans import LEAST_SHARE, Rule
 from radarsim.geometry import Floats
 
 BAND = 0.5  # m beyond the safety distance

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, GiveUp
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
     STOP,
@@ -20,7 +19,7 @@ from radarsim.autonomy.navigation.control import (
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import leads_too_near
-from radarsim.autonomy.navigation.plans import TOLERANCE
+from radarsim.autonomy.plans import TOLERANCE, Algorithm, GiveUp
 from radarsim.geometry import Floats, Point, Pose2
 
 

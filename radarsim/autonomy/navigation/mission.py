@@ -4,16 +4,15 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Controller, ControllerSettings
 from radarsim.autonomy.navigation.observation import ECHO_WAIT, ObservationBuilder
 from radarsim.autonomy.navigation.path_planning import PathPlanning
-from radarsim.autonomy.navigation.plans import DrivePlan, Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
 from radarsim.autonomy.navigation.tangent_bug import TangentBug
+from radarsim.autonomy.plans import ROBOT, Algorithm, DrivePlan, Mission
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import NavigationError
 

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.autonomy.mapping.slam import Localizer
-from radarsim.autonomy.navigation.algorithms import PoseSource
+from radarsim.autonomy.plans import PoseSource
 from radarsim.client import ScannerInfo, beam_angles
 from radarsim.client.robot_info import from_centre, same_name
 from radarsim.client.robot_state import EchoCollector

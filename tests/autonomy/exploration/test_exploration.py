@@ -13,12 +13,12 @@ from radarsim.autonomy.exploration.exploration import (
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Pose2

@@ -19,7 +19,6 @@ from radarsim.autonomy.exploration.path_follower import (
     Strategy,
     WaypointFollower,
 )
-from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.exploration.strategies import AutoStrategy, create_strategy
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
@@ -27,6 +26,7 @@ from radarsim.autonomy.mapping.scan import BeamEnd
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import StrategyName
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 

@@ -16,12 +16,12 @@ from radarsim.autonomy.exploration.path_follower import (
     ExplorationSettings,
     Strategy,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.revisit import LOOK_TIME, Revisit
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.client import Client
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map

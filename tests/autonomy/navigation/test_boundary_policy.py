@@ -5,13 +5,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.algorithms import GiveUp
 from radarsim.autonomy.navigation.boundary_policy import (
     Bug1Policy,
     Bug2Policy,
     Decision,
     Landmark,
 )
+from radarsim.autonomy.plans import GiveUp
 from radarsim.geometry import Pose2
 
 RADIUS = 3.0

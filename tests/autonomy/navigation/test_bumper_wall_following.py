@@ -7,12 +7,12 @@ import shapely
 import shapely.affinity
 from flatland import flatland
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
 from radarsim.autonomy.navigation.wall_following import BumperWallFollower
+from radarsim.autonomy.plans import Algorithm, Rule
 from radarsim.geometry import Pose2
 
 S = 0.5

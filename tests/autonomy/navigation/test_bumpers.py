@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.algorithms import Rule
 from radarsim.autonomy.navigation.bumpers import (
     Bumper,
     Bumpers,
@@ -13,6 +12,7 @@ from radarsim.autonomy.navigation.bumpers import (
     pressed_names,
 )
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import Rule
 from radarsim.geometry import Pose2
 
 BEARINGS = np.radians(np.arange(360) - 180.0)

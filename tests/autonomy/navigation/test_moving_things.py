@@ -7,12 +7,12 @@ import pytest
 import shapely
 from flatland import flatland, outline
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.moving_things import PATIENCE, MotionDetector, Waiting
+from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Pose2
 
 BUMPERS = Bumpers(safety_distance=0.5)

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, PoseSource
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
+from radarsim.autonomy.plans import Algorithm, Mission, PoseSource
 from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
