@@ -17,6 +17,7 @@ from radarsim.plans import RARE, Form, Option, PointXY, Sets, read_numbers
 from radarsim.protocol.dialect import DriveUnit
 
 ROBOT: Final = "P3AT_Radar360"  # a robot class whose scanner covers a full circle
+ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
 LEAST_SHARE = 0.1  # of a bumper's beams
 TOLERANCE = 0.1  # m from the goal at which it is reached
 

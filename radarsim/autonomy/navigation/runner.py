@@ -22,10 +22,12 @@ from radarsim.autonomy.navigation.control import (
     distance,
 )
 from radarsim.autonomy.navigation.controller import Activity, Controller
+from radarsim.autonomy.navigation.hidden_obstacles import (
+    TouchMemory,
+    TransientObstacles,
+)
 from radarsim.autonomy.navigation.moving_things import Waiting
 from radarsim.autonomy.navigation.observation import Observation, ObservationBuilder
-from radarsim.autonomy.navigation.touch_memory import TouchMemory
-from radarsim.autonomy.navigation.transient_obstacles import TransientObstacles
 from radarsim.client import Client, RobotInfo
 from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2

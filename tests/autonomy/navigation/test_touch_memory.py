@@ -12,8 +12,8 @@ from random_trials import load_random_map, mission_to
 
 from radarsim.autonomy.evaluation.trials import run_plan
 from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.hidden_obstacles import TouchedPlaces, TouchMemory
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.touch_memory import TouchedPlaces, TouchMemory
 from radarsim.autonomy.plans import Algorithm
 from radarsim.generators.random_maps import Block, RandomMap
 from radarsim.geometry import Pose2
