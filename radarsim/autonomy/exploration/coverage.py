@@ -22,7 +22,7 @@ import numpy as np
 from radarsim.autonomy.exploration.path_follower import ExplorationSettings, Strategy
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import SHORT_RANGE, Mask, OccupancyGrid
-from radarsim.autonomy.navigation.boundary_policy import Landmark
+from radarsim.autonomy.navigation.boundary_memory import Landmark
 from radarsim.autonomy.navigation.control import (
     STOP,
     Twist,
