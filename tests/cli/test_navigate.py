@@ -383,6 +383,6 @@ def test_headline_says_how_a_run_ended() -> None:
     run.error = INTERRUPTED
     assert headline(run) == "Bug1, interrupted"
     for outcome, text in (("reached", "reaches its goal"), ("no_path", "no path")):
-        run.result = Result(outcome, 1.0, 1.0, (), (), 0, 1.0, 0, 0.5)
+        run.result = Result(outcome, 1.0, 1.0, 0, 0, 0.5)
         run.error = ""
         assert text in headline(run)

@@ -21,11 +21,7 @@ from PIL import Image
 from radarsim.addons.web.own_robot import RobotClient, Tell, Work
 from radarsim.addons.web.requests import BadRequest, Colours, Explore, Goto, Map
 from radarsim.addons.web.robot_view import RobotView
-from radarsim.autonomy.exploration.exploration import (
-    Exploration,
-    ExplorationStep,
-    Outcome,
-)
+from radarsim.autonomy.exploration.exploration import Exploration, Outcome
 from radarsim.autonomy.mapping.export import (
     COMMANDER_CELLS,
     commander_pixels,
@@ -136,7 +132,7 @@ def plan_exploration(request: Explore, colours: Colours) -> Work:
             if grid:
                 tell(describe_map(request.robot, mapper.grid, colours))
 
-        def observe(_: ExplorationStep) -> None:
+        def observe(_: str) -> None:
             show(path=is_path_due(), grid=is_map_due())
 
         try:

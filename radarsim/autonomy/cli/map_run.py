@@ -144,7 +144,7 @@ def explore(
     with _making(result, source, files, recording) as making:
         try:
             with making as note:
-                run.run(address, lambda step: note(step.activity))
+                run.run(address, note)
         finally:
             # an interrupt of the judge, which takes seconds, must not cost the map
             try:

@@ -99,12 +99,8 @@ def run_mission(
     source = ObservationBuilder(
         scanner, mission.pose_source, clock, echo_wait=echo_wait
     )
-    return Navigator(client, info, source, controller, bumpers).run(
-        timeout=mission.timeout,
-        time_limit=mission.time_limit,
-        return_to_start=mission.return_to_start,
-        observe=observe,
-    )
+    navigator = Navigator(client, info, source, controller, bumpers)
+    return navigator.run(mission, observe)
 
 
 def safety_distance_for(

@@ -132,7 +132,6 @@ def test_goal_is_reached_by_any_pose_source(
     assert moments[-1].activity is Activity.REACHED
     assert moments[-1].goal is None
     assert {moment.goal for moment in moments[:-1]} == {GOAL}
-    assert result.nearest == min(moment.observation.ranges.min() for moment in moments)
 
 
 def test_robot_is_commanded_before_the_observer_is_called(empty_room: Scene) -> None:
