@@ -30,6 +30,7 @@ from radarsim.autonomy.navigation.boundary_memory import (
     Landmark,
     Trail,
 )
+from radarsim.autonomy.navigation.bumpers import BAND
 from radarsim.autonomy.navigation.control import STOP, Twist, distance
 from radarsim.autonomy.navigation.controller import (
     Activity,
@@ -444,7 +445,7 @@ class Bug(BoundaryController):
         """
         bumpers = self._settings.bumpers
         near = self._goal_distance(observation.pose)
-        most = min(bumpers.pressed_below, self._seen_from - bumpers.band / 2)
+        most = min(bumpers.pressed_below, self._seen_from - BAND / 2)
         return near <= most and self._is_open(observation)
 
     def _leave(self, observation: Observation) -> Twist:

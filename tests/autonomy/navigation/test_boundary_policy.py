@@ -39,7 +39,7 @@ def mark(angle: float) -> Landmark:
 
 def boundary() -> FollowedBoundary:
     """The circle, of which landmarks are passed up to 0.7 m beside them."""
-    bumpers = Bumpers(safety_distance=0.5, band=0.4)
+    bumpers = Bumpers(safety_distance=0.45)
     followed = FollowedBoundary(WallFollower(bumpers, SpeedLimits()))
     followed.trail = Trail(mark(0.0))
     return followed
