@@ -219,6 +219,7 @@ class FollowedBoundary:
         reached_at: When the robot came beside it, s.
         goal_distance: Its least distance from the goal so far, m.
         trail: Landmarks along it; None before a circuit around it begins.
+        circuit_start: Where on the path along it the last circuit began, m.
     """
 
     def __init__(self, follower: WallFollower) -> None:
@@ -232,6 +233,7 @@ class FollowedBoundary:
         self._nearest: Point | None = None  # point of it, map frame
         self._seen: Point | None = None  # nearest point of what is looked at, likewise
         self.trail: Trail | None = None
+        self.circuit_start = 0.0
 
     @property
     def is_reached(self) -> bool:
@@ -296,28 +298,26 @@ class FollowedBoundary:
         gone.append(self.hit_place)
         return True
 
-    def is_what_was_hit(self, circuit_start: float) -> bool:
-        """Return whether a circuit, begun at m along the path, went around what it hit.
+    def is_what_was_hit(self) -> bool:
+        """Return whether the last circuit went around what the robot has hit.
 
         Where the robot hits something in a gap, what it follows may be the other side
         of the gap; and in a gap that it follows it may get to another obstacle, and not
         back.
         """
-        hit = self.hit_place
-        return self.memory.begins_at(hit) and self.memory.passes(hit, circuit_start)
+        hit, memory = self.hit_place, self.memory
+        return memory.begins_at(hit) and memory.passes(hit, self.circuit_start)
 
-    def extend_trail(self, pose: Pose2, direction: float) -> float | None:
-        """Take the next step beside it, after ``remember``.
+    def closes_circuit(self, pose: Pose2, direction: float) -> bool:
+        """Take the next step beside it, after ``remember``; tell if it ends a circuit.
 
         Args:
             pose: Of the robot.
             direction: Along it, rad, map frame.
-
-        Returns:
-            Where along the path a circuit began that this step closed, m; None if it
-            closed none.
         """
         if self.trail is None:
             reach = self.follower.target_distance
             self.trail = Trail(Landmark(pose, direction, max_offset=reach))
-        return self.trail.extend(pose, direction, self.travelled)
+        began = self.trail.extend(pose, direction, self.travelled)
+        self.circuit_start = self.circuit_start if began is None else began
+        return began is not None

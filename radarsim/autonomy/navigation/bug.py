@@ -68,12 +68,10 @@ class BoundaryPolicy(ABC):
         boundary: The boundary.
         circuits: Number of complete circuits.
         missed: Whether it leaves because the leave point was not found again.
-        circuit_start: Where on the path from the hit point the last circuit began, m.
     """
 
     circuits = 0
     missed = False
-    circuit_start = 0.0
 
     def __init__(self, boundary: FollowedBoundary, goal: Point) -> None:
         """Create the policy at a hit point.
@@ -117,10 +115,9 @@ class Bug1Policy(BoundaryPolicy):
         travelled = self.boundary.travelled
         goal_distance = distance(pose, *self._goal)
         self._steps.append((goal_distance, travelled, pose, direction))
-        began = self.boundary.extend_trail(pose, direction)
-        if began is None:
+        if not self.boundary.closes_circuit(pose, direction):
             return Decision.ONWARD
-        self.circuits, self.circuit_start = 1, began
+        self.circuits, began = 1, self.boundary.circuit_start
         # Only steps of the circuit: the way to where it began may not be part of it.
         _, at, nearest, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
@@ -193,11 +190,11 @@ class Bug2Policy(BoundaryPolicy):
         hit_distance = distance(self._hit, *self._goal)
         nearer = distance(pose, *self._goal) < hit_distance - LEAST_GAIN
         # Before anything is decided: the landmarks have to see every step, too.
-        began = self.boundary.extend_trail(pose, direction)
+        closes_circuit = self.boundary.closes_circuit(pose, direction)
         if at_line and nearer and free:
             return Decision.LEAVE
-        if began is not None:
-            self.circuits, self.circuit_start = self.circuits + 1, began
+        if closes_circuit:
+            self.circuits += 1
             return Decision.NO_PATH
         # At its hit point the robot is at the line as well.
         is_away = pose.distance(self._hit) > LEAST_CIRCUIT / 2
@@ -234,8 +231,8 @@ class _Line:
 class BoundaryController(Controller):
     """What algorithms have in common that follow boundaries."""
 
-    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
-        super().__init__(goals, settings)
+    def __init__(self, settings: ControllerSettings) -> None:
+        super().__init__(settings)
         self._boundary: FollowedBoundary  # that it is at, unless it is going
         # where it hit obstacles that had gone when they were looked at, m, map frame
         self._gone: list[Point] = []
@@ -252,17 +249,13 @@ class BoundaryController(Controller):
         follower = kind(self._settings.bumpers, limits, wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(follower)
 
-    def _conclude(self, observation: Observation, began: float) -> Twist:
+    def _conclude(self, observation: Observation) -> Twist:
         """Give up after a circuit, unless what was circled does not close the way.
 
         It may have driven away meanwhile, or be another obstacle than was hit.
-
-        Args:
-            observation: The newest scan.
-            began: Where on the path along the boundary the circuit began, m.
         """
         has_gone = self._boundary.has_gone(observation, self._gone)
-        is_hit = self._boundary.is_what_was_hit(began)
+        is_hit = self._boundary.is_what_was_hit()
         is_other = self._others < MOST_OTHERS and not is_hit
         if has_gone or is_other:
             self._others += is_other
@@ -283,9 +276,9 @@ class BoundaryController(Controller):
 class Bug(BoundaryController):
     """Bug1 or Bug2; attributes are those of ``Controller``."""
 
-    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
-        super().__init__(goals, settings)
-        self._wall_on_left = settings.wall_on_left  # of the next boundary
+    def __init__(self, settings: ControllerSettings) -> None:
+        super().__init__(settings)
+        self._wall_on_left = settings.mission.side == "left"  # of the next boundary
         self._policy: BoundaryPolicy  # for the boundary that it is at
         self._starts: list[Pose2] = []  # of the lines of which Bug2 has to meet one
         self._lost = 0.0  # m driven without a boundary
@@ -299,7 +292,7 @@ class Bug(BoundaryController):
     def _begin_goal(self, pose: Pose2) -> None:
         super()._begin_goal(pose)
         self._starts, self._misses = [pose], 0
-        self._wall_on_left = self._settings.wall_on_left
+        self._wall_on_left = self._settings.mission.side == "left"
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
@@ -365,12 +358,11 @@ class Bug(BoundaryController):
         direction = boundary.follower.direction(observation, obstacle)
         reach = boundary.follower.target_distance
         boundary.trail = Trail(Landmark(pose, direction, max_offset=reach))
-        if settings.algorithm == Algorithm.BUG1:
+        if settings.mission.algorithm is Algorithm.BUG1:
             self._policy = Bug1Policy(boundary, goal)
         else:
-            self._policy = Bug2Policy(
-                boundary, goal, pose, self._starts, settings.give_up
-            )
+            give_up = settings.mission.give_up
+            self._policy = Bug2Policy(boundary, goal, pose, self._starts, give_up)
 
     def _follow(self, observation: Observation, step: float) -> Twist:
         if self._sees_goal(observation):
@@ -390,7 +382,7 @@ class Bug(BoundaryController):
         if decision is Decision.LEAVE:
             return self._leave_or_conclude(observation)
         if decision is Decision.NO_PATH:
-            return self._conclude(observation, policy.circuit_start)
+            return self._conclude(observation)
         if decision is Decision.BACK:
             follower.forward = not follower.forward
         if policy.circuits:
@@ -410,11 +402,11 @@ class Bug(BoundaryController):
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
-        near = self._goal_distance(observation.pose)
-        is_no_nearer = near > self._best_leave - self._settings.tolerance
+        near, mission = self._goal_distance(observation.pose), self._settings.mission
+        is_no_nearer = near > self._best_leave - mission.tolerance
         self._best_leave = min(self._best_leave, near)
-        if is_no_nearer and self._settings.algorithm == Algorithm.BUG1:
-            return self._conclude(observation, self._policy.circuit_start)
+        if is_no_nearer and mission.algorithm is Algorithm.BUG1:
+            return self._conclude(observation)
         return self._leave(observation)
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:

@@ -83,16 +83,9 @@ def run_mission(
     )
     # Before anything is driven: what a blind bumper faces would be hit.
     check_field_of_view(bumpers, scanner)
-    settings = ControllerSettings(
-        algorithm=mission.algorithm,
-        bumpers=bumpers,
-        speed_limits=speed_limits,
-        wall_on_left=mission.side == "left",
-        give_up=mission.give_up,
-        tolerance=mission.tolerance,
-        footprint=footprint_for(info, mission),
-    )
-    controller = CONTROLLERS[mission.algorithm](mission.goals, settings)
+    footprint = footprint_for(info, mission)
+    settings = ControllerSettings(mission, bumpers, speed_limits, footprint)
+    controller = CONTROLLERS[mission.algorithm](settings)
     if mission.echoes:
         client.echoes(scanner.name)
     echo_wait, clock = ECHO_WAIT * mission.echoes, client.transport.time

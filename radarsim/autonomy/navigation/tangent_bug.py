@@ -34,7 +34,6 @@ algorithm, International Journal of Robotics Research 17, 1998.
 """
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -131,8 +130,8 @@ def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
 class TangentBug(BoundaryController):
     """TangentBug; attributes are those of ``Controller``."""
 
-    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
-        super().__init__(goals, settings)
+    def __init__(self, settings: ControllerSettings) -> None:
+        super().__init__(settings)
         # a gap that it enters has to be one that a wall follower finds open from inside
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # that it heads for
@@ -277,7 +276,7 @@ class TangentBug(BoundaryController):
             self._boundary, self._resumed = boundary, self._resumed + 1
             return STOP
         # on the hand on which the way over what it sees is shorter
-        wall_on_left = self._settings.wall_on_left
+        wall_on_left = self._settings.mission.side == "left"
         directions = OpenDirections(observation, self._radius)
         edge, _ = self._best_edge(directions.edges(), directions, pose)
         if edge is not None:
@@ -314,10 +313,9 @@ class TangentBug(BoundaryController):
             return twist
         boundary.remember(part.pose.yaw, step)
         direction = boundary.follower.tangent(part)
-        began = boundary.extend_trail(part.pose, direction)
-        if began is not None:
+        if boundary.closes_circuit(part.pose, direction):
             self.circuits += 1
-            return self._conclude(observation, began)
+            return self._conclude(observation)
         return boundary.follower.step(observation, part)[0]
 
     def _approach(self, observation: Observation) -> Twist:

@@ -12,7 +12,7 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.moving_things import PATIENCE, Waiting
-from radarsim.autonomy.plans import Algorithm
+from radarsim.autonomy.plans import Algorithm, Mission
 from radarsim.geometry import Pose2
 
 BUMPERS = Bumpers(safety_distance=0.5)
@@ -28,9 +28,8 @@ def test_robot_lets_something_pass_and_reaches_its_goal(
     begin: float, speed: float
 ) -> None:
     world = flatland(at=Pose2(-3.0, 0.0))
-    bug = Bug(
-        [(3.0, 0.0)], ControllerSettings(algorithm=Algorithm.BUG1, bumpers=BUMPERS)
-    )
+    mission = Mission(algorithm=Algorithm.BUG1, goals=((3.0, 0.0),))
+    bug = Bug(ControllerSettings(mission, BUMPERS))
     waiting, twist, nearest = Waiting(BUMPERS, 0.37), STOP, math.inf
     for k in range(600):
         other = crossing(begin + speed * 0.1 * k)
