@@ -124,7 +124,9 @@ class ContourStrategy(Strategy):
         self.activity = "seeking"
         self.contours = 0
         self._wall_follower = WallFollower(
-            settings.bumpers, settings.speed_limits, wall_on_left=settings.wall_on_left
+            settings.bumpers,
+            settings.speed_limits,
+            wall_on_left=settings.plan.side == "left",
         )
         self._coverage = coverage_strategy(settings)
         self._track: list[Point] = []
@@ -204,7 +206,7 @@ class ContourStrategy(Strategy):
             self.contours += 1
             # Round a room it has turned to one side in total, round an island to the
             # other: that wall was not the room's.
-            is_inside = (self._turn < 0) == self._settings.wall_on_left
+            is_inside = (self._turn < 0) == self._wall_follower.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._lost > LOST_CIRCLES * math.tau * self._wall_follower.target_distance:
             self.activity = "seeking"
@@ -254,7 +256,7 @@ class SpiralCoverage(Strategy):
         # Near the centre such an arc would be more than a whole turn.
         step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
-        self.is_done = radius > self._settings.radius
+        self.is_done = radius > self._settings.plan.radius
         return step
 
 

@@ -116,8 +116,7 @@ class Exploration:
         self.settings = ExplorationSettings(
             bumpers=Bumpers(safety_distance=self.safety_distance),
             speed_limits=speed_limits,
-            wall_on_left=plan.side == "left",
-            radius=plan.radius,
+            plan=plan,
         )
         if not plan.waypoints:
             check_field_of_view(self.settings.bumpers, scanner)

@@ -24,6 +24,7 @@ from radarsim.autonomy.navigation.control import (
     distance,
 )
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.geometry import Point, Pose2
 
 MIN_SCANS: Final = 10  # on the map before it is evaluated
@@ -44,14 +45,12 @@ class ExplorationSettings:
     Attributes:
         bumpers: The long-range bumpers, with the safety distance.
         speed_limits: Greatest speeds.
-        wall_on_left: Whether it keeps walls on its left.
-        radius: Greatest distance from the start where no walls enclose the area, m.
+        plan: The plan of the exploration.
     """
 
     bumpers: Bumpers
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    wall_on_left: bool = True
-    radius: float = 12.0
+    plan: ExplorationPlan = field(default_factory=ExplorationPlan)
 
     def traversability(self, grid: OccupancyGrid) -> TraversabilityMap:
         """Evaluate a map."""

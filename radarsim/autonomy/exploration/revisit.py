@@ -183,7 +183,7 @@ class Revisit(Strategy):
         floor, start = self._reopened(also_open), self._start
         targets = floor.frontiers & floor.reachable(observation.pose)
         if start is not None and not is_enclosed(observation):
-            targets &= floor.disc(start.x, start.y, self._settings.radius)
+            targets &= floor.disc(start.x, start.y, self._settings.plan.radius)
         return targets
 
     def _reopened(self, tiles: Mask) -> TraversabilityMap:

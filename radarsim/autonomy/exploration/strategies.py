@@ -122,7 +122,7 @@ class AutoStrategy(Strategy):
     def _frontiers(self, floor: TraversabilityMap) -> Mask:
         if StrategyName.CENTRE_OUT not in self.chosen or self._start is None:
             return floor.frontiers
-        start, radius = self._start, self._settings.radius
+        start, radius = self._start, self._settings.plan.radius
         return floor.frontiers & floor.disc(start.x, start.y, radius)
 
 
@@ -153,7 +153,7 @@ def find_unexplored(
     reachable = floor.reachable(observation.pose)
     within = np.ones_like(reachable)
     if not is_enclosed(observation):
-        within = floor.disc(start.x, start.y, settings.radius)
+        within = floor.disc(start.x, start.y, settings.plan.radius)
     return (
         floor.places_of(floor.frontiers & reachable & within, 0.0),
         floor.places_of(floor.open & ~reachable & within, LEAST_AREA),

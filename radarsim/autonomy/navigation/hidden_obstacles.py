@@ -111,12 +111,14 @@ class TouchedPlaces:
         distances: Floats = off.min(axis=1, initial=math.inf)
         return distances
 
-    def samples(self) -> Points:
-        """Return points of all boxes, (N,), map frame."""
+    def samples(self, pose: Pose2) -> Points:
+        """Return points of all boxes, (N,), in the frame of a robot at a pose."""
         longest = np.abs(np.diff(self._walls)).max(initial=0.0)
         shares = np.linspace(0.0, 1.0, math.ceil(longest / _SAMPLE) + 1)
-        points: Points = self._walls[:, 0, None] + np.diff(self._walls) * shares
-        return points.ravel()
+        points = self._walls[:, 0, None] + np.diff(self._walls) * shares
+        offsets = points.ravel() - complex(pose.x, pose.y)
+        seen: Points = offsets * np.exp(-1j * pose.yaw)
+        return seen
 
     def hide(self, observation: Observation) -> Observation:
         """Return a scan whose beams end at the boxes, without what is behind them."""
@@ -294,7 +296,7 @@ class TouchMemory:
         """
         if _stands(twist):
             return twist
-        boxes = _seen_from(observation.pose, self.places.samples())
+        boxes = self.places.samples(observation.pose)
         # The hull may come as near to what it sees as planned paths lead.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
@@ -313,7 +315,7 @@ class TouchMemory:
 
     def _way_out(self, observation: Observation) -> Twist | None:
         """Return the motion that leads away from boxes, past all else; None if none."""
-        boxes = _seen_from(observation.pose, self.places.samples())
+        boxes = self.places.samples(observation.pose)
         seen = _ends(observation)
         points = np.concatenate([boxes, seen])
         boxes = boxes if len(boxes) else seen
@@ -368,12 +370,6 @@ class TouchMemory:
         box += depth + np.array([0.0, 0.0, DEPTH, DEPTH])
         corners: Points = place + to_map * normal * box
         return corners
-
-
-def _seen_from(pose: Pose2, points: Points) -> Points:
-    """Return points, map frame, in the frame of a robot at a pose."""
-    seen: Points = (points - complex(pose.x, pose.y)) * np.exp(-1j * pose.yaw)
-    return seen
 
 
 def _ends(observation: Observation) -> Points:

@@ -58,7 +58,6 @@ class ClearanceCheck:
 
     def __init__(self, bumpers: Bumpers) -> None:
         self._bumpers = bumpers
-        self._is_first = True
         self._previous: Pose2 | None = None
         self._travelled = 0.0  # m
         self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
@@ -75,10 +74,9 @@ class ClearanceCheck:
             TooNearError: If something is nearer to the start than the safety distance,
                 or stands so near to the goal.
         """
-        self._travelled += observation.pose.distance(self._previous or observation.pose)
-        self._previous = observation.pose
-        if self._is_first:
-            self._is_first = False
+        previous, self._previous = self._previous, observation.pose
+        self._travelled += observation.pose.distance(previous or observation.pose)
+        if previous is None:
             nearest = min(each.distance for each in self._bumpers.read(observation))
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)

@@ -160,7 +160,7 @@ def test_who_turns_beside_what_was_touched_leads_its_hull_away_first(
     # nearer than half the diagonal, so that a corner would swing into it
     for k in range(-2, 3):
         memory.places.add(box(0.2 * k, side * 0.42))
-    walls = memory.places.samples()
+    walls = memory.places.samples(Pose2(0.0, 0.0))
     nearest, away = math.inf, 0.0
     for k in range(60):
         seen = memory.places.hide(scan(0.1 * k, pose))
