@@ -309,7 +309,9 @@ class FollowedBoundary:
         return memory.begins_at(hit) and memory.passes(hit, self.circuit_start)
 
     def closes_circuit(self, pose: Pose2, direction: float) -> bool:
-        """Take the next step beside it, after ``remember``; tell if it ends a circuit.
+        """Take the next step beside it; return whether that ends a circuit.
+
+        To be called after ``remember``.
 
         Args:
             pose: Of the robot.

@@ -132,8 +132,8 @@ class Observation:
         """Return whether beams went through places, and none ended there, (N,).
 
         Beams beside a place count as well: a pole may be between two of them, and a
-        radar with side beams sees it up to 0.2 m beside its place. Of a place where no
-        beam looks that is not known.
+        radar with side beams sees it up to 0.2 m beside its place. Where no beam looks
+        that is not known, and counts as no.
 
         Args:
             points: (N,) m, map frame, x + iy.
