@@ -26,7 +26,7 @@ from plants import SEED, SHAPES, SHRUB, plant_files
 
 import maps
 import radarsim
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Floats
 from radarsim.plotting.sight import BeamEnd, find_sight
 from radarsim.raycast.rays import Rays

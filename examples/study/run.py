@@ -23,9 +23,7 @@ from joblib import Parallel, delayed
 
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.evaluation.trials import config_with_sensor, run_plan
-from radarsim.autonomy.exploration.plans import ExplorationPlan
-from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
-from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.plans import ROBOT_RADIUS, Algorithm, ExplorationPlan, Mission
 from radarsim.generators.random_maps import FAMILIES, make_random_map
 from radarsim.geometry import Point
 from radarsim.rng import generator_for

@@ -7,8 +7,7 @@ from matplotlib.figure import Figure
 
 from radarsim.autonomy.evaluation.navigation_run import NavigationRun
 from radarsim.autonomy.evaluation.trials import load_trial
-from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.plans import Algorithm, Mission
 from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.autonomy.plotting.runs import RunView, run_figure
 from radarsim.server.host import Host

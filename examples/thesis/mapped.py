@@ -21,9 +21,9 @@ from common import (
 
 from radarsim.autonomy.evaluation.map_score import BESIDE, TOLERANCE
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import Trajectory
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.plotting.maps import MapView, map_figure
 from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.geometry import Point

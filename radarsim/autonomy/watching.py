@@ -14,8 +14,8 @@ from typing import Final, Literal, TypeAlias
 
 from radarsim.autonomy.exploration.exploration import NOISE
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.autonomy.plans import MotionSource
 from radarsim.client import ScannerInfo
 from radarsim.client import session as questions
 from radarsim.client.robot_info import ScannerDescriptions, same_name

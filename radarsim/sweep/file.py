@@ -15,8 +15,7 @@ from pydantic import (
     model_validator,
 )
 
-from radarsim.autonomy.exploration.plans import StrategyName
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.plans import Algorithm, StrategyName
 from radarsim.errors import (
     PresetError,
     SweepError,

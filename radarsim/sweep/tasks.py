@@ -17,7 +17,7 @@ from radarsim.autonomy.evaluation.trials import (
     drive_trial,
     run_plan,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.errors import MapError, SweepError
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map

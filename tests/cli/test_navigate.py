@@ -18,9 +18,8 @@ from processes import start_radarsim
 
 from radarsim.autonomy.cli.navigate_output import headline
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
-from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import Result
+from radarsim.autonomy.plans import Algorithm, Mission
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
 from radarsim.scene.scene import Scene
@@ -384,6 +383,6 @@ def test_headline_says_how_a_run_ended() -> None:
     run.error = INTERRUPTED
     assert headline(run) == "Bug1, interrupted"
     for outcome, text in (("reached", "reaches its goal"), ("no_path", "no path")):
-        run.result = Result(outcome, 1.0, 1.0, (), (), 0, 1.0, 0, 0.5)
+        run.result = Result(outcome, 1.0, 1.0, 0, 0, 0.5)
         run.error = ""
         assert text in headline(run)

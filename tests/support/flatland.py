@@ -2,18 +2,18 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import shapely
 from flat_world import cast
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Controller, ControllerSettings
 from radarsim.autonomy.navigation.mission import CONTROLLERS
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import Algorithm, GiveUp, Mission
 from radarsim.geometry import Floats, Point, Pose2
 
 BEARINGS: Floats = np.radians(np.arange(-180.0, 180.0, 2.0))
@@ -95,12 +95,19 @@ def flatland(*shapes: shapely.Polygon, at: Pose2) -> Flatland:
     return Flatland(np.concatenate([np.zeros((0, 2, 2)), *sides]), at)
 
 
-def navigator(algorithm: Algorithm, *goals: Point, **changed: Any) -> Controller:
+def navigator(
+    algorithm: Algorithm,
+    *goals: Point,
+    wall_on_left: bool = True,
+    give_up: GiveUp = GiveUp.HIT_POINT,
+    **changed: Any,
+) -> Controller:
     """Return a controller at speeds that an exact world allows, so that tests end."""
     values = {
         "bumpers": Bumpers(safety_distance=0.5),
         "speed_limits": SpeedLimits(0.6, 1.5),
         **changed,
     }
-    settings = ControllerSettings(algorithm=algorithm, **values)
-    return CONTROLLERS[algorithm](goals, settings)
+    side: Literal["left", "right"] = "left" if wall_on_left else "right"
+    mission = Mission(algorithm=algorithm, goals=goals, side=side, give_up=give_up)
+    return CONTROLLERS[algorithm](ControllerSettings(mission, **values))

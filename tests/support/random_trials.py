@@ -24,11 +24,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.evaluation.trials import SCANNER, run_plan
-from radarsim.autonomy.navigation.algorithms import (
-    ROBOT_RADIUS,
-    Algorithm,
-)
-from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.plans import ROBOT_RADIUS, Algorithm, Mission
 from radarsim.generators.random_maps import (
     SAFETY_DISTANCE,
     RandomMap,

@@ -20,12 +20,7 @@ from PIL import Image
 from radarsim.addons.web.own_robot import RobotClient, Tell, Work
 from radarsim.addons.web.requests import BadRequest, Colours, Explore, Goto, Map
 from radarsim.addons.web.robot_view import RobotView
-from radarsim.autonomy.exploration.exploration import (
-    Exploration,
-    ExplorationStep,
-    Outcome,
-)
-from radarsim.autonomy.exploration.plans import ExplorationPlan
+from radarsim.autonomy.exploration.exploration import Exploration, Outcome
 from radarsim.autonomy.mapping.export import (
     COMMANDER_CELLS,
     commander_pixels,
@@ -34,9 +29,9 @@ from radarsim.autonomy.mapping.export import (
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.autonomy.plans import ExplorationPlan, Mission
 from radarsim.autonomy.plotting.maps import CELLS, SHADES
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
@@ -132,7 +127,7 @@ def plan_exploration(request: Explore, colours: Colours) -> Work:
             if grid:
                 tell(describe_map(request.robot, mapper.grid, colours))
 
-        def observe(_: ExplorationStep) -> None:
+        def observe(_: str) -> None:
             show(path=is_path_due(), grid=is_map_due())
 
         try:

@@ -24,8 +24,7 @@ from pydantic import (
     ValidationError,
 )
 
-from radarsim.autonomy.exploration.plans import StrategyName
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.plans import Algorithm, StrategyName
 from radarsim.errors import RadarsimError, expected_one_of
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.simulation.config import SimulationConfig

@@ -11,7 +11,7 @@ import click
 from annotated_types import Interval
 
 from radarsim.autonomy.cli.run_files import check_start, make_recording
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.cli.fields import (
     LOCAL_SERVER,
     Json,

@@ -26,7 +26,6 @@ from radarsim.autonomy.cli.run_files import (
 from radarsim.autonomy.evaluation.map_score import FloorPart, robot_and_sensor
 from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.autonomy.exploration.exploration import Exploration
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.export import (
     HEAD,
     commander_png,
@@ -36,6 +35,7 @@ from radarsim.autonomy.mapping.export import (
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.mapping.trajectory import tum_text
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.plotting.maps import (
     MapFrames,
     MapView,
@@ -398,7 +398,7 @@ def explore(
     with raise_on_signals(), recording, film as update_film:
         try:
             with map_progress(source, recording, update_film) as note:
-                run.run(address, lambda step: note(step.activity))
+                run.run(address, note)
         finally:
             # an interrupt of the judge, which takes seconds, must not cost the map
             try:

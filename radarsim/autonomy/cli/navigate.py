@@ -17,7 +17,7 @@ from radarsim.autonomy.cli.run_files import (
     filmed,
     make_recording,
 )
-from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.plans import Mission
 from radarsim.cli.fields import (
     LOCAL_SERVER,
     Json,
@@ -187,9 +187,9 @@ def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
 
 def _is_trace(path: Path) -> bool:
     """Return whether a file is empty or a trace of a run, by its first line."""
-    from radarsim.autonomy.navigation.run_log import trace_header
+    from radarsim.autonomy.navigation.run_log import TRACE_HEADER
 
-    header = trace_header().encode()
+    header = TRACE_HEADER.encode()
     try:
         with path.open("rb") as file:
             head = file.readline(len(header) + 1)

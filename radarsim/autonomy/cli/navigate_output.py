@@ -12,10 +12,9 @@ from typing import Final
 
 from radarsim.autonomy.cli.run_files import drawn_robot
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
+from radarsim.autonomy.plans import Algorithm, Mission
 from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.autonomy.plotting.runs import (
     NO_PATH,

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
+from radarsim.autonomy.plans import Algorithm, Rule
 from radarsim.cli.fields import Json
 from radarsim.cli.output import print_lines
 from radarsim.cli.progress import with_bar

@@ -27,16 +27,12 @@ from radarsim.autonomy.evaluation.navigation_run import (
     GroundTruthMonitor,
     rounded,
 )
-from radarsim.autonomy.exploration.exploration import (
-    Exploration,
-    ExplorationStep,
-    Outcome,
-)
-from radarsim.autonomy.exploration.plans import ExplorationPlan
+from radarsim.autonomy.exploration.exploration import Exploration, Outcome
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
 from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.client import Client
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
@@ -270,13 +266,13 @@ class MappingRun:
     def run(
         self,
         address: tuple[str, int],
-        observe: Callable[[ExplorationStep], None] = lambda _: None,
+        observe: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Connect, explore, and complete the result, however the run ends.
 
         Args:
             address: Host and port of the server, unless it is in this process.
-            observe: Called at every scan.
+            observe: Called at every scan with what the strategy is doing, in one word.
 
         Raises:
             ClientError: If the server does not send what is needed.
@@ -285,9 +281,9 @@ class MappingRun:
         """
         result, exploration = self.result, self.exploration
 
-        def note(step: ExplorationStep) -> None:
+        def note(activity: str) -> None:
             self._note_area()
-            observe(step)
+            observe(activity)
 
         try:
             with self._open_client(address) as client:

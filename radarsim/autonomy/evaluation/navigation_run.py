@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
+from radarsim.autonomy.plans import Mission
 from radarsim.client import Client
 from radarsim.geometry import Floats, Point, Pose2
 from radarsim.scene.scene import Scene

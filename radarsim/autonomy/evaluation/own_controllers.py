@@ -28,7 +28,7 @@ from radarsim.autonomy.evaluation.trials import (
     load_trial,
     shortest_for,
 )
-from radarsim.autonomy.navigation.algorithms import ROBOT
+from radarsim.autonomy.plans import ROBOT
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Point
 from radarsim.local import LocalRobot, LocalSimulation

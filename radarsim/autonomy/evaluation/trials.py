@@ -14,10 +14,8 @@ from radarsim.autonomy.evaluation.map_score import Score
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor, rounded
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
-from radarsim.autonomy.exploration.plans import ExplorationPlan
-from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm, Rule
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.plans import ROBOT, Algorithm, ExplorationPlan, Mission, Rule
 from radarsim.errors import (
     ClientError,
     MapError,

@@ -19,23 +19,19 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.exploration.path_follower import (
-    ExplorationSettings,
-    Strategy,
-)
+from radarsim.autonomy.exploration.path_follower import ExplorationSettings, Strategy
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import SHORT_RANGE, Mask, OccupancyGrid
-from radarsim.autonomy.navigation.boundary_policy import Landmark
+from radarsim.autonomy.navigation.boundary_memory import Landmark
 from radarsim.autonomy.navigation.control import (
     STOP,
-    SpeedLimits,
     Twist,
     bearing_of,
     distance,
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.wall_following import WallFollower
-from radarsim.geometry import Point, wrap_angle
+from radarsim.geometry import Point, Pose2, wrap_angle
 
 FULL_TURN: Final = 2 * math.pi
 NEIGHBORHOOD: Final = 1.5  # m around a target, where further targets come first
@@ -56,33 +52,6 @@ _TURN_STEP: Final = math.radians(10.0)
 TargetSelector = Callable[[TraversabilityMap], Mask]
 
 
-class TurnOnSpot:
-    """A turn on the spot, so that other beams cross the gaps between those of one scan.
-
-    A frontier there would be one of the scanner, and not of what is known.
-    """
-
-    def __init__(self, angle: float, speed_limits: SpeedLimits) -> None:
-        """Create it.
-
-        Args:
-            angle: rad.
-            speed_limits: Those of the robot.
-        """
-        self._left = angle
-        self._yaw = math.nan
-        self._speed_limits = speed_limits
-
-    def step(self, observation: Observation) -> Twist | None:
-        """Return the twist until the next scan; None once the turn is over."""
-        if self._left <= 0:
-            return None
-        if not math.isnan(self._yaw):
-            self._left -= abs(wrap_angle(observation.pose.yaw - self._yaw))
-        self._yaw = observation.pose.yaw
-        return Twist(0.0, self._speed_limits.turn)
-
-
 class NearestTargetStrategy(Strategy):
     """Drives to the nearest of the tiles that a selector returns."""
 
@@ -100,33 +69,33 @@ class NearestTargetStrategy(Strategy):
             settings: How the robot drives.
             select_targets: Returns the tiles to drive to.
             activity: Name of the activity.
-            turn: Angle to turn on the spot first, rad.
+            turn: Angle to turn on the spot first, rad, so that other beams cross the
+                gaps between those of one scan: a frontier there would be one of the
+                scanner, and not of what is known.
         """
         super().__init__(settings)
         self.activity = activity
-        self._turn = TurnOnSpot(turn, settings.speed_limits)
+        self._turn = turn  # what is left of it
+        self._yaw: float | None = None  # at the last scan of the turn
         self._select_targets = select_targets
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        if (twist := self._turn.step(observation)) is not None:
-            return twist
-        if self._path_follower.update_map(observation, grid):
-            floor, end = self._path_follower.floor, self._path_follower.end
-            targets = prefer_near(floor, self._select_targets(floor), end)
-            self.is_done = not self._path_follower.plan(observation, targets)
-        return self._path_follower.step(observation)
-
-
-def prefer_near(floor: TraversabilityMap, targets: Mask, last: Point | None) -> Mask:
-    """Return the targets around the last one, or all if none is there.
-
-    Without this the robot would change between two sides of a room, each of which is
-    the nearer one as soon as the robot has seen something of the other.
-    """
-    if last is None:
-        return targets
-    near = np.asarray(targets & floor.disc(*last, NEIGHBORHOOD))
-    return near if near.any() else targets
+        if self._turn > 0:
+            last, self._yaw = self._yaw, observation.pose.yaw
+            self._turn -= 0.0 if last is None else abs(wrap_angle(self._yaw - last))
+            return Twist(0.0, self._settings.speed_limits.turn)
+        follower = self._path_follower
+        if follower.update_map(observation, grid):
+            floor = follower.floor
+            targets = self._select_targets(floor)
+            # Those around the last one come first. Else the robot would change between
+            # two sides of a room, each of which is the nearer one as soon as the robot
+            # has seen something of the other.
+            if follower.end is not None:
+                near = targets & floor.disc(*follower.end, NEIGHBORHOOD)
+                targets = near if near.any() else targets
+            self.is_done = not follower.plan(observation, targets)
+        return follower.step(observation)
 
 
 def frontier_strategy(
@@ -155,16 +124,19 @@ class ContourStrategy(Strategy):
         self.activity = "seeking"
         self.contours = 0
         self._wall_follower = WallFollower(
-            settings.bumpers, settings.speed_limits, wall_on_left=settings.wall_on_left
+            settings.bumpers,
+            settings.speed_limits,
+            wall_on_left=settings.plan.side == "left",
         )
         self._coverage = coverage_strategy(settings)
         self._track: list[Point] = []
-        self._circuit: _Circuit | None = None
-        self._max_lost = (
-            LOST_CIRCLES * 2 * math.pi * self._wall_follower.target_distance
-        )
         self._has_no_wall = False
         self._wall: Point = (0.0, 0.0)
+        # of the circuit along one wall: where it began, and its last pose
+        self._begin: Landmark
+        self._last: Pose2
+        # its length, its part since the wall was last sensed, m, and its turn, rad
+        self._length = self._lost = self._turn = 0.0
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         if self.activity == "seeking":
@@ -214,58 +186,31 @@ class ContourStrategy(Strategy):
         if aligned:
             self.activity = "following"
             direction = wall_follower.tangent(observation)
-            self._circuit = _Circuit(
-                observation, direction, wall_follower.target_distance
-            )
-            self._track.append((observation.pose.x, observation.pose.y))
+            reach, self._last = wall_follower.target_distance, observation.pose
+            self._begin = Landmark(self._last, direction, max_offset=reach)
+            self._length = self._lost = self._turn = 0.0
+            self._track.append((self._last.x, self._last.y))
         return twist
 
     def _follow(self, observation: Observation) -> Twist:
         twist, found = self._wall_follower.step(observation)
-        assert self._circuit is not None
-        self._circuit.add(observation, found=found)
-        if distance(observation.pose, *self._track[-1]) > TRACK_STEP:
-            self._track.append((observation.pose.x, observation.pose.y))
-        if self._circuit.is_closed:
+        pose, last = observation.pose, self._last
+        step, self._last = pose.distance(last), pose
+        self._length += step
+        self._lost = 0.0 if found else self._lost + step
+        self._turn += wrap_angle(pose.yaw - last.yaw)
+        if distance(pose, *self._track[-1]) > TRACK_STEP:
+            self._track.append((pose.x, pose.y))
+        # At the start itself noise may pass it at once.
+        if self._begin.observe(pose) and self._length > MIN_LENGTH:
             self.contours += 1
             # Round a room it has turned to one side in total, round an island to the
             # other: that wall was not the room's.
-            is_inside = (self._circuit.turn < 0) == self._settings.wall_on_left
+            is_inside = (self._turn < 0) == self._wall_follower.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
-        elif self._circuit.lost > self._max_lost:
+        elif self._lost > LOST_CIRCLES * math.tau * self._wall_follower.target_distance:
             self.activity = "seeking"
         return twist
-
-
-class _Circuit:
-    """Path of the robot along one wall.
-
-    Attributes:
-        is_closed: Whether it is back where it began.
-        turn: Turn in total, rad, counter-clockwise.
-        lost: Distance driven since the wall was last sensed, m.
-    """
-
-    def __init__(
-        self, observation: Observation, direction: float, max_offset: float
-    ) -> None:
-        self.is_closed = False
-        self.turn = 0.0
-        self.lost = 0.0
-        self._length = 0.0
-        self._last = observation.pose
-        self._start = Landmark(observation.pose, direction, max_offset=max_offset)
-
-    def add(self, observation: Observation, *, found: bool) -> None:
-        pose = observation.pose
-        step = pose.distance(self._last)
-        self._length += step
-        self.lost = 0.0 if found else self.lost + step
-        self.turn += wrap_angle(pose.yaw - self._last.yaw)
-        self._last = pose
-        has_passed = self._start.observe(pose)
-        # At the start itself noise may pass it at once.
-        self.is_closed = has_passed and self._length > MIN_LENGTH
 
 
 class SpiralCoverage(Strategy):
@@ -311,7 +256,7 @@ class SpiralCoverage(Strategy):
         # Near the centre such an arc would be more than a whole turn.
         step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
-        self.is_done = radius > self._settings.radius
+        self.is_done = radius > self._settings.plan.radius
         return step
 
 

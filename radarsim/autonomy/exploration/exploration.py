@@ -1,9 +1,7 @@
 """Exploration: spawn a robot, request its sensors, and let it map its surroundings."""
 
 import math
-from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
-from dataclasses import dataclass
+from collections.abc import Callable
 from enum import StrEnum
 
 import numpy as np
@@ -11,10 +9,8 @@ import numpy as np
 from radarsim.autonomy.exploration.path_follower import (
     WAITING,
     ExplorationSettings,
-    Strategy,
     WaypointFollower,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.revisit import Revisit
 from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
 from radarsim.autonomy.mapping.mapper import Mapper
@@ -23,11 +19,11 @@ from radarsim.autonomy.navigation.control import (
     ControlLoop,
     StandstillDetector,
     StuckDetector,
-    Twist,
 )
 from radarsim.autonomy.navigation.mission import check_field_of_view, spawn_robot
 from radarsim.autonomy.navigation.observation import Observation, check_beams
 from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Point
@@ -44,21 +40,6 @@ class Outcome(StrEnum):
     STUCK = "stuck"
     FAILED = "failed"  # the server did not send what is needed
     BROKEN_OFF = "broken_off"
-
-
-@dataclass(frozen=True, slots=True)
-class ExplorationStep:
-    """One scan, and what the strategy decided.
-
-    Attributes:
-        observation: Pose of the robot and ranges around it.
-        activity: What the strategy is doing, in one word.
-        twist: Motion until the next scan.
-    """
-
-    observation: Observation
-    activity: str
-    twist: Twist
 
 
 class Exploration:
@@ -94,34 +75,23 @@ class Exploration:
     def run(
         self,
         client: Client,
-        observe: Callable[[ExplorationStep], None] = lambda _: None,
+        observe: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Spawn a robot and let it explore; it stands still at the end.
 
         Args:
             client: Connection without a robot.
-            observe: Called at every scan, after the robot was commanded.
+            observe: Called at every scan, after the robot was commanded, with what the
+                strategy is doing, in one word.
 
         Raises:
             ClientError: If the server does not send what is needed.
             MappingError: If no map can be made of what it sends.
             NavigationError: If the robot cannot do what is asked of it.
         """
-        # If the observer raises, the generator still stops the robot, and at once.
-        with closing(self.steps(client)) as steps:
-            for step in steps:
-                observe(step)
-
-    def steps(self, client: Client) -> Generator[ExplorationStep]:
-        """Explore as ``run`` does, scan by scan.
-
-        Yields:
-            Each scan, after the robot was commanded. Where the caller closes the
-            generator before its end, the robot stands and the map is whole, too.
-        """
         try:
             loop, strategy = self._prepare(client)
-            yield from self._explore(loop, strategy)
+            self._explore(loop, strategy, observe)
         except (ClientError, MappingError):
             self.outcome = Outcome.FAILED
             raise
@@ -137,15 +107,16 @@ class Exploration:
                 if self.mapper is not None:
                     self.mapper.finish()
 
-    def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
+    def _prepare(
+        self, client: Client
+    ) -> tuple[ControlLoop, WaypointFollower | Revisit]:
         """Spawn the robot, and create what its reports are passed to."""
         plan = self.plan
         info, scanner, self.safety_distance, speed_limits = spawn_robot(client, plan)
         self.settings = ExplorationSettings(
             bumpers=Bumpers(safety_distance=self.safety_distance),
             speed_limits=speed_limits,
-            wall_on_left=plan.side == "left",
-            radius=plan.radius,
+            plan=plan,
         )
         if not plan.waypoints:
             check_field_of_view(self.settings.bumpers, scanner)
@@ -170,22 +141,28 @@ class Exploration:
         return loop, Revisit(self.settings, strategy, fills=fills)
 
     def _explore(
-        self, loop: ControlLoop, strategy: Strategy
-    ) -> Iterator[ExplorationStep]:
+        self,
+        loop: ControlLoop,
+        strategy: WaypointFollower | Revisit,
+        observe: Callable[[str], None],
+    ) -> None:
         assert self.mapper is not None
         stuck, standstill = StuckDetector(), StandstillDetector()
         for observation in loop.scans():
             check_beams(len(observation.bearings), self.mapper.scanner)
             self.trip.add(observation)
             twist = strategy.step(observation, self.mapper.grid)
-            if isinstance(strategy, WaypointFollower):
-                self.unreached = tuple(strategy.unreached)
+            self.unreached = tuple(strategy.unreached)
             is_over = strategy.is_done or self.trip.time > self.plan.time_limit
             if not is_over:
                 loop.drive(twist)  # at once: who observes may take long
-            yield ExplorationStep(observation, strategy.activity, twist)
+            observe(strategy.activity)
             if is_over:
-                self._conclude(observation, strategy)
+                self.outcome = Outcome.EXPLORED
+                if not strategy.is_done:
+                    self.outcome = Outcome.TIME_LIMIT
+                elif isinstance(strategy, Revisit):
+                    self._find_unexplored(observation)
                 if isinstance(strategy, Revisit):
                     self.mapper.finish()
                     strategy.forget_moved(self.mapper.grid)
@@ -196,17 +173,14 @@ class Exploration:
                 standstill = StandstillDetector()
             standstill.check(observation)
 
-    def _conclude(self, observation: Observation, strategy: Strategy) -> None:
+    def _find_unexplored(self, observation: Observation) -> None:
+        """Add a place in each piece of floor that is left when the strategy is done."""
         assert self.mapper is not None
         assert self.settings is not None
-        self.outcome = Outcome.EXPLORED if strategy.is_done else Outcome.TIME_LIMIT
-        if isinstance(strategy, WaypointFollower) or not strategy.is_done:
-            return
         start = self.trip.start or observation.pose
         frontiers, cut_off = find_unexplored(
             observation, self.mapper.grid, self.settings, start
         )
-        unseen = strategy.unseen if isinstance(strategy, Revisit) else ()
-        self.unreached = (*frontiers, *cut_off, *unseen)
-        if frontiers or unseen:
+        if frontiers or self.unreached:
             self.outcome = Outcome.INCOMPLETE
+        self.unreached = (*frontiers, *cut_off, *self.unreached)

@@ -24,6 +24,7 @@ from radarsim.autonomy.navigation.control import (
     distance,
 )
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.geometry import Point, Pose2
 
 MIN_SCANS: Final = 10  # on the map before it is evaluated
@@ -44,14 +45,12 @@ class ExplorationSettings:
     Attributes:
         bumpers: The long-range bumpers, with the safety distance.
         speed_limits: Greatest speeds.
-        wall_on_left: Whether it keeps walls on its left.
-        radius: Greatest distance from the start where no walls enclose the area, m.
+        plan: The plan of the exploration.
     """
 
     bumpers: Bumpers
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    wall_on_left: bool = True
-    radius: float = 12.0
+    plan: ExplorationPlan = field(default_factory=ExplorationPlan)
 
     def traversability(self, grid: OccupancyGrid) -> TraversabilityMap:
         """Evaluate a map."""
@@ -109,21 +108,18 @@ class PathFollower:
         return True
 
     def plan(self, observation: Observation, targets: Mask) -> bool:
-        """Plan the path to the nearest of some tiles; return whether there is one."""
+        """Plan the path to the nearest of some tiles; return whether there is one.
+
+        Tiles around targets that were given up are left out.
+        """
         had_path = bool(self._path)
-        self._path = self.find_path(self.floor, observation.pose, targets)
+        for point in self._given_up:
+            targets = targets & ~self.floor.disc(*point, GIVEN_UP_RADIUS)
+        self._path = self.floor.find_path(observation.pose, targets)
         # To plan again, which happens every second, is no progress.
         if self._last_progress is None or not had_path:
             self._last_progress = observation.time, observation.pose
         return bool(self._path)
-
-    def find_path(
-        self, floor: TraversabilityMap, pose: Pose2, targets: Mask
-    ) -> Sequence[Point]:
-        """Return the path to the nearest of some tiles that are not given up."""
-        for point in self._given_up:
-            targets = targets & ~floor.disc(*point, GIVEN_UP_RADIUS)
-        return floor.find_path(pose, targets)
 
     def step(self, observation: Observation) -> Twist:
         """Return the twist along the path."""

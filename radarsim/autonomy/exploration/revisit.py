@@ -51,7 +51,7 @@ class Revisit(Strategy):
     """Looks again at what has closed floor off to another strategy.
 
     Attributes:
-        unseen: A place in each piece of floor that borders on the unknown, and was
+        unreached: A place in each piece of floor that borders on the unknown, and was
             closed off until the end, m.
     """
 
@@ -68,7 +68,7 @@ class Revisit(Strategy):
             fills: Whether the robot explores on to floor not seen at short range, too.
         """
         super().__init__(settings)
-        self.unseen: tuple[Point, ...] = ()
+        self.unreached: list[Point] = []
         self._strategy = strategy
         self._create = coverage_strategy if fills else frontier_strategy
         self._grid: OccupancyGrid | None = None
@@ -161,7 +161,7 @@ class Revisit(Strategy):
             self.is_done = True
             hidden = self._targets(observation, self._was_open)
             hidden &= ~floor.reachable(pose)
-            self.unseen = tuple(floor.places_of(hidden, 0.0))
+            self.unreached = floor.places_of(hidden, 0.0)
         elif at is None:
             self._looks += 1
             self._since = None
@@ -183,7 +183,7 @@ class Revisit(Strategy):
         floor, start = self._reopened(also_open), self._start
         targets = floor.frontiers & floor.reachable(observation.pose)
         if start is not None and not is_enclosed(observation):
-            targets &= floor.disc(start.x, start.y, self._settings.radius)
+            targets &= floor.disc(start.x, start.y, self._settings.plan.radius)
         return targets
 
     def _reopened(self, tiles: Mask) -> TraversabilityMap:

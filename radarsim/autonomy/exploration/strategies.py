@@ -21,17 +21,16 @@ from radarsim.autonomy.exploration.coverage import (
     SpiralCoverage,
     frontier_strategy,
 )
-from radarsim.autonomy.exploration.next_best_view import NextBestView
 from radarsim.autonomy.exploration.path_follower import (
     MAP_INTERVAL,
     ExplorationSettings,
     Strategy,
 )
-from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import StrategyName
 from radarsim.geometry import Point, Pose2
 
 MAX_FRONTIERS: Final = 4  # times that frontiers are chosen
@@ -41,7 +40,6 @@ _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]
     StrategyName.CONTOUR: ContourStrategy,
     StrategyName.CENTRE_OUT: SpiralCoverage,
     StrategyName.FRONTIERS: frontier_strategy,
-    StrategyName.INFORMATION_GAIN: NextBestView,
 }
 LEAST_AREA = 0.25  # m² of floor that is worth telling
 
@@ -124,7 +122,7 @@ class AutoStrategy(Strategy):
     def _frontiers(self, floor: TraversabilityMap) -> Mask:
         if StrategyName.CENTRE_OUT not in self.chosen or self._start is None:
             return floor.frontiers
-        start, radius = self._start, self._settings.radius
+        start, radius = self._start, self._settings.plan.radius
         return floor.frontiers & floor.disc(start.x, start.y, radius)
 
 
@@ -155,7 +153,7 @@ def find_unexplored(
     reachable = floor.reachable(observation.pose)
     within = np.ones_like(reachable)
     if not is_enclosed(observation):
-        within = floor.disc(start.x, start.y, settings.radius)
+        within = floor.disc(start.x, start.y, settings.plan.radius)
     return (
         floor.places_of(floor.frontiers & reachable & within, 0.0),
         floor.places_of(floor.open & ~reachable & within, LEAST_AREA),

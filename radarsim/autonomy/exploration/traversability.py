@@ -247,11 +247,8 @@ class TraversabilityMap:
         """Return the least clearance of each tile's cells, m; inf where it is large."""
         # Farther away nothing costs more, so distances beyond are not computed.
         limit = self.safety + COSTLY + self.size
-        padding = _PADDING * self._factor
-        cells = np.pad(blocked, padding)
-        near = np.full(cells.shape, math.inf)
-        window = _window_around(cells, math.ceil(limit / resolution))
-        near[window] = distance_field(cells[window], limit / resolution) * resolution
+        cells = np.pad(blocked, _PADDING * self._factor)
+        near = distance_field(cells, limit / resolution) * resolution
         tiles: Floats = _blocks(near, self._factor, math.inf).min(axis=(1, 3))
         return tiles
 
@@ -276,11 +273,3 @@ def _blocks(cells: NDArray[Any], factor: int, fill: float = 0) -> NDArray[Any]:
     )
     rows, columns = cells.shape
     return cells.reshape(rows // factor, factor, columns // factor, factor)
-
-
-def _window_around(cells: Mask, margin: int) -> tuple[slice, slice]:
-    # the rows and columns that hold all true cells, as distances take long elsewhere
-    for box in ndimage.find_objects(cells.astype(np.int8)):
-        rows, columns = (slice(max(s.start - margin, 0), s.stop + margin) for s in box)
-        return rows, columns
-    return slice(0), slice(0)

@@ -28,7 +28,7 @@ from radarsim.autonomy.mapping.scan import BeamHits, Layer, PlanarScan, scan_of
 from radarsim.autonomy.mapping.slam import MotionReports, Slam
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.observation import Observation, ScanReader
-from radarsim.autonomy.navigation.plans import MotionSource
+from radarsim.autonomy.plans import MotionSource
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import from_centre
 from radarsim.geometry import Floats, Point, Pose2, rotation_matrix

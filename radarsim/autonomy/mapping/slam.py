@@ -46,7 +46,7 @@ from radarsim.autonomy.mapping.scan_matching import (
     inward_normals,
 )
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.autonomy.navigation.plans import MotionSource
+from radarsim.autonomy.plans import MotionSource
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.protocol.reports import Ins, RangeScan, TargetEchoes

@@ -15,6 +15,10 @@ hit point, and a circuit passes there again.
 The yaw of an INS drifts with the angles turned, so a point has gone only if beams go
 through wherever it may be by now. Otherwise a robot that has come back after a long
 circuit would not find what stands there.
+
+Poses drift, so the very same point is never met again. But a robot that follows the
+same boundary in the same direction crosses the line perpendicular to its path there,
+not far from the point. So a point is recognised by that line: a landmark.
 """
 
 import math
@@ -24,12 +28,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.boundary_policy import Landmark, Trail
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.wall_following import WallFollower
-from radarsim.geometry import Point, wrap_angle
+from radarsim.geometry import Point, Pose2, wrap_angle
 
+LEAST_CIRCUIT: Final = 1.5  # m; a shorter closed path is no circuit
+LANDMARK_SPACING: Final = 2.0  # m between landmarks on a boundary
 LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within an obstacle
 NEARER: Final = 0.15  # m by which another obstacle is nearer if it is steered by
 _REACH: Final = 0.6  # m that the nearest point may jump between two scans
@@ -41,6 +46,79 @@ MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before
 DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
 MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 _BESIDE = 0.15  # m beside a point that beams still count as beams to it
+
+
+class Landmark:
+    """A point of a path, and the direction of the path there.
+
+    Attributes:
+        x: m, map frame.
+        y: m, map frame.
+        direction: rad, map frame.
+        max_offset: How far beside the point a path still passes it, m.
+    """
+
+    def __init__(self, pose: Pose2, direction: float, *, max_offset: float) -> None:
+        """Create a landmark.
+
+        Args:
+            pose: A pose at the point.
+            direction: Direction of the path, rad, map frame.
+            max_offset: How far beside the point a path still passes it, m.
+        """
+        self.x, self.y = pose.x, pose.y
+        self.direction = direction
+        self.max_offset = max_offset
+        self._progress = 0.0  # m past the landmark, along its direction
+
+    def observe(self, pose: Pose2, *, onward: bool = True) -> bool:
+        """Take the next pose of a path; return whether it has just passed this point.
+
+        Args:
+            pose: The robot's pose now.
+            onward: Whether the pass counts along the landmark's direction, or against.
+        """
+        dx, dy = pose.x - self.x, pose.y - self.y
+        c, s = math.cos(self.direction), math.sin(self.direction)
+        before, self._progress = self._progress, c * dx + s * dy
+        offset = abs(c * dy - s * dx)
+        # Only now that the progress is noted, or a later step would seem to pass it.
+        if offset > self.max_offset:
+            return False
+        return before < 0 <= self._progress if onward else before > 0 >= self._progress
+
+
+class Trail:
+    """Landmarks along a boundary, the hit point first; passing one closes a circuit.
+
+    The hit point itself may lie off the path of a robot that follows the boundary. Then
+    the first landmark on that path closes the circuit.
+    """
+
+    def __init__(self, hit: Landmark) -> None:
+        self._landmarks = [(0.0, hit)]
+        self._max_offset = hit.max_offset
+
+    def extend(self, pose: Pose2, direction: float, travelled: float) -> float | None:
+        """Take the next step, and set a landmark there if it is time for one.
+
+        Args:
+            pose: Of the robot.
+            direction: Of the boundary, rad, map frame.
+            travelled: Path length since the hit point, m.
+
+        Returns:
+            Where along the trail the landmark is that was passed again: the path length
+            from the hit point, m; None if none was.
+        """
+        # Each of them has to see every step.
+        passed = [at for at, mark in self._landmarks if mark.observe(pose)]
+        if travelled - self._landmarks[-1][0] >= LANDMARK_SPACING:
+            mark = Landmark(pose, direction, max_offset=self._max_offset)
+            self._landmarks.append((travelled, mark))
+        # The landmarks that were just set are passed by noise alone.
+        closing = [at for at in passed if travelled - at >= LEAST_CIRCUIT]
+        return closing[0] if closing else None
 
 
 def _linked_beams(
@@ -140,6 +218,8 @@ class FollowedBoundary:
         least: m to be followed before it is left for a place nearer to the goal.
         reached_at: When the robot came beside it, s.
         goal_distance: Its least distance from the goal so far, m.
+        trail: Landmarks along it; None before a circuit around it begins.
+        circuit_start: Where on the path along it the last circuit began, m.
     """
 
     def __init__(self, follower: WallFollower) -> None:
@@ -152,7 +232,8 @@ class FollowedBoundary:
         self.goal_distance = -math.inf  # so that it is not left before it is reached
         self._nearest: Point | None = None  # point of it, map frame
         self._seen: Point | None = None  # nearest point of what is looked at, likewise
-        self._trail: Trail | None = None
+        self.trail: Trail | None = None
+        self.circuit_start = 0.0
 
     @property
     def is_reached(self) -> bool:
@@ -166,18 +247,6 @@ class FollowedBoundary:
         self.reached_at = observation.time
         # Known before it is looked at: else any place would be nearer to the goal.
         self.goal_distance = math.dist(self.hit_place, goal)
-
-    def resume(self, least: float, *, is_anew: bool) -> None:
-        """Follow it again after it was left.
-
-        Args:
-            least: m to be followed before it is left again: else the robot might leave
-                it at the same place at once.
-            is_anew: Whether a circuit begins here, as the robot was elsewhere between.
-        """
-        self.least = self.travelled + least
-        if is_anew:
-            self._trail = None
 
     def look(self, observation: Observation, goal: Point) -> Observation:
         """Return a scan without the beams that end on other obstacles.
@@ -229,28 +298,28 @@ class FollowedBoundary:
         gone.append(self.hit_place)
         return True
 
-    def is_what_was_hit(self, circuit_start: float) -> bool:
-        """Return whether a circuit, begun at m along the path, went around what it hit.
+    def is_what_was_hit(self) -> bool:
+        """Return whether the last circuit went around what the robot has hit.
 
         Where the robot hits something in a gap, what it follows may be the other side
         of the gap; and in a gap that it follows it may get to another obstacle, and not
         back.
         """
-        hit = self.hit_place
-        return self.memory.begins_at(hit) and self.memory.passes(hit, circuit_start)
+        hit, memory = self.hit_place, self.memory
+        return memory.begins_at(hit) and memory.passes(hit, self.circuit_start)
 
-    def extend_trail(self, part: Observation) -> float | None:
-        """Take the next step beside it; return where a circuit began that it closed.
+    def closes_circuit(self, pose: Pose2, direction: float) -> bool:
+        """Take the next step beside it; return whether that ends a circuit.
+
+        To be called after ``remember``.
 
         Args:
-            part: The part of the newest scan that shows it, after ``remember``.
-
-        Returns:
-            m along the path; None if it closed none.
+            pose: Of the robot.
+            direction: Along it, rad, map frame.
         """
-        pose, direction = part.pose, self.follower.tangent(part)
-        if self._trail is None:
-            offset = self.follower.target_distance
-            hit = Landmark(pose, direction, max_offset=offset)
-            self._trail = Trail(hit, offset)
-        return self._trail.extend(pose, direction, self.travelled)
+        if self.trail is None:
+            reach = self.follower.target_distance
+            self.trail = Trail(Landmark(pose, direction, max_offset=reach))
+        began = self.trail.extend(pose, direction, self.travelled)
+        self.circuit_start = self.circuit_start if began is None else began
+        return began is not None

@@ -3,38 +3,47 @@
 A ``Bug`` decides at every scan how to move. It heads for the goal until the bumper in
 that direction is pressed, turns until the boundary is abeam, and follows it as long as
 its boundary policy says. What is beyond the goal is no obstacle.
+
+Theory of operation
+===================
+Bug1 drives all the way around, notes where it is nearest to the goal, and drives back
+there the shorter way round. If the goal's direction leads into the obstacle there,
+there is no path. Bug2 leaves where it meets the line from start to goal again, nearer
+to the goal than at the hit point, unless the line leads into the obstacle there.
+
+When Bug2 gives up is an option. Choset and others: when it meets its hit point, here
+or another point of its own path, again. The thesis: already when it meets the line
+and is no nearer to the goal there, which gives up on maps that have a path.
+
+Source: H. Choset et al., Principles of Robot Motion, MIT Press 2005, chapter 2; a
+thesis on navigation with a radar in USARSim, section 5.1.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from enum import Enum, auto
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.boundary_memory import (
+    LEAST_CIRCUIT,
     FollowedBoundary,
-)
-from radarsim.autonomy.navigation.boundary_policy import (
-    BoundaryPolicy,
-    Bug1Policy,
-    Bug2Policy,
-    Decision,
     Landmark,
+    Trail,
 )
-from radarsim.autonomy.navigation.control import (
-    STOP,
-    Twist,
-)
+from radarsim.autonomy.navigation.bumpers import BAND
+from radarsim.autonomy.navigation.control import STOP, Twist, distance
 from radarsim.autonomy.navigation.controller import (
     Activity,
     Controller,
     ControllerSettings,
 )
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.wall_following import (
-    BumperWallFollower,
-    WallFollower,
-)
+from radarsim.autonomy.navigation.wall_following import BumperWallFollower, WallFollower
+from radarsim.autonomy.plans import Algorithm, GiveUp, Rule
 from radarsim.geometry import Point, Pose2
 
+AT_LINE = 0.1  # m beside the line to the goal that still count as on it
+LEAST_GAIN = 0.1  # m nearer to the goal that count as nearer
 GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 MOST_OTHERS = 3  # circuits around another obstacle, before it gives up nevertheless
@@ -43,15 +52,234 @@ _LOST = 1.5  # circles without a boundary after which the boundary is given up
 _MOST_REVERSALS = 3  # of the turn until a boundary is abeam
 
 
-class Bug(Controller):
+class Decision(Enum):
+    """What to do next at a boundary."""
+
+    ONWARD = auto()
+    BACK = auto()  # along the same boundary, in the other direction
+    LEAVE = auto()
+    NO_PATH = auto()
+
+
+class BoundaryPolicy(ABC):
+    """Decides, step by step, how long to follow one boundary.
+
+    Attributes:
+        boundary: The boundary.
+        circuits: Number of complete circuits.
+        missed: Whether it leaves because the leave point was not found again.
+    """
+
+    circuits = 0
+    missed = False
+
+    def __init__(self, boundary: FollowedBoundary, goal: Point) -> None:
+        """Create the policy at a hit point.
+
+        Args:
+            boundary: The boundary that was hit, with a trail.
+            goal: m, map frame.
+        """
+        self.boundary, self._goal = boundary, goal
+
+    @abstractmethod
+    def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
+        """Decide what to do next.
+
+        Args:
+            pose: Of the robot.
+            direction: Of the boundary, rad, map frame.
+            free: Whether the boundary is not between the robot and the goal; another
+                obstacle may be.
+        """
+
+
+class Bug1Policy(BoundaryPolicy):
+    """Bug1: all the way around, then to the point nearest to the goal."""
+
+    def __init__(self, boundary: FollowedBoundary, goal: Point) -> None:
+        super().__init__(boundary, goal)
+        # goal distance, path length, pose and direction of every step
+        self._steps: list[tuple[float, float, Pose2, float]] = []
+        self._leave: Landmark
+        # lengths of the circuit and of the way back to the leave point, and where along
+        # the path that way began, m
+        self._perimeter = self._return_length = self._turned_at = math.nan
+        self._onward = True
+        self._turned_back = False
+
+    def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
+        """See ``BoundaryPolicy``."""
+        if self.circuits:
+            return self._return(pose, free=free)
+        travelled = self.boundary.travelled
+        goal_distance = distance(pose, *self._goal)
+        self._steps.append((goal_distance, travelled, pose, direction))
+        if not self.boundary.closes_circuit(pose, direction):
+            return Decision.ONWARD
+        self.circuits, began = 1, self.boundary.circuit_start
+        # Only steps of the circuit: the way to where it began may not be part of it.
+        _, at, nearest, direction = min(
+            (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
+        )
+        reach = self.boundary.follower.target_distance
+        self._leave = Landmark(nearest, direction, max_offset=reach)
+        self._leave.observe(pose)  # from here on it knows on which side it is
+        self._perimeter = travelled - began
+        back = travelled - at
+        self._onward = at - began <= back
+        self._return_length, self._turned_at = min(at - began, back), travelled
+        return Decision.ONWARD if self._onward else Decision.BACK
+
+    def _return(self, pose: Pose2, *, free: bool) -> Decision:
+        passed = self._leave.observe(pose, onward=self._onward)
+        travelled = self.boundary.travelled
+        returned = travelled - self._turned_at
+        # Poses drift, so the way back may measure shorter or longer than the way there.
+        slack = max(1.0, 0.2 * self._return_length)
+        close = distance(pose, self._leave.x, self._leave.y) < LEAST_GAIN
+        # Before that the robot may pass the landmark on another side of the obstacle.
+        due = self._turned_back or returned >= self._return_length - slack
+        if due and (passed or close):
+            # A robot that lost its path cannot tell which obstacle hides the goal here
+            self.missed = self._turned_back
+            blocked = not free and not self.missed
+            return Decision.NO_PATH if blocked else Decision.LEAVE
+        if returned > self._return_length + 2 * slack:
+            # It turns back once, for up to a whole circuit; then it leaves anywhere.
+            if self._turned_back:
+                self.missed = True
+                return Decision.LEAVE
+            self._turned_back = True
+            self._onward = not self._onward
+            self._return_length, self._turned_at = self._perimeter, travelled
+            return Decision.BACK
+        return Decision.ONWARD
+
+
+class Bug2Policy(BoundaryPolicy):
+    """Bug2: until the line to the goal is met, nearer to the goal."""
+
+    def __init__(
+        self,
+        boundary: FollowedBoundary,
+        goal: Point,
+        hit: Pose2,
+        starts: Sequence[Pose2],
+        give_up: GiveUp,
+    ) -> None:
+        """Create the policy at a hit point.
+
+        Args:
+            boundary: See ``BoundaryPolicy``.
+            goal: Likewise.
+            hit: The pose at the hit point.
+            starts: Starts of the lines to the goal, at any of which it leaves; at least
+                one. Where it gives up at a line, that is the last one.
+            give_up: When to conclude that there is no path.
+        """
+        super().__init__(boundary, goal)
+        self._lines = [_Line(start, goal) for start in starts]
+        self._hit, self._give_up = hit, give_up
+
+    def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
+        """See ``BoundaryPolicy``."""
+        # All lines are asked, since each remembers on which side the robot was.
+        met = [line.meets(pose) for line in self._lines]
+        at_line, crossed = any(at for at, _ in met), met[-1][1]
+        hit_distance = distance(self._hit, *self._goal)
+        nearer = distance(pose, *self._goal) < hit_distance - LEAST_GAIN
+        # Before anything is decided: the landmarks have to see every step, too.
+        closes_circuit = self.boundary.closes_circuit(pose, direction)
+        if at_line and nearer and free:
+            return Decision.LEAVE
+        if closes_circuit:
+            self.circuits += 1
+            return Decision.NO_PATH
+        # At its hit point the robot is at the line as well.
+        is_away = pose.distance(self._hit) > LEAST_CIRCUIT / 2
+        gives_up = crossed and not nearer and self._give_up == GiveUp.LINE
+        return Decision.NO_PATH if gives_up and is_away else Decision.ONWARD
+
+
+class _Line:
+    """The line from a start to the goal, which Bug2 has to meet."""
+
+    def __init__(self, start: Pose2, goal: Point) -> None:
+        self._start, self._goal = start, goal
+        self._side: float | None = None
+
+    def meets(self, pose: Pose2) -> tuple[bool, bool]:
+        """Return whether the robot is at the line, and whether it just crossed it.
+
+        The line ends at the goal, since there is no shorter way beyond; that a path
+        crosses it counts before the start, too.
+        """
+        goal_x, goal_y = self._goal
+        dx, dy = goal_x - self._start.x, goal_y - self._start.y
+        length = math.hypot(dx, dy)
+        x, y = pose.x - self._start.x, pose.y - self._start.y
+        # Times the length of the line, by which nothing is divided, as it may be 0.
+        side, along = dx * y - dy * x, dx * x + dy * y
+        before, self._side = self._side, side
+        crossed = before is not None and before * side <= 0
+        is_beside = -AT_LINE * length <= along <= length * (length + AT_LINE)
+        at_line = is_beside and (crossed or abs(side) <= AT_LINE * length)
+        return at_line, crossed
+
+
+class BoundaryController(Controller):
+    """What algorithms have in common that follow boundaries."""
+
+    def __init__(self, settings: ControllerSettings) -> None:
+        super().__init__(settings)
+        self._boundary: FollowedBoundary  # that it is at, unless it is going
+        # where it hit obstacles that had gone when they were looked at, m, map frame
+        self._gone: list[Point] = []
+        self._others = 0  # number of times that another obstacle was circled
+
+    def _begin_goal(self, pose: Pose2) -> None:  # noqa: ARG002 - subclasses need it
+        self._gone, self._others = [], 0
+
+    def _begin_boundary(
+        self, kind: type[WallFollower] = WallFollower, *, wall_on_left: bool
+    ) -> None:
+        """Turn to the boundary of what is in the way, to keep it on one side."""
+        limits, self.activity = self._settings.speed_limits, Activity.ALIGNING
+        follower = kind(self._settings.bumpers, limits, wall_on_left=wall_on_left)
+        self._boundary = FollowedBoundary(follower)
+
+    def _conclude(self, observation: Observation) -> Twist:
+        """Give up after a circuit, unless what was circled does not close the way.
+
+        It may have driven away meanwhile, or be another obstacle than was hit.
+        """
+        has_gone = self._boundary.has_gone(observation, self._gone)
+        is_hit = self._boundary.is_what_was_hit()
+        is_other = self._others < MOST_OTHERS and not is_hit
+        if has_gone or is_other:
+            self._others += is_other
+            return self._go_on(observation, is_other=is_other)
+        self.activity = Activity.NO_PATH
+        return STOP
+
+    @abstractmethod
+    def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
+        """Leave what was circled, which does not close the way to the goal.
+
+        Args:
+            observation: The newest scan.
+            is_other: Whether it is another obstacle than was hit.
+        """
+
+
+class Bug(BoundaryController):
     """Bug1 or Bug2; attributes are those of ``Controller``."""
 
-    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
-        super().__init__(goals, settings)
-        self._wall_on_left = settings.wall_on_left  # of the next boundary
-        # of the boundary that it is at, unless it is going
-        self._boundary: FollowedBoundary
-        self._policy: BoundaryPolicy
+    def __init__(self, settings: ControllerSettings) -> None:
+        super().__init__(settings)
+        self._wall_on_left = settings.mission.side == "left"  # of the next boundary
+        self._policy: BoundaryPolicy  # for the boundary that it is at
         self._starts: list[Pose2] = []  # of the lines of which Bug2 has to meet one
         self._lost = 0.0  # m driven without a boundary
         self._turn = 0.0  # rad/s; of the last step of aligning
@@ -59,15 +287,12 @@ class Bug(Controller):
         self._best_leave = math.inf  # m from the goal
         self._leaving = False  # whether it is still beside the boundary it has left
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
-        # where it hit obstacles that had gone when they were looked at, m, map frame
-        self._gone: list[Point] = []
         self._misses = 0  # number of leave points that it did not find again
-        self._others = 0  # number of times that another obstacle was circled
 
     def _begin_goal(self, pose: Pose2) -> None:
-        self._starts = [pose]
-        self._gone, self._misses, self._others = [], 0, 0
-        self._wall_on_left = self._settings.wall_on_left
+        super()._begin_goal(pose)
+        self._starts, self._misses = [pose], 0
+        self._wall_on_left = self._settings.mission.side == "left"
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
@@ -122,27 +347,22 @@ class Bug(Controller):
         return min(bumpers.towards(observation, side).distance for side in sides)
 
     def _hit(self, observation: Observation) -> None:
-        pose, goal = observation.pose, self.goals[0]
+        pose, goal, settings = observation.pose, self.goals[0], self._settings
         self.hit_points.append((pose.x, pose.y))
-        self.activity, self._lost = Activity.ALIGNING, 0.0
-        self._turn, self._reversals = 0.0, 0
-        settings = self._settings
+        self._lost, self._turn, self._reversals = 0.0, 0.0, 0
         is_literal = settings.bumpers.rule is Rule.THESIS
-        follower = (BumperWallFollower if is_literal else WallFollower)(
-            settings.bumpers, settings.speed_limits, wall_on_left=self._wall_on_left
-        )
-        self._boundary = FollowedBoundary(follower)
-        obstacle = self._goal_bearing(pose)
-        self._boundary.reach(observation, obstacle, goal)
-        direction = follower.direction(observation, obstacle)
-        max_offset = follower.target_distance
-        hit = Landmark(pose, direction, max_offset=max_offset)
-        if settings.algorithm == Algorithm.BUG1:
-            self._policy = Bug1Policy(hit, goal, max_offset)
-            return
-        self._policy = Bug2Policy(
-            hit, goal, max_offset, starts=self._starts, give_up=settings.give_up
-        )
+        kind = BumperWallFollower if is_literal else WallFollower
+        self._begin_boundary(kind, wall_on_left=self._wall_on_left)
+        boundary, obstacle = self._boundary, self._goal_bearing(pose)
+        boundary.reach(observation, obstacle, goal)
+        direction = boundary.follower.direction(observation, obstacle)
+        reach = boundary.follower.target_distance
+        boundary.trail = Trail(Landmark(pose, direction, max_offset=reach))
+        if settings.mission.algorithm is Algorithm.BUG1:
+            self._policy = Bug1Policy(boundary, goal)
+        else:
+            give_up = settings.mission.give_up
+            self._policy = Bug2Policy(boundary, goal, pose, self._starts, give_up)
 
     def _follow(self, observation: Observation, step: float) -> Twist:
         if self._sees_goal(observation):
@@ -157,7 +377,7 @@ class Bug(Controller):
         direction = follower.tangent(part)
         circuits_before = policy.circuits
         free = not self._is_hidden(observation, part)
-        decision = policy.step(observation.pose, step, direction, free=free)
+        decision = policy.step(part.pose, direction, free=free)
         self.circuits += policy.circuits - circuits_before
         if decision is Decision.LEAVE:
             return self._leave_or_conclude(observation)
@@ -182,33 +402,23 @@ class Bug(Controller):
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
-        near = self._goal_distance(observation.pose)
-        is_no_nearer = near > self._best_leave - self._settings.tolerance
+        near, mission = self._goal_distance(observation.pose), self._settings.mission
+        is_no_nearer = near > self._best_leave - mission.tolerance
         self._best_leave = min(self._best_leave, near)
-        if is_no_nearer and self._settings.algorithm == Algorithm.BUG1:
+        if is_no_nearer and mission.algorithm is Algorithm.BUG1:
             return self._conclude(observation)
         return self._leave(observation)
 
-    def _conclude(self, observation: Observation) -> Twist:
-        # There is no path, unless what was circled has driven away meanwhile, or is
-        # another obstacle than the one that was hit.
-        has_gone = self._boundary.has_gone(observation, self._gone)
-        start = self._policy.circuit_start
-        is_hit = self._boundary.is_what_was_hit(start)
-        is_other = self._others < MOST_OTHERS and not is_hit
-        if has_gone or is_other:
-            self._others += is_other
-            if is_other:
-                # The other side of a gap, or what is behind it: on the same hand the
-                # robot would come back there.
-                self._change_hand()
-            self._best_leave = math.inf
-            # A robot in a gap may circle what the first line to the goal never meets,
-            # as on the random maps 108, 357 and 458: the line from here counts, too.
-            self._starts.append(observation.pose)
-            return self._leave(observation)
-        self.activity = Activity.NO_PATH
-        return STOP
+    def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
+        if is_other:
+            # The other side of a gap, or what is behind it: on the same hand the robot
+            # would come back there.
+            self._change_hand()
+        self._best_leave = math.inf
+        # A robot in a gap may circle what the first line to the goal never meets, as on
+        # the random maps 108, 357 and 458: the line from here counts, too.
+        self._starts.append(observation.pose)
+        return self._leave(observation)
 
     def _change_hand(self) -> None:
         """Follow the next boundaries on the other hand, and forget where it has left.
@@ -227,7 +437,7 @@ class Bug(Controller):
         """
         bumpers = self._settings.bumpers
         near = self._goal_distance(observation.pose)
-        most = min(bumpers.pressed_below, self._seen_from - bumpers.band / 2)
+        most = min(bumpers.pressed_below, self._seen_from - BAND / 2)
         return near <= most and self._is_open(observation)
 
     def _leave(self, observation: Observation) -> Twist:

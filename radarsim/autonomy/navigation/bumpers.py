@@ -23,12 +23,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.algorithms import Rule
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
-from radarsim.autonomy.navigation.plans import LEAST_SHARE
+from radarsim.autonomy.plans import LEAST_SHARE, Rule
 from radarsim.geometry import Floats
 
-BAND = 0.5  # m beyond the safety distance
+BAND = 0.5  # m beyond the safety distance, in which bumpers are pressed
 MOST = 36  # bumpers; narrower sectors would hold too few beams
 
 EIGHT = (
@@ -47,14 +46,12 @@ class Bumper:
         too_near: Whether a share of the beams is nearer than the safety distance.
         distance: Distance within which a share of the beams ended, m; ``inf`` if they
             have no return.
-        blind: Whether it has no beams.
     """
 
     name: str
     pressed: bool
     too_near: bool
     distance: float
-    blind: bool = False
 
     @property
     def blocked(self) -> bool:
@@ -68,14 +65,12 @@ class Bumpers:
 
     Attributes:
         safety_distance: m from the robot's centre.
-        band: m beyond it in which a bumper is pressed but not yet too near.
         count: Number of bumpers, 4 to 36.
         share: Share of a bumper's beams that press it, above 0 and at most 1.
         rule: When a bumper is pressed.
     """
 
     safety_distance: float
-    band: float = BAND
     count: int = 8
     share: float = LEAST_SHARE
     rule: Rule = Rule.SHARE
@@ -85,15 +80,14 @@ class Bumpers:
             raise ValueError(f"{self.count} bumpers, expected 4 to {MOST}")
         if not 0 < self.share <= 1:
             raise ValueError(f"share {self.share!r}, expected above 0 and at most 1")
-        for name in ("safety_distance", "band"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ValueError(f"{name} {value!r}, expected above 0 and finite")
+        if not 0 < self.safety_distance < math.inf:
+            value = self.safety_distance
+            raise ValueError(f"safety_distance {value!r}, expected above 0 and finite")
 
     @property
     def pressed_below(self) -> float:
         """Far end of the band, m."""
-        return self.safety_distance + self.band
+        return self.safety_distance + BAND
 
     @property
     def width(self) -> float:
@@ -133,9 +127,7 @@ class Bumpers:
 
     def _state(self, name: str, ranges: Floats) -> Bumper:
         if not len(ranges):
-            return Bumper(
-                name, pressed=False, too_near=False, distance=math.inf, blind=True
-            )
+            return Bumper(name, pressed=False, too_near=False, distance=math.inf)
         distance = nearest_share(ranges, self.share)
         if self.rule == Rule.SHARE:
             pressed = distance < self.pressed_below

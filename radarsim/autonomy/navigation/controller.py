@@ -5,11 +5,10 @@ Subclasses are the algorithms.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, GiveUp
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
     STOP,
@@ -20,7 +19,7 @@ from radarsim.autonomy.navigation.control import (
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import leads_too_near
-from radarsim.autonomy.navigation.plans import TOLERANCE
+from radarsim.autonomy.plans import Mission
 from radarsim.geometry import Floats, Point, Pose2
 
 
@@ -35,27 +34,21 @@ class Activity(StrEnum):
     NO_PATH = "no_path"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class ControllerSettings:
     """Settings of a controller.
 
     Attributes:
-        algorithm: How to get around obstacles.
+        mission: The mission, with at least one goal.
         bumpers: The bumpers that it steers by.
         speed_limits: Greatest speeds.
-        wall_on_left: Whether it keeps boundaries on its left.
-        give_up: When Bug2 concludes that there is no path.
-        tolerance: Distance from the goal at which it is reached, m.
         footprint: Length and width, m, of what planned paths have to be wide enough for
             where the safety distance is not kept; None to keep it everywhere.
     """
 
-    algorithm: Algorithm
+    mission: Mission
     bumpers: Bumpers
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    wall_on_left: bool = True
-    give_up: GiveUp = GiveUp.HIT_POINT
-    tolerance: float = TOLERANCE
     footprint: tuple[float, float] | None = None
 
 
@@ -70,17 +63,12 @@ class Controller(ABC):
         circuits: Number of complete circuits around obstacles.
     """
 
-    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
-        """Create it before the first scan.
-
-        Args:
-            goals: One or more, m, map frame.
-            settings: Its settings.
-        """
-        if not goals:
-            raise ValueError("no goals, expected at least one")
+    def __init__(self, settings: ControllerSettings) -> None:
+        """Create it before the first scan."""
         self.activity = Activity.GOING
-        self.goals = list(goals)
+        self.goals = list(settings.mission.goals)
+        if not self.goals:
+            raise ValueError("no goals, expected at least one")
         self.hit_points: list[Point] = []
         self.leave_points: list[Point] = []
         self.circuits = 0
@@ -102,7 +90,7 @@ class Controller(ABC):
         pose = observation.pose
         driven = 0.0 if self._previous is None else pose.distance(self._previous)
         self._previous = pose
-        at_goal = self._settings.tolerance
+        at_goal = self._settings.mission.tolerance
         # goals may lie within the tolerance of each other
         while not self.is_done and self._goal_distance(pose) <= at_goal:
             self.goals.pop(0)

@@ -4,16 +4,15 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Controller, ControllerSettings
 from radarsim.autonomy.navigation.observation import ECHO_WAIT, ObservationBuilder
 from radarsim.autonomy.navigation.path_planning import PathPlanning
-from radarsim.autonomy.navigation.plans import DrivePlan, Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
 from radarsim.autonomy.navigation.tangent_bug import TangentBug
+from radarsim.autonomy.plans import ROBOT, Algorithm, DrivePlan, Mission
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import NavigationError
 
@@ -84,28 +83,17 @@ def run_mission(
     )
     # Before anything is driven: what a blind bumper faces would be hit.
     check_field_of_view(bumpers, scanner)
-    settings = ControllerSettings(
-        algorithm=mission.algorithm,
-        bumpers=bumpers,
-        speed_limits=speed_limits,
-        wall_on_left=mission.side == "left",
-        give_up=mission.give_up,
-        tolerance=mission.tolerance,
-        footprint=footprint_for(info, mission),
-    )
-    controller = CONTROLLERS[mission.algorithm](mission.goals, settings)
+    footprint = footprint_for(info, mission)
+    settings = ControllerSettings(mission, bumpers, speed_limits, footprint)
+    controller = CONTROLLERS[mission.algorithm](settings)
     if mission.echoes:
         client.echoes(scanner.name)
     echo_wait, clock = ECHO_WAIT * mission.echoes, client.transport.time
     source = ObservationBuilder(
         scanner, mission.pose_source, clock, echo_wait=echo_wait
     )
-    return Navigator(client, info, source, controller, bumpers).run(
-        timeout=mission.timeout,
-        time_limit=mission.time_limit,
-        return_to_start=mission.return_to_start,
-        observe=observe,
-    )
+    navigator = Navigator(client, info, source, controller, bumpers)
+    return navigator.run(mission, observe)
 
 
 def safety_distance_for(

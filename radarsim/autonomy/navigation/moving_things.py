@@ -4,9 +4,7 @@ Theory of operation
 ===================
 A scan is compared with one of a moment before. What is now seen where a beam went
 through then has come there: it moves. What was hidden then, behind something nearer,
-may as well have stood there, and does not count. Beams of the earlier scan count with
-those beside them: a pole may have been between two of them, and a radar with side beams
-sees it up to 0.2 m beside its place.
+may as well have stood there, and does not count.
 
 From where it is seen at first and now follows its velocity, which is known after half a
 second: so things are looked at some metres away, before they are near. The robot stands
@@ -38,11 +36,10 @@ from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
-from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.autonomy.navigation.observation import BEHIND, Observation
 from radarsim.geometry import Floats
 
 INTERVAL: Final = 2.0  # s between the scans that are compared
-MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
 LEAST_BEAMS: Final = 3  # that end on something that moves
 SPEED: Final = 0.3  # m/s at which the robot would go on
 HORIZON: Final = 4.0  # s ahead that are looked at
@@ -64,46 +61,8 @@ ONE_THING: Final = 1.5  # m; what moves farther apart is more than one
 BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
 RECENT: Final = 30.0  # s after motion was seen, in which it backs off
 MOVED_NEAR: Final = 0.5  # m from where that was, to what it backs off from
-STOOD: Final = (
-    0.05,
-    0.05,
-)  # m and rad between the scans that are compared, if it stood
-_BESIDE: Final = 0.3  # m beside a place where earlier beams count
-_LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
-
-
-class MotionDetector:
-    """Compares scans with those of a moment before."""
-
-    def __init__(self) -> None:
-        self._earlier: deque[Observation] = deque()
-
-    def moving_beams(self, observation: Observation, reach: float) -> NDArray[np.bool_]:
-        """Return which beams end on something that has moved, (N,).
-
-        Args:
-            observation: The newest scan; the times of scans increase.
-            reach: Longer beams are left out, m.
-        """
-        self._earlier.append(observation)
-        # the newest one that is old enough, and all since
-        while len(self._earlier) > 1 and _age(self._earlier[1], observation) >= 0:
-            self._earlier.popleft()
-        beams = np.zeros(len(observation.ranges), np.bool_)
-        near = np.flatnonzero(observation.ranges < reach)
-        before = self._earlier[0]
-        if _age(before, observation) < 0 or not len(near):
-            return beams
-        beams[near] = _was_free(before, observation, near)
-        return beams
-
-    def has_stood(self, observation: Observation) -> bool:
-        """Return whether the robot is where it was in the scan that is compared with.
-
-        Args:
-            observation: The newest scan, after ``moving_beams``.
-        """
-        return not observation.pose.is_apart(self._earlier[0].pose, *STOOD)
+# m and rad between the scans that are compared, if the robot stood
+STOOD: Final = (0.05, 0.05)
 
 
 class Waiting:
@@ -118,7 +77,8 @@ class Waiting:
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        self._detector = MotionDetector()
+        # the scan that is compared with, once it is old enough, and all since
+        self._earlier: deque[Observation] = deque()
         # when and where things moved, s and m, map frame
         self._seen: deque[tuple[float, complex]] = deque()
         self._ahead = 1.0  # or -1: whether the robot went forward, or backward
@@ -165,6 +125,25 @@ class Waiting:
         # It goes on for a while, or the next scan would stop it again.
         self._impatient_until = now + IMPATIENCE
         return False
+
+    def moving_beams(self, observation: Observation, reach: float) -> NDArray[np.bool_]:
+        """Return which beams end on something that has moved, (N,).
+
+        Args:
+            observation: The newest scan; the times of scans increase.
+            reach: Longer beams are left out, m.
+        """
+        earlier, due = self._earlier, observation.time - (INTERVAL - 1e-6)
+        earlier.append(observation)
+        while len(earlier) > 1 and earlier[1].time <= due:
+            earlier.popleft()
+        beams = observation.ranges < reach
+        if earlier[0].time > due:
+            return np.zeros_like(beams)
+        ends = observation.offsets(beams)
+        ends += complex(observation.pose.x, observation.pose.y)
+        beams[beams] = earlier[0].looks_through(ends)
+        return beams
 
     def meeting(self, observation: Observation) -> Floats:
         """Return where what meets the robot is and will be, (M, 2) m, map frame.
@@ -214,7 +193,7 @@ class Waiting:
         # Away from the nearest point, without a turn: its corners would swing into it.
         forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
         ahead = forward * np.cos(bearings) > 0.5
-        if (ranges[ahead] < self._clearance + MARGIN).any():
+        if (ranges[ahead] < self._clearance + BEHIND).any():
             return STOP
         return Twist(forward * BACK_SPEED, 0.0)
 
@@ -243,7 +222,7 @@ class Waiting:
     ) -> bool:
         """Return whether something that moves would come too near if the robot went."""
         reach = self._bumpers.pressed_below + MORE
-        beams = self._detector.moving_beams(observation, reach + SEEN_COMING)
+        beams = self.moving_beams(observation, reach + SEEN_COMING)
         if still is not None:
             beams &= ~still
         self._follow(observation, beams)
@@ -256,7 +235,7 @@ class Waiting:
         centre = complex(ends.mean())
         place = centre + complex(pose.x, pose.y)
         velocity = _add_to_track(self._seen, now, place)
-        if self._detector.has_stood(observation):
+        if not pose.is_apart(self._earlier[0].pose, *STOOD):
             self._motions.append((now, place))
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
@@ -277,25 +256,3 @@ def _add_to_track(
     begin, first = track[0]
     # A track of one or two scans gives any velocity, by noise.
     return (place - first) / (now - begin) if now - begin >= LEAST_TRACK else 0j
-
-
-def _age(earlier: Observation, now: Observation) -> float:
-    """Return by how much a scan is older than the interval, s."""
-    return now.time - earlier.time - (INTERVAL - 1e-6)
-
-
-def _was_free(
-    before: Observation, now: Observation, beams: NDArray[np.int64]
-) -> NDArray[np.bool_]:
-    """Return whether earlier beams went through where some beams end now, (M,)."""
-    angles = now.bearings[beams] + now.pose.yaw
-    x = now.pose.x + now.ranges[beams] * np.cos(angles) - before.pose.x
-    y = now.pose.y + now.ranges[beams] * np.sin(angles) - before.pose.y
-    bearings = np.arctan2(y, x) - before.pose.yaw
-    offsets = np.abs(wrap_angles(bearings[:, None] - before.bearings))
-    distances = np.hypot(x, y)
-    free = before.ranges > (distances + MARGIN)[:, None]
-    spread = np.arctan2(_BESIDE, distances)
-    beside = offsets <= np.maximum(spread, _LEAST_SPREAD)[:, None]
-    # Where no earlier beam looked, something may have stood all along.
-    return np.asarray((free | ~beside).all(axis=1) & beside.any(axis=1))

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.autonomy.mapping.slam import Localizer
-from radarsim.autonomy.navigation.algorithms import PoseSource
+from radarsim.autonomy.plans import PoseSource
 from radarsim.client import ScannerInfo, beam_angles
 from radarsim.client.robot_info import from_centre, same_name
 from radarsim.client.robot_state import EchoCollector
@@ -47,6 +47,9 @@ from radarsim.protocol.reports import (
 )
 
 ECHO_WAIT: Final = 0.5  # s without echoes after which ranges alone count
+BEHIND: Final = 0.25  # m that a beam goes on behind a place where nothing is
+_BESIDE: Final = 0.3  # m beside a place where beams count as beams to it
+_LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
 _AIR: Final = "rain"  # a kind of echo of nothing that blocks
 POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
     PoseSource.INS: Ins,
@@ -124,6 +127,25 @@ class Observation:
         angles = self.bearings[beams] + self.pose.yaw
         offsets: NDArray[np.complex128] = self.ranges[beams] * np.exp(1j * angles)
         return offsets
+
+    def looks_through(self, points: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        """Return whether beams went through places, and none ended there, (N,).
+
+        Beams beside a place count as well: a pole may be between two of them, and a
+        radar with side beams sees it up to 0.2 m beside its place. Where no beam looks
+        that is not known, and counts as no.
+
+        Args:
+            points: (N,) m, map frame, x + iy.
+        """
+        offsets = points - complex(self.pose.x, self.pose.y)
+        distances = np.abs(offsets)
+        bearings = np.angle(offsets) - self.pose.yaw
+        spread = np.maximum(np.arctan2(_BESIDE, distances), _LEAST_SPREAD)
+        turns = np.abs(wrap_angles(bearings[:, None] - self.bearings))
+        is_beside = turns <= spread[:, None]
+        goes_on = self.ranges > (distances + BEHIND)[:, None]
+        return np.asarray((goes_on | ~is_beside).all(axis=1) & is_beside.any(axis=1))
 
     def _points(self, bearings: Floats, ranges: Floats) -> Floats:
         angles = bearings + self.pose.yaw

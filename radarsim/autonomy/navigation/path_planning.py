@@ -14,7 +14,7 @@ from near: there is no path if what is sure closes all ways.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -56,8 +56,8 @@ _MOST_GROWN: Final = 10  # margins around the first grid
 class PathPlanning(Controller):
     """Planned paths; has no hit points, leave points and circuits."""
 
-    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
-        super().__init__(goals, settings)
+    def __init__(self, settings: ControllerSettings) -> None:
+        super().__init__(settings)
         self._grid: ObstacleGrid | None = None
         self._scans: list[Observation] = []  # by which the grid can be drawn anew
         self._cost: Floats = np.zeros((0, 0))

@@ -4,7 +4,7 @@ import csv
 import io
 import math
 from collections import Counter
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
@@ -14,13 +14,14 @@ from radarsim.geometry import Floats, Point, wrap_angle
 
 CELL = 0.05  # m; end points of beams are counted in square cells of this size
 AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
-COLUMN_NAMES = {"activity": "doing"}  # columns of a trace not named as in ``Row``
+# the first line of a trace
+TRACE_HEADER = "time,x,y,yaw,doing,goal_x,goal_y,speed,turn,nearest,pressed\n"
 _DIGITS = 4  # of metres and radians in a trace
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One moment of a run, without its scan.
+    """One moment of a run, without its scan: the columns of a trace.
 
     Attributes:
         time: Server time, s.
@@ -171,8 +172,8 @@ class RunLog:
             # plus zero, as -0.0 would be another text
             return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None
 
-        text = io.StringIO(trace_header())
-        text.seek(0, io.SEEK_END)
+        text = io.StringIO()
+        text.write(TRACE_HEADER)
         writer = csv.writer(text, lineterminator="\n")
         writer.writerows(map(rounded, astuple(row)) for row in self.rows)
         return text.getvalue()
@@ -197,9 +198,3 @@ class RunLog:
             self.legs[-1].leave_points.append(here)
         if previous is not None:
             self.circuits += previous.activity != row.activity == Activity.RETURNING
-
-
-def trace_header() -> str:
-    """Return the first line of a trace, with its end."""
-    names = (each.name for each in fields(Row))
-    return ",".join(COLUMN_NAMES.get(name, name) for name in names) + "\n"

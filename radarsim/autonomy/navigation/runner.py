@@ -22,10 +22,13 @@ from radarsim.autonomy.navigation.control import (
     distance,
 )
 from radarsim.autonomy.navigation.controller import Activity, Controller
+from radarsim.autonomy.navigation.hidden_obstacles import (
+    TouchMemory,
+    TransientObstacles,
+)
 from radarsim.autonomy.navigation.moving_things import Waiting
 from radarsim.autonomy.navigation.observation import Observation, ObservationBuilder
-from radarsim.autonomy.navigation.touch_memory import TouchMemory
-from radarsim.autonomy.navigation.transient_obstacles import TransientObstacles
+from radarsim.autonomy.plans import Mission
 from radarsim.client import Client, RobotInfo
 from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2
@@ -55,7 +58,6 @@ class ClearanceCheck:
 
     def __init__(self, bumpers: Bumpers) -> None:
         self._bumpers = bumpers
-        self._is_first = True
         self._previous: Pose2 | None = None
         self._travelled = 0.0  # m
         self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
@@ -72,10 +74,9 @@ class ClearanceCheck:
             TooNearError: If something is nearer to the start than the safety distance,
                 or stands so near to the goal.
         """
-        self._travelled += observation.pose.distance(self._previous or observation.pose)
-        self._previous = observation.pose
-        if self._is_first:
-            self._is_first = False
+        previous, self._previous = self._previous, observation.pose
+        self._travelled += observation.pose.distance(previous or observation.pose)
+        if previous is None:
             nearest = min(each.distance for each in self._bumpers.read(observation))
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)
@@ -170,10 +171,7 @@ class Result:
         path_length: Length of the estimated path, m.
         time: Server time from the first scan to the last, s; by the transport's clock
             where the server's time stamps do not advance.
-        hit_points: Hit points, m, map frame.
-        leave_points: Leave points, m, map frame.
         circuits: Number of complete circuits around obstacles.
-        nearest: Smallest range from the robot's centre, m; ``inf`` for none.
         goals_left: Number of goals that were not reached.
         safety_distance: The safety distance of the robot, m.
     """
@@ -181,10 +179,7 @@ class Result:
     outcome: str
     path_length: float
     time: float
-    hit_points: tuple[Point, ...]
-    leave_points: tuple[Point, ...]
     circuits: int
-    nearest: float
     goals_left: int
     safety_distance: float
 
@@ -223,19 +218,13 @@ class Navigator:
         )
 
     def run(
-        self,
-        *,
-        timeout: float,
-        time_limit: float,
-        return_to_start: bool,
-        observe: Callable[[NavigationStep], None],
+        self, mission: Mission, observe: Callable[[NavigationStep], None]
     ) -> Result:
         """Drive until the controller is done, and leave the robot standing.
 
         Args:
-            timeout: Time without a scan after which the run is given up, s.
-            time_limit: Longest run, s, by the result's time.
-            return_to_start: Whether where the robot is at first is one more goal.
+            mission: Its time limits, and whether where the robot is at first is one
+                more goal.
             observe: Called at every scan, after the robot was commanded.
 
         Raises:
@@ -244,17 +233,18 @@ class Navigator:
             NavigationError: If the robot does not move though it is commanded to, or if
                 the start or a goal is inside the safety distance of something.
         """
-        loop = ControlLoop(self._client, self._robot, self._source, timeout=timeout)
+        loop = ControlLoop(
+            self._client, self._robot, self._source, timeout=mission.timeout
+        )
         controller, bumpers = self._controller, self._bumpers
-        trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
+        trip, stuck_detector = TripMeter(), StuckDetector()
         try:
             for scan in loop.scans():
-                if return_to_start and trip.start is None:
+                if mission.return_to_start and trip.start is None:
                     controller.goals.append((scan.pose.x, scan.pose.y))
                 observation = self._decide(scan)
                 trip.add(observation)
-                nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
-                is_over = controller.is_done or trip.time > time_limit
+                is_over = controller.is_done or trip.time > mission.time_limit
                 if not is_over:
                     loop.drive(self._twist)  # at once: who observes may take long
                 pressed = pressed_names(bumpers.read(observation))
@@ -272,10 +262,7 @@ class Navigator:
             outcome=controller.activity.value if controller.is_done else "failed",
             path_length=trip.length,
             time=trip.time,
-            hit_points=tuple(controller.hit_points),
-            leave_points=tuple(controller.leave_points),
             circuits=controller.circuits,
-            nearest=nearest,
             goals_left=len(controller.goals),
             safety_distance=bumpers.safety_distance,
         )

@@ -34,7 +34,6 @@ algorithm, International Journal of Robotics Research 17, 1998.
 """
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -42,11 +41,10 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.navigation.boundary_memory import FollowedBoundary
-from radarsim.autonomy.navigation.bug import GRAZE, MOST_OTHERS, NOISE
+from radarsim.autonomy.navigation.bug import GRAZE, NOISE, BoundaryController
 from radarsim.autonomy.navigation.control import STOP, Twist, bearing_of, distance
 from radarsim.autonomy.navigation.controller import (
     Activity,
-    Controller,
     ControllerSettings,
 )
 from radarsim.autonomy.navigation.observation import Observation
@@ -58,7 +56,6 @@ from radarsim.autonomy.navigation.open_directions import (
 )
 from radarsim.autonomy.navigation.wall_following import (
     ALIGNED,
-    WallFollower,
 )
 from radarsim.geometry import Floats, Point, Pose2
 
@@ -130,11 +127,11 @@ def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
     return cross
 
 
-class TangentBug(Controller):
+class TangentBug(BoundaryController):
     """TangentBug; attributes are those of ``Controller``."""
 
-    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
-        super().__init__(goals, settings)
+    def __init__(self, settings: ControllerSettings) -> None:
+        super().__init__(settings)
         # a gap that it enters has to be one that a wall follower finds open from inside
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # that it heads for
@@ -144,20 +141,16 @@ class TangentBug(Controller):
         self._place: Point | None = None  # that it heads for after a boundary
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
         self._open = 0  # scans in a row by which a boundary could be left
-        self._boundary: FollowedBoundary  # that it is at, unless it is going
         self._left: FollowedBoundary | None = None  # the boundary that it left last
-        # where it hit obstacles that had gone, m, map frame
-        self._gone: list[Point] = []
-        self._others = 0  # number of times that another obstacle was circled
         # Number of times that it went on along what it had left, in the whole run: so a
         # run ends, however often what is seen in mirrors begins anew.
         self._resumed = 0
         self._last_hand: bool | None = None  # then: whether it was on the left
 
-    def _begin_goal(self, _: Pose2) -> None:
+    def _begin_goal(self, pose: Pose2) -> None:
+        super()._begin_goal(pose)
         self._start_anew()
-        self._left_at, self._left, self._gone = math.inf, None, []
-        self._others, self._last_hand = 0, None
+        self._left_at, self._left, self._last_hand = math.inf, None, None
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
         self._driven += driven
@@ -274,13 +267,16 @@ class TangentBug(Controller):
         self.hit_points.append((pose.x, pose.y))
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
             # it could not go on where it left: as if it never had
-            self._boundary, self.activity = self._left, Activity.FOLLOWING
-            self._left.resume(AGAIN, is_anew=self._resumed < _MOST_RESUMED)
-            self._resumed += 1
+            boundary, self.activity = self._left, Activity.FOLLOWING
+            # else it might leave it at the same place at once
+            boundary.least = boundary.travelled + AGAIN
+            if self._resumed < _MOST_RESUMED:
+                # A circuit begins here, as the robot was elsewhere between.
+                boundary.trail = None
+            self._boundary, self._resumed = boundary, self._resumed + 1
             return STOP
-        self.activity = Activity.ALIGNING
         # on the hand on which the way over what it sees is shorter
-        wall_on_left = self._settings.wall_on_left
+        wall_on_left = self._settings.mission.side == "left"
         directions = OpenDirections(observation, self._radius)
         edge, _ = self._best_edge(directions.edges(), directions, pose)
         if edge is not None:
@@ -289,11 +285,7 @@ class TangentBug(Controller):
             wall_on_left = math.sin(offset) < 0
         if self._last_hand is not None:
             wall_on_left, self._last_hand = not self._last_hand, None
-        settings = self._settings
-        follower = WallFollower(
-            settings.bumpers, settings.speed_limits, wall_on_left=wall_on_left
-        )
-        self._boundary = FollowedBoundary(follower)
+        self._begin_boundary(wall_on_left=wall_on_left)
         return STOP
 
     def _follow(self, observation: Observation, step: float) -> Twist:
@@ -320,9 +312,10 @@ class TangentBug(Controller):
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
         boundary.remember(part.pose.yaw, step)
-        began = boundary.extend_trail(part)
-        if began is not None:
-            return self._conclude(observation, began)
+        direction = boundary.follower.tangent(part)
+        if boundary.closes_circuit(part.pose, direction):
+            self.circuits += 1
+            return self._conclude(observation)
         return boundary.follower.step(observation, part)[0]
 
     def _approach(self, observation: Observation) -> Twist:
@@ -344,26 +337,12 @@ class TangentBug(Controller):
         self._place = place
         return self._head_for(observation, place)
 
-    def _conclude(self, observation: Observation, began: float) -> Twist:
-        """Give up after a circuit, unless what it circled has gone, or hides nothing.
-
-        Args:
-            observation: The newest scan.
-            began: Where on the path along the boundary the circuit began, m.
-        """
-        self.circuits += 1
-        has_gone = self._boundary.has_gone(observation, self._gone)
-        is_hit = self._boundary.is_what_was_hit(began)
-        is_other = self._others < MOST_OTHERS and not is_hit
-        if has_gone or is_other:
-            self._others += is_other
-            # The limit was that of a boundary which is no longer there, or another's.
-            self._left_at = math.inf
-            twist = self._leave(observation, self.goals[0])
-            # What it hits next may be the same again: then on the other hand.
-            self._left = None
-            hand = self._boundary.follower.wall_on_left
-            self._last_hand = hand if is_other else None
-            return twist
-        self.activity = Activity.NO_PATH
-        return STOP
+    def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
+        # The limit was that of a boundary which is no longer there, or another's.
+        self._left_at = math.inf
+        twist = self._leave(observation, self.goals[0])
+        # What it hits next may be the same again: then on the other hand.
+        self._left = None
+        hand = self._boundary.follower.wall_on_left
+        self._last_hand = hand if is_other else None
+        return twist

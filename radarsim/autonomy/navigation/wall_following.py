@@ -46,7 +46,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.bumpers import BAND, Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.open_directions import leads_too_near
@@ -84,12 +84,11 @@ class WallFollower:
         speed_limits: SpeedLimits,
         *,
         wall_on_left: bool = True,
-        forward: bool = True,
     ) -> None:
         self.bumpers = bumpers
         self.speed_limits = speed_limits
         self.wall_on_left = wall_on_left
-        self.forward = forward
+        self.forward = True
 
     @property
     def _mirrored(self) -> bool:
@@ -121,7 +120,7 @@ class WallFollower:
     @property
     def target_distance(self) -> float:
         """Distance at which the boundary is followed where there is space, m."""
-        return self.bumpers.safety_distance + self.bumpers.band / 2
+        return self.bumpers.safety_distance + BAND / 2
 
     def step(
         self, observation: Observation, obstacle: Observation | None = None
@@ -291,7 +290,7 @@ class WallFollower:
         # In an inner corner that is along the next wall. To the right only: the first
         # clear one is the nearest to the boundary.
         headings = heading - HEADING_STEP * np.arange(int(2 * math.pi / HEADING_STEP))
-        step = self.bumpers.band / 2
+        step = BAND / 2
         distances = np.hypot(
             x - step * np.cos(headings)[:, None], y - step * np.sin(headings)[:, None]
         )

@@ -10,7 +10,7 @@ import pytest
 
 from radarsim.addons.web.activities import MOST_TASKS, Activities
 from radarsim.addons.web.requests import BadRequest, Explore
-from radarsim.autonomy.exploration.plans import StrategyName
+from radarsim.autonomy.plans import StrategyName
 
 
 async def test_cancelled_tasks_count_until_their_threads_have_ended(

@@ -5,8 +5,7 @@ import pytest
 
 from radarsim.addons.web.requests import BadRequest, make_offers, parse_request
 from radarsim.addons.web.robot_view import RobotView
-from radarsim.autonomy.exploration.plans import StrategyName
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.plans import Algorithm, StrategyName
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.simulation.config import SimulationConfig

@@ -9,9 +9,9 @@ import pytest
 from radarsim.autonomy.evaluation.map_score import score_mapper
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.exploration.exploration import Exploration
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.client import Client
 from radarsim.geometry import Point, Pose2
 from radarsim.protocol.reports import Odometry, Report

@@ -22,9 +22,9 @@ from shapely.geometry import Point, Polygon, box
 
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.export import nav_map
 from radarsim.autonomy.mapping.mapper import Mapper
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.client import Client
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for

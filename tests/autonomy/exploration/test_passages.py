@@ -10,7 +10,6 @@ from office_map import office_map
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.exploration.path_follower import ExplorationSettings
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.exploration.strategies import find_unexplored
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
@@ -18,6 +17,7 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.grid_search import shortest_path, step_cost
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.obstacle_grid import ObstacleGrid
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host

@@ -19,7 +19,6 @@ from radarsim.autonomy.exploration.path_follower import (
     Strategy,
     WaypointFollower,
 )
-from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.exploration.strategies import AutoStrategy, create_strategy
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
@@ -27,6 +26,7 @@ from radarsim.autonomy.mapping.scan import BeamEnd
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 
@@ -35,7 +35,7 @@ CLEARANCE = 0.371  # m; half the diagonal of a P3AT
 SETTINGS = ExplorationSettings(
     bumpers=Bumpers(safety_distance=0.5),
     speed_limits=SpeedLimits(speed=0.6, turn=1.0),
-    radius=5.0,
+    plan=ExplorationPlan(radius=5.0),
 )
 STRAIGHT = Twist(0.3, 0.0)
 
@@ -137,7 +137,8 @@ def test_contour_is_followed_once_and_then_the_interior_is_covered(
     wall_on_left: bool,
 ) -> None:
     here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
-    settings = replace(SETTINGS, wall_on_left=wall_on_left)
+    plan = replace(SETTINGS.plan, side="left" if wall_on_left else "right")
+    settings = replace(SETTINGS, plan=plan)
     strategy = coverage.ContourStrategy(settings)
     here.explore(strategy)
     assert here.activities == ["seeking", "aligning", "following", "filling"]
@@ -234,7 +235,7 @@ def test_spiral_widens() -> None:
     here = world(NOWHERE, 2.0, 1.0)
     here.explore(coverage.SpiralCoverage(SETTINGS))
     far = [math.dist((pose.x, pose.y), (2.0, 1.0)) for pose in here.track]
-    assert max(far) == pytest.approx(SETTINGS.radius, abs=1.2)
+    assert max(far) == pytest.approx(SETTINGS.plan.radius, abs=1.2)
     assert (np.maximum.accumulate(far) - far).max() < 1.0
     angles = np.unwrap([math.atan2(p.y - 1.0, p.x - 2.0) for p in here.track[80:]])
     assert angles[-1] - angles[0] > 2.0
@@ -243,7 +244,9 @@ def test_spiral_widens() -> None:
 
 def test_spiral_ends_at_a_border_on_all_sides() -> None:
     here = world(CLOSET)
-    strategy = coverage.SpiralCoverage(replace(SETTINGS, radius=50.0))
+    strategy = coverage.SpiralCoverage(
+        replace(SETTINGS, plan=ExplorationPlan(radius=50.0))
+    )
     here.explore(strategy, steps=300)
     assert here.length < 5
 
@@ -269,7 +272,7 @@ def test_auto_stops_the_spiral_at_walls() -> None:
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
     )
     here = world(house, 0.5, 0.0)
-    strategy = AutoStrategy(replace(SETTINGS, radius=8.0))
+    strategy = AutoStrategy(replace(SETTINGS, plan=ExplorationPlan(radius=8.0)))
     here.explore(strategy)
     assert [name.value for name in strategy.chosen] == ["centre_out", "frontiers"]
     assert max(pose.x for pose in here.track) < 9.0

@@ -16,12 +16,12 @@ from radarsim.autonomy.exploration.path_follower import (
     ExplorationSettings,
     Strategy,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.revisit import LOOK_TIME, Revisit
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.client import Client
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map
@@ -91,8 +91,8 @@ def test_floor_behind_what_stays_is_told() -> None:
     stand.other.is_done = True
     stand.watch(SHUT, LOOK_TIME + 3.0)
     assert stand.strategy.is_done
-    assert stand.strategy.unseen
-    assert all(x > 4.0 for x, _ in stand.strategy.unseen)
+    assert stand.strategy.unreached
+    assert all(x > 4.0 for x, _ in stand.strategy.unreached)
     # It has moved, so that it is no wall; walls are.
     assert not stand.grid.drivable(3.75, 0.0, 0.2)
     walls = stand.grid.blocked_cells()
@@ -109,7 +109,7 @@ def test_what_was_closed_from_the_beginning_is_a_wall() -> None:
     stand.other.is_done = True
     stand.watch(SHUT, 0.2)
     assert stand.strategy.is_done
-    assert not stand.strategy.unseen
+    assert not stand.strategy.unreached
     walls = stand.grid.blocked_cells()
     stand.strategy.forget_moved(stand.grid)
     assert (stand.grid.blocked_cells() == walls).all()

@@ -16,11 +16,11 @@ from kiss_icp.kiss_icp import KissICP
 from office_map import office_map
 
 from radarsim.autonomy.exploration.exploration import Exploration
-from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.slam import Slam
 from radarsim.autonomy.mapping.trajectory import Trajectory, trajectory_errors
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.client import Client
 from radarsim.geometry import Pose2
 from radarsim.rng import generator_for

@@ -9,8 +9,8 @@ import pytest
 
 from radarsim.autonomy.mapping.slam import Localizer
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.autonomy.navigation.observation import Observation, ObservationBuilder
+from radarsim.autonomy.plans import PoseSource
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import Ins, RangeScan

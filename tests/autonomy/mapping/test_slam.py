@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from radarsim.autonomy.mapping.loop_closure import KeyframeMap
 from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.slam import Slam
-from radarsim.autonomy.navigation.plans import MotionSource
+from radarsim.autonomy.plans import MotionSource
 from radarsim.geometry import Pose2
 from radarsim.rng import generator_for
 

@@ -5,13 +5,21 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.algorithms import GiveUp
-from radarsim.autonomy.navigation.boundary_policy import (
+from radarsim.autonomy.navigation.boundary_memory import (
+    FollowedBoundary,
+    Landmark,
+    Trail,
+)
+from radarsim.autonomy.navigation.bug import (
+    BoundaryPolicy,
     Bug1Policy,
     Bug2Policy,
     Decision,
-    Landmark,
 )
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import SpeedLimits
+from radarsim.autonomy.navigation.wall_following import WallFollower
+from radarsim.autonomy.plans import GiveUp
 from radarsim.geometry import Pose2
 
 RADIUS = 3.0
@@ -29,18 +37,25 @@ def mark(angle: float) -> Landmark:
     return Landmark(on_circle(angle), angle + math.pi / 2, max_offset=0.7)
 
 
-def take_step(
-    policy: Bug1Policy | Bug2Policy, angle: float, *, free: bool = True
-) -> Decision:
+def boundary() -> FollowedBoundary:
+    """The circle, of which landmarks are passed up to 0.7 m beside them."""
+    bumpers = Bumpers(safety_distance=0.45)
+    followed = FollowedBoundary(WallFollower(bumpers, SpeedLimits()))
+    followed.trail = Trail(mark(0.0))
+    return followed
+
+
+def take_step(policy: BoundaryPolicy, angle: float, *, free: bool = True) -> Decision:
     """Step to an angle on the circle."""
-    return policy.step(on_circle(angle), RADIUS * STEP, angle + math.pi / 2, free=free)
+    policy.boundary.travelled += RADIUS * STEP
+    return policy.step(on_circle(angle), angle + math.pi / 2, free=free)
 
 
 @given(st.floats(0.2, 2 * math.pi - 0.2))
 @settings(max_examples=15)
 def test_bug1_circles_once_and_returns_by_the_shorter_side(at: float) -> None:
     goal = (9 * math.cos(at), 9 * math.sin(at))
-    policy = Bug1Policy(mark(0.0), goal, 0.7)
+    policy = Bug1Policy(boundary(), goal)
     angle, sense, decisions = 0.0, 1, []
     for _ in range(2000):
         angle += sense * STEP
@@ -56,9 +71,7 @@ def test_bug1_circles_once_and_returns_by_the_shorter_side(at: float) -> None:
     assert travelled == pytest.approx(2 * math.pi + min(at, 2 * math.pi - at), abs=0.1)
 
 
-def followed(
-    policy: Bug1Policy | Bug2Policy, *, free: bool = True
-) -> tuple[float, Decision]:
+def followed(policy: BoundaryPolicy, *, free: bool = True) -> tuple[float, Decision]:
     """Follow the circle until the policy decides; return the angle there."""
     angle, verdict = 0.0, Decision.ONWARD
     while verdict is Decision.ONWARD:
@@ -68,14 +81,14 @@ def followed(
 
 
 def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
-    policy = Bug1Policy(mark(0.0), (0.0, 1.0), 0.7)
+    policy = Bug1Policy(boundary(), (0.0, 1.0))
     angle, verdict = followed(policy, free=False)
     assert verdict is Decision.NO_PATH
     assert angle == pytest.approx(2.5 * math.pi, abs=0.05)
 
 
 def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy:
-    return Bug2Policy(mark(0.0), goal, 0.7, starts=[start], give_up=give_up)
+    return Bug2Policy(boundary(), goal, on_circle(0.0), [start], give_up)
 
 
 def test_line_of_bug2_ends_at_the_goal() -> None:
@@ -103,9 +116,7 @@ def test_bug2_leaves_at_whichever_of_several_lines_it_meets_first() -> None:
     )
     ends = []
     for lines in (starts, starts[:1]):
-        policy = Bug2Policy(
-            mark(0.0), goal, 0.7, starts=lines, give_up=GiveUp.HIT_POINT
-        )
+        policy = Bug2Policy(boundary(), goal, on_circle(0.0), lines, GiveUp.HIT_POINT)
         angle, verdict = followed(policy)
         assert verdict is Decision.LEAVE
         ends.append(angle)
@@ -115,7 +126,7 @@ def test_bug2_leaves_at_whichever_of_several_lines_it_meets_first() -> None:
 def test_bug2_gives_up_at_its_last_line_only() -> None:
     """The circle crosses the first line at 132 degrees, no nearer to the goal."""
     goal, starts = (-2.0, -9.0), (Pose2(-2.0, 9.0), Pose2(5.5, 4.5))
-    policy = Bug2Policy(mark(0.0), goal, 0.7, starts=starts, give_up=GiveUp.LINE)
+    policy = Bug2Policy(boundary(), goal, on_circle(0.0), starts, GiveUp.LINE)
     angle, verdict = followed(policy)
     assert verdict is Decision.LEAVE
     assert math.degrees(angle) > 180

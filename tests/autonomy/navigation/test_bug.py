@@ -7,9 +7,9 @@ from flatland import flatland, navigator
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, GiveUp, Rule
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.plans import Algorithm, GiveUp, Rule
 from radarsim.geometry import Pose2
 
 S = 0.5

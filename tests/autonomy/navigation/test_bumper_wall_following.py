@@ -7,12 +7,12 @@ import shapely
 import shapely.affinity
 from flatland import flatland
 
-from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
 from radarsim.autonomy.navigation.wall_following import BumperWallFollower
+from radarsim.autonomy.plans import Algorithm, Mission, Rule
 from radarsim.geometry import Pose2
 
 S = 0.5
@@ -77,7 +77,8 @@ def test_turn_that_no_bumper_ends_ends_after_a_circle() -> None:
 def test_bug_gets_around_a_box_by_bumpers_alone(algorithm: Algorithm) -> None:
     world = flatland(shapely.box(-1.5, -2, 1.5, 2.5), at=Pose2(-4.0, 0.0))
     bumpers = Bumpers(safety_distance=S, rule=Rule.THESIS)
-    bug = Bug([(4.0, 0.2)], ControllerSettings(algorithm=algorithm, bumpers=bumpers))
+    mission = Mission(algorithm=algorithm, goals=((4.0, 0.2),))
+    bug = Bug(ControllerSettings(mission, bumpers))
     world.run(bug)
     assert bug.activity is Activity.REACHED
     assert world.nearest > 0.4

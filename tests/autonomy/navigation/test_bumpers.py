@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.algorithms import Rule
 from radarsim.autonomy.navigation.bumpers import (
     Bumper,
     Bumpers,
@@ -13,6 +12,7 @@ from radarsim.autonomy.navigation.bumpers import (
     pressed_names,
 )
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import Rule
 from radarsim.geometry import Pose2
 
 BEARINGS = np.radians(np.arange(360) - 180.0)
@@ -134,7 +134,6 @@ def test_bumpers_without_beams_are_named(fov: int, blind: tuple[str, ...]) -> No
     assert bumpers.blind(angles) == blind
     seen = Observation(0.0, HERE, angles, np.full(len(angles), 0.2))
     states = read(bumpers, seen)
-    assert tuple(name for name, state in states.items() if state.blind) == blind
     assert not any(states[name].blocked for name in blind)
 
 
@@ -172,7 +171,6 @@ def test_pressed_bumpers_are_named() -> None:
         pytest.param({"share": 0.0}, id="no share"),
         pytest.param({"share": 1.1}, id="more than all"),
         pytest.param({"safety_distance": -1.0}, id="negative distance"),
-        pytest.param({"band": math.inf}, id="endless band"),
     ],
 )
 def test_invalid_settings_are_refused(wrong: dict[str, float]) -> None:

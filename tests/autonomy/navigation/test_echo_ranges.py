@@ -9,9 +9,9 @@ from flat_world import echoes_of
 from random_trials import load_random_map, mission_to
 
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.observation import ObservationBuilder
+from radarsim.autonomy.plans import PoseSource
 from radarsim.client import Client, ScannerInfo
 from radarsim.client.robot_state import EchoCollector
 from radarsim.generators.random_maps import Disc, RandomMap

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from flatland import moved, navigator
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Floats, Point, Pose2
 
 RADIUS = 0.1  # m, of the poles

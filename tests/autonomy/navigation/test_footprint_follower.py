@@ -9,7 +9,6 @@ import pytest
 import shapely
 from flatland import flatland, moved, navigator
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, Controller
 from radarsim.autonomy.navigation.footprint_follower import (
@@ -18,6 +17,7 @@ from radarsim.autonomy.navigation.footprint_follower import (
     FootprintFollower,
 )
 from radarsim.autonomy.navigation.footprint_planning import Footprint
+from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Floats, Pose2
 
 HULL = Footprint(0.552, 0.497)

@@ -3,10 +3,9 @@ from typing import Any
 
 import pytest
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import MARGIN, footprint_for, run_mission
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
+from radarsim.autonomy.plans import Algorithm, Mission
 from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2

@@ -7,12 +7,12 @@ import pytest
 import shapely
 from flatland import flatland, outline
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.controller import ControllerSettings
-from radarsim.autonomy.navigation.moving_things import PATIENCE, MotionDetector, Waiting
+from radarsim.autonomy.navigation.moving_things import PATIENCE, Waiting
+from radarsim.autonomy.plans import Algorithm, Mission
 from radarsim.geometry import Pose2
 
 BUMPERS = Bumpers(safety_distance=0.5)
@@ -28,9 +28,8 @@ def test_robot_lets_something_pass_and_reaches_its_goal(
     begin: float, speed: float
 ) -> None:
     world = flatland(at=Pose2(-3.0, 0.0))
-    bug = Bug(
-        [(3.0, 0.0)], ControllerSettings(algorithm=Algorithm.BUG1, bumpers=BUMPERS)
-    )
+    mission = Mission(algorithm=Algorithm.BUG1, goals=((3.0, 0.0),))
+    bug = Bug(ControllerSettings(mission, BUMPERS))
     waiting, twist, nearest = Waiting(BUMPERS, 0.37), STOP, math.inf
     for k in range(600):
         other = crossing(begin + speed * 0.1 * k)
@@ -51,9 +50,9 @@ def test_robot_lets_something_pass_and_reaches_its_goal(
 def test_nothing_moves_where_only_the_robot_does() -> None:
     poles = [shapely.Point(x, y).buffer(0.1) for x in (0, 2, 4) for y in (-0.8, 0.9)]
     world = flatland(*poles, shapely.box(5, -2, 5.1, 2), at=Pose2(-1.0, 0.0))
-    detector = MotionDetector()
+    waiting = Waiting(BUMPERS, 0.37)
     for k in range(120):
-        assert not detector.moving_beams(world.scan(), 3.0).any()
+        assert not waiting.moving_beams(world.scan(), 3.0).any()
         world.move(Twist(0.3, 0.3 * math.cos(0.1 * k)))
 
 

@@ -8,11 +8,11 @@ import pytest
 import shapely
 from flatland import flatland, navigator
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.grid_search import may_join_outside, step_cost
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.obstacle_grid import ObstacleGrid
+from radarsim.autonomy.plans import Algorithm
 from radarsim.errors import NavigationError
 from radarsim.geometry import Pose2
 

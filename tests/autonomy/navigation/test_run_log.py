@@ -10,13 +10,13 @@ from flatland import flatland, navigator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers, pressed_names
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.controller import Activity, Controller
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Pose2
 
 BUMPERS = Bumpers(safety_distance=0.5)

@@ -7,10 +7,10 @@ from flatland import flatland, navigator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.open_directions import OpenDirections
 from radarsim.autonomy.navigation.tangent_bug import crosses_any, ways_to_goal
+from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Pose2
 
 S = 0.5

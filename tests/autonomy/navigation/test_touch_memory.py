@@ -12,10 +12,10 @@ from flatland import moved
 from random_trials import load_random_map, mission_to
 
 from radarsim.autonomy.evaluation.trials import run_plan
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.hidden_obstacles import TouchedPlaces, TouchMemory
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.touch_memory import TouchedPlaces, TouchMemory
+from radarsim.autonomy.plans import Algorithm
 from radarsim.generators.random_maps import Block, RandomMap
 from radarsim.geometry import Pose2
 from radarsim.scene.map_file import load_map
@@ -161,7 +161,7 @@ def test_who_turns_beside_what_was_touched_leads_its_hull_away_first(
     # nearer than half the diagonal, so that a corner would swing into it
     for k in range(-2, 3):
         memory.places.add(box(0.2 * k, side * 0.42))
-    walls = memory.places.samples()
+    walls = memory.places.samples(Pose2(0.0, 0.0))
     nearest, away = math.inf, 0.0
     for k in range(60):
         seen = memory.places.hide(scan(0.1 * k, pose))

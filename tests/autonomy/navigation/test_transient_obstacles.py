@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.transient_obstacles import (
+from radarsim.autonomy.navigation.hidden_obstacles import (
     KEPT_FOR,
     TransientObstacles,
 )
+from radarsim.autonomy.navigation.observation import Observation
 from radarsim.geometry import Pose2
 
 POSE = Pose2(1.0, -1.0, 0.5)

@@ -16,12 +16,10 @@ TARGET = 0.75  # m
 
 
 def follower(*, wall_on_left: bool = True, forward: bool = True) -> WallFollower:
-    return WallFollower(
-        Bumpers(safety_distance=S),
-        SpeedLimits(0.3),
-        wall_on_left=wall_on_left,
-        forward=forward,
-    )
+    bumpers, limits = Bumpers(safety_distance=S), SpeedLimits(0.3)
+    made = WallFollower(bumpers, limits, wall_on_left=wall_on_left)
+    made.forward = forward
+    return made
 
 
 FOLLOWERS = pytest.mark.parametrize(

@@ -1,24 +1,68 @@
-"""Plans of robots that drive by themselves; nothing heavy is imported here."""
+"""Plans of robots that drive by themselves, and the names of their algorithms.
+
+A new algorithm is a subclass of ``Controller``, and has a member of ``Algorithm`` here
+and a class in ``mission.CONTROLLERS``. Command lines offer these names: nothing heavy
+is imported here.
+"""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from enum import StrEnum
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 from annotated_types import Gt, Interval, Unit
 
-from radarsim.autonomy.navigation.algorithms import (
-    ROBOT,
-    Algorithm,
-    GiveUp,
-    PoseSource,
-    Rule,
-)
 from radarsim.geometry import Pose2
 from radarsim.plans import RARE, Form, Option, PointXY, Sets, read_numbers
 from radarsim.protocol.dialect import DriveUnit
 
+ROBOT: Final = "P3AT_Radar360"  # a robot class whose scanner covers a full circle
+ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
 LEAST_SHARE = 0.1  # of a bumper's beams
 TOLERANCE = 0.1  # m from the goal at which it is reached
+
+
+class Algorithm(StrEnum):
+    """How to get around obstacles."""
+
+    BUG1 = "bug1"
+    BUG2 = "bug2"
+    TANGENT_BUG = "tangentbug"  # by the edges of obstacles that scans show
+    PLANNED = "planned"  # shortest path on the map as it is seen
+
+
+class Rule(StrEnum):
+    """When a bumper is pressed, and what boundaries are followed by."""
+
+    SHARE = "share"  # a share of its beams is nearer than the far end of the band
+    ALL = "all"  # all of its beams are within the band, as in the thesis
+    THESIS = "thesis"  # the same, and boundaries are followed by bumpers alone
+
+
+class GiveUp(StrEnum):
+    """When Bug2 concludes that there is no path."""
+
+    HIT_POINT = "hit_point"  # back at the hit point
+    LINE = "line"  # at the line to the goal, but no nearer to the goal
+
+
+class PoseSource(StrEnum):
+    """Where poses are taken from."""
+
+    INS = "ins"
+    ODOMETRY = "odometry"
+    GROUND_TRUTH = "ground_truth"
+    SLAM = "slam"  # scans matched with those before, and the motion of an INS
+
+
+class StrategyName(StrEnum):
+    """How to explore."""
+
+    AUTO = "auto"
+    TURN_AWAY = "turn_away"
+    CONTOUR = "contour"
+    CENTRE_OUT = "centre_out"
+    FRONTIERS = "frontiers"
 
 
 def read_pose(text: str) -> Pose2:
@@ -122,3 +166,31 @@ class Mission(DrivePlan):
         PoseSource.INS
     )
     tolerance: Annotated[Metres, RARE] = TOLERANCE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplorationPlan(DrivePlan):
+    """An exploration; along waypoints the scanner need not cover a full circle.
+
+    Attributes:
+        strategy: Strategy of exploring.
+        waypoints: Drive to this waypoint instead; several in turn.
+        motion_source: Sensor from which the motion between scans is read.
+        resolution: Side of a cell.
+        map_range: Map only what is within this range of the scanner; its whole range by
+            default. The pose is found with all of it.
+        radius: Farthest distance from the start, where no walls are nearer.
+    """
+
+    option_group: ClassVar = "Exploration"
+    at_most_one: ClassVar = (("start", "pose"), ("strategy", "waypoints"))
+
+    strategy: StrategyName = StrategyName.AUTO
+    waypoints: Annotated[tuple[PointXY, ...], Option(names=("--way",))] = ()
+    motion_source: Annotated[
+        MotionSource, Option(names=("--motion-from",), is_rare=True)
+    ] = "ins"
+    resolution: Annotated[float, Interval(ge=0.005, le=1), Unit("m")] = 0.05
+    map_range: Annotated[float, Gt(0), Unit("m"), RARE] = math.inf
+    radius: Annotated[Metres, RARE] = 12.0
+    speed: Annotated[float, Gt(0), Unit("m/s")] = 0.4

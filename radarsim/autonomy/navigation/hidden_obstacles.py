@@ -1,4 +1,4 @@
-"""What the hull has touched, such as a mirror or a pane that no beam shows.
+"""Obstacles that the newest scan does not show: what was touched, and what vanished.
 
 Theory of operation
 ===================
@@ -24,6 +24,15 @@ nothing is touched twice. If it touches something on that way, it goes back on t
 In a mirror that it faces it sees itself come as it comes. It may stop before its image,
 and stand there for good; in a gap whose sides are mirrors it may turn to and fro. So
 where it gets nowhere it takes what it faces for touched.
+
+The end of a plate is thin, and beams pass beside it: one scan shows it, and the next
+one does not. Where the plate is a mirror, what beams show instead is far away. A robot
+that steers by each scan alone would turn away from the end in one and on towards it in
+the next, until it touches it.
+
+So what a scan has shown near the robot, and the next one looks through, is kept for a
+few seconds: beams end there as if they had met it. What has moved is not kept: it is
+seen beside its place, or a little farther away.
 """
 
 import math
@@ -58,6 +67,10 @@ _TURNS: Final = (0.0, 0.1, -0.1, 0.2, -0.2, 0.4, -0.4, 0.8, -0.8)  # rad/s, like
 _SAMPLE: Final = 0.05  # m between two points of a box
 _SAME: Final = 0.6  # m from a box within which the same thing was touched again
 _PART: Final = 0.15  # m from the point that is nearest to the box, likewise
+KEPT_FOR: Final = 3.0  # s for which what has vanished is kept
+REACH: Final = 0.65  # m; beyond, a pole may be between two beams for long
+_SAME_PLACE: Final = 0.1  # m within which what has vanished is the same
+_HALF: Final = 0.05  # m; half the side of the box that is kept of it
 
 Points: TypeAlias = NDArray[np.complex128]  # x + iy, m
 
@@ -98,12 +111,14 @@ class TouchedPlaces:
         distances: Floats = off.min(axis=1, initial=math.inf)
         return distances
 
-    def samples(self) -> Points:
-        """Return points of all boxes, (N,), map frame."""
+    def samples(self, pose: Pose2) -> Points:
+        """Return points of all boxes, (N,), in the frame of a robot at a pose."""
         longest = np.abs(np.diff(self._walls)).max(initial=0.0)
         shares = np.linspace(0.0, 1.0, math.ceil(longest / _SAMPLE) + 1)
-        points: Points = self._walls[:, 0, None] + np.diff(self._walls) * shares
-        return points.ravel()
+        points = self._walls[:, 0, None] + np.diff(self._walls) * shares
+        offsets = points.ravel() - complex(pose.x, pose.y)
+        seen: Points = offsets * np.exp(-1j * pose.yaw)
+        return seen
 
     def hide(self, observation: Observation) -> Observation:
         """Return a scan whose beams end at the boxes, without what is behind them."""
@@ -127,6 +142,48 @@ class TouchedPlaces:
         met = np.where(crosses & (ahead > 0), ahead, math.inf)
         lengths: Floats = met.min(axis=1, initial=math.inf)
         return lengths
+
+
+class TransientObstacles:
+    """Keeps what has vanished from one scan to the next."""
+
+    def __init__(self) -> None:
+        self._last: Observation | None = None
+        self._kept: deque[tuple[float, Points]] = deque()  # since when, and the box
+
+    def add_to(self, observation: Observation) -> Observation:
+        """Return a scan whose beams end at what has vanished; to be called at each.
+
+        Args:
+            observation: The newest scan, as it came.
+        """
+        last, self._last = self._last, observation
+        while self._kept and observation.time - self._kept[0][0] >= KEPT_FOR:
+            self._kept.popleft()
+        if last is not None:
+            self._kept += (
+                (observation.time, box) for box in _vanished(last, observation)
+            )
+        places = TouchedPlaces(0.0)
+        for _, box in self._kept:
+            places.add(box)
+        return places.hide(observation)
+
+
+def _vanished(last: Observation, now: Observation) -> list[Points]:
+    """Return boxes, (4,) corners each, map frame, of what a scan no longer shows."""
+    near = last.offsets(last.ranges < REACH)
+    points = complex(last.pose.x, last.pose.y) + near
+    boxes: list[Points] = []
+    centres: list[complex] = []
+    square = np.array([-1 - 1j, 1 - 1j, 1 + 1j, -1 + 1j]) * _HALF
+    for point in points[now.looks_through(points)].tolist():
+        if all(abs(point - centre) > _SAME_PLACE for centre in centres):
+            centres.append(point)
+            # its front is where the beam ended
+            turn = np.exp(1j * np.angle(point - complex(now.pose.x, now.pose.y)))
+            boxes.append(point + turn * (square + _HALF))
+    return boxes
 
 
 class TouchMemory:
@@ -239,7 +296,7 @@ class TouchMemory:
         """
         if _stands(twist):
             return twist
-        boxes = _seen_from(observation.pose, self.places.samples())
+        boxes = self.places.samples(observation.pose)
         # The hull may come as near to what it sees as planned paths lead.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
@@ -258,7 +315,7 @@ class TouchMemory:
 
     def _way_out(self, observation: Observation) -> Twist | None:
         """Return the motion that leads away from boxes, past all else; None if none."""
-        boxes = _seen_from(observation.pose, self.places.samples())
+        boxes = self.places.samples(observation.pose)
         seen = _ends(observation)
         points = np.concatenate([boxes, seen])
         boxes = boxes if len(boxes) else seen
@@ -313,12 +370,6 @@ class TouchMemory:
         box += depth + np.array([0.0, 0.0, DEPTH, DEPTH])
         corners: Points = place + to_map * normal * box
         return corners
-
-
-def _seen_from(pose: Pose2, points: Points) -> Points:
-    """Return points, map frame, in the frame of a robot at a pose."""
-    seen: Points = (points - complex(pose.x, pose.y)) * np.exp(-1j * pose.yaw)
-    return seen
 
 
 def _ends(observation: Observation) -> Points:
