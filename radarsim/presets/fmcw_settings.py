@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 # Revision of the model of FMCW radars; another one makes other spectra of the same run.
-RADAR_MODEL: Final = 2
+RADAR_MODEL: Final = 3
 SPEED_OF_LIGHT: Final = 299_792_458.0  # m/s
 MAX_CELLS: Final = 4_000_000  # azimuths times bins
 MAX_FAN_RAYS: Final = 500_000  # of a turn, before refinement

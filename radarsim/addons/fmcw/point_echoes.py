@@ -302,8 +302,9 @@ def point_tones(
     row, pair = np.nonzero((power > FAINT) & (distance[:, first] > CLEARANCE))
     length = (distance[row, first[pair]] + distance[row, second[pair]]) / 2
     approach = (speed[row, first[pair]] + speed[row, second[pair]]) / 2
-    # The phase follows the true distance, the tone what Doppler makes of it.
-    phases = -4 * math.pi * length / settings.wavelength
+    # The phase follows the true distance, the tone what Doppler makes of it. In an
+    # up-sweep both rise with the distance, as those of the speckle do.
+    phases = 4 * math.pi * length / settings.wavelength
     phases += np.where(both[row, pair] < 0, math.pi, 0.0)
     shifted = length + doppler_shift(settings, approach)
     return Tones(row + rows.start, shifted, phases, power[row, pair])
