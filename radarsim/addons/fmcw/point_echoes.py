@@ -30,7 +30,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.antenna import Viewpoints, elevation_pattern, gaussian
+from radarsim.addons.fmcw.antenna import Viewpoints, azimuth_pattern, elevation_pattern
 from radarsim.addons.fmcw.beat_signal import Tones
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
@@ -288,9 +288,9 @@ def point_tones(
     across = across + np.arctan2(seen[..., 1], seen[..., 0])
     across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
     elevation = np.arcsin(np.clip(seen[..., 2] / np.maximum(distance, 1e-9), -1, 1))
-    width = math.radians(settings.beamwidth_az_deg)
     # One way the sidelobes have half the decibels that they have out and back.
-    pattern = np.maximum(gaussian(across, width), 10 ** (settings.sidelobe_db / 20))
+    pattern = azimuth_pattern(settings, across)
+    pattern = np.maximum(pattern, 10 ** (settings.sidelobe_db / 20))
     pattern *= elevation_pattern(settings, elevation)
     field = np.sqrt(pattern) * ways.fields / np.maximum(distance, 1e-9)
     speed = np.einsum("rki,ri->rk", offsets, view.velocities)

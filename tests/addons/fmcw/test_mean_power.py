@@ -30,7 +30,7 @@ from radarsim.geometry import Pose3
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Reflector, Scene
 
 GAMMA = 0.1  # of a wall
 
@@ -53,6 +53,24 @@ def test_gain_of_a_gaussian_beam() -> None:
     assert db(directivity(radar().settings)) == pytest.approx(37.04, abs=0.005)
     exact = 16 * math.log(2) / (math.radians(1.8) * math.radians(4))
     assert db(directivity(radar().settings) / exact) == pytest.approx(0, abs=1e-3)
+
+
+def test_beam_of_a_navtech_has_shoulders_like_those_of_real_images() -> None:
+    """Two-way, by directions 0.9 degrees apart, of a pole and of a point.
+
+    A Gaussian of 1.8 degrees has -6.0 and -24.1 dB in the first two. In images of
+    RADIATE single bright things have the next three, and nothing is 85 dB below them.
+    """
+    which = radarsim.load_sensor("navtech_cts350x_radiate").fmcw
+    pole = echo_power(which, scene_of(pole_at(30, 0, 0.05, 3))).max(axis=1)
+    point = Scene("", "", (), reflectors=(Reflector("", (30, 0, 1), rcs_dbsm=60),))
+    tones = which.tones(point, fixed_viewpoints(EYE, which.times(0)), range(400))
+    for power in (pole, tones.power):
+        found = db(power / power[0])
+        assert found[[1, 2]] == pytest.approx([-6.0, -24.1], abs=2.3)
+        assert found[[3, 4, 5]] == pytest.approx([-29.5, -40.5, -46.0], abs=2.3)
+        assert found[-5:-3] == pytest.approx(found[[5, 4]], abs=0.5)
+        assert found[20:-20] == pytest.approx(-85, abs=0.2)
 
 
 def test_fan_takes_gain_from_the_middle_of_the_beam() -> None:
