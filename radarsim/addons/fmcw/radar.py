@@ -374,17 +374,15 @@ class FmcwRadar:
             np.array([it.position for it in scene.reflectors]).reshape(-1, 3),
             np.array([it.rcs(wavelength) for it in scene.reflectors], np.float64),
         )
-        edges = edge_points(tracer, origin, wavelength)
-        corners = corner_points(tracer, origin, settings)
-        posts = round_points(tracer, origin, wavelength)
+        of_surfaces = (
+            edge_points(tracer, origin, wavelength),
+            corner_points(tracer, origin, settings),
+            round_points(tracer, origin, wavelength),
+        )
+        surfaces = Points._make(map(np.concatenate, zip(*of_surfaces, strict=True)))
         found = [
             point_tones(settings, view, rows, points, find(sight, points, wavelength))
-            for points, find in (
-                (reflectors, find_ways),
-                (edges, straight_ways),
-                (corners, straight_ways),
-                (posts, straight_ways),
-            )
+            for points, find in ((reflectors, find_ways), (surfaces, straight_ways))
             if len(points.rcs)
         ]
         return join_tones(found)
