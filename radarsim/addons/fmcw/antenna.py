@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarsim.geometry import Floats, Pose3, wrap_angle
+from radarsim.geometry import Floats, Pose3, rotation_matrix, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
 # Beamwidths from the middle to where the pattern is cut off; two-way, -38 dB.
@@ -157,10 +157,10 @@ def moving_viewpoints(
     first = np.array(start.numbers())
     change = np.concatenate([end.position() - start.position(), angles])
     shares = np.arange(len(times)) / len(times)
-    poses = [Pose3(*row) for row in (first + shares[:, None] * change).tolist()]
+    poses = first + shares[:, None] * change
     return Viewpoints(
-        np.array([pose.position() for pose in poses]),
-        np.array([pose.rotation() for pose in poses]),
+        poses[:, :3].copy(),
+        np.array([rotation_matrix(*row) for row in poses[:, 3:].tolist()]),
         np.tile(velocity, (len(times), 1)),
         times,
     )
