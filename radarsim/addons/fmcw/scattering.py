@@ -109,9 +109,7 @@ def _look_down(tracer: Tracer, gamma: Floats, open_part: int, cell: float) -> Fl
 
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
-DENT_AREA: Final = (
-    1.0  # m^2, from which on a sheet of metal has all its slope; estimate
-)
+DENT_AREA: Final = 1.0  # m^2, of sheets of metal with all of their slope; estimate
 GRAZING: Final = 1e-3  # the smallest cosine of an angle of incidence
 MIRROR_DB: Final = -30.0  # of what a mirror scatters beside its reflection; estimate
 ROBOT_DB: Final = -5.0  # gamma of robots; estimate
