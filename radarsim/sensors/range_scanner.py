@@ -34,6 +34,7 @@ class RangeScanner:
         angles: (N,) directions of its beams, rad, counter-clockwise from the right.
         pattern: Its beams.
         medium: ``RADAR`` or ``LASER``.
+        noise: Its noise of ``with_noise``, if it has one.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class RangeScanner:
         self.name = name
         self.settings = settings
         self._fmcw = dict(fmcw or {})
-        self._noise = noise
+        self.noise = noise
         self.pattern = pattern_of(settings)
         self.angles = self.pattern.angles
         self.medium = RADAR if settings.medium == "radar" else LASER
@@ -88,7 +89,7 @@ class RangeScanner:
             "ray_choice": "together" if together else "drawn",
         }
         settings = self.settings.model_copy(update=update)
-        return RangeScanner(self.name, settings, self._fmcw, self._noise)
+        return RangeScanner(self.name, settings, self._fmcw, self.noise)
 
     def with_settings(self, **settings: Any) -> "RangeScanner":
         """Return this scanner with some settings changed, as of ``load_sensor``.
@@ -100,7 +101,7 @@ class RangeScanner:
         if fmcw:
             load_fmcw_settings(self.name, **fmcw)
         changed = load_settings(self.name, **{**self.settings.model_dump(), **settings})
-        return RangeScanner(self.name, changed, fmcw, self._noise)
+        return RangeScanner(self.name, changed, fmcw, self.noise)
 
     def with_noise(self, noise: "Noise") -> "RangeScanner":
         """Return this scanner with a noise of one's own, after all of its own.
@@ -119,13 +120,13 @@ class RangeScanner:
         Raises:
             ValueError: If an rng is missing, or the noise returns other than N ranges.
         """
-        if self._noise is None:
+        if self.noise is None:
             return ranges
         if rng is None:
             raise ValueError(f"no rng, expected a Generator for the noise of {self!r}")
         # A child, so that many scans have the same noise as one after the other.
         (child,) = rng.spawn(1)
-        noisy = np.asarray(self._noise(ranges.copy(), child), np.float64)
+        noisy = np.asarray(self.noise(ranges.copy(), child), np.float64)
         if noisy.shape != ranges.shape:
             expected = f"expected {ranges.shape}"
             raise ValueError(f"noise gives ranges of shape {noisy.shape}, {expected}")
@@ -196,7 +197,7 @@ class RangeScanner:
             batch.draw(0, rng, self.name)
             batch.trace()
             scan = batch.scan(0, self.name, placed, scene)
-        if self._noise is not None:
+        if self.noise is not None:
             scan.ranges = self._add_noise(scan.ranges, rng)
         return scan
 
@@ -232,7 +233,7 @@ class RangeScanner:
             many = ScanArrays(placed, self.angles, ranges, rays)
         else:
             many = scan_poses(self, tracer_of(scene), placed, rng)
-        if self._noise is None:
+        if self.noise is None:
             return many
         noisy = [self._add_noise(ranges, rng) for ranges in many.ranges]
         return many._replace(ranges=np.array(noisy).reshape(many.ranges.shape))
