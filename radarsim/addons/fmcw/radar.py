@@ -181,7 +181,8 @@ class FmcwRadar:
         whole = echoes.rows(0, rows.stop, echoes, echoes)
         self.add_sidelobes(whole, echoes, rows, view, key)
         tones, streams = self.tones(scene, view, rows), NumberedStreams(rng)
-        return replace(self.receive(pose, rows, whole, tones, streams), scene=scene)
+        turn = self.receive(pose, rows, view, whole, tones, streams)
+        return replace(turn, scene=scene)
 
     def times(self, turn: int) -> Floats:
         """Return when a turn looks into its directions, (A,) s; turns count from 0."""
@@ -197,6 +198,7 @@ class FmcwRadar:
         self,
         pose: Pose3,
         rows: range,
+        view: Viewpoints,
         echoes: Echoes,
         tones: Tones,
         streams: NumberedStreams,
@@ -206,6 +208,7 @@ class FmcwRadar:
         Args:
             pose: Pose of the antenna, map frame.
             rows: The directions.
+            view: From where the antenna looks into these.
             echoes: Theirs; the power becomes the ``echo_power`` of the spectrum.
             tones: The echoes of points.
             streams: Source of noise.
@@ -219,6 +222,13 @@ class FmcwRadar:
         within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)
         places = tones.rows[within] - rows.start, bins[within]
         np.add.at(mean, places, tones.power[within])
+        angles = self.angles[rows.start : rows.stop]
+        ahead = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+        away = -np.einsum("nij,nj,ni->n", view.rotations, ahead, view.velocities)
+        velocity = np.broadcast_to((away + 0.0).astype(np.float32)[:, None], mean.shape)
+        if echoes.velocity is not None:
+            known = np.isfinite(echoes.velocity)
+            velocity = np.where(known, echoes.velocity, velocity)
         noise = np.float32(noise_power(settings))
         power *= noise
         mean *= noise
@@ -226,11 +236,12 @@ class FmcwRadar:
             sensor=self.name,
             pose=pose,
             settings=settings,
-            angles=self.angles[rows.start : rows.stop],
+            angles=angles,
             ranges=self.ranges,
             power=power,
             echo_power=mean,
             noise_floor=noise_shape(settings) * noise,
+            radial_velocity=velocity,
         )
 
     def aim(
@@ -302,6 +313,9 @@ class FmcwRadar:
             met, which = boxes.find(traces.parts - len(tracer.parts))
             ahead = rays.directions[met, :2]
             approach[met] -= np.einsum("mi,mi->m", ahead, boxes.velocities[which])
+            met = met[boxes.velocities[which].any(axis=1)]
+            places = traces.ranges[met] + doppler_shift(settings, approach[met])
+            echoes.note_velocities(row[met] + rows.start, places, -approach[met])
         constant = radar_constant(settings) / noise_power(settings)
         packed = engine.structures["FanRays"].pack(
             column=fan.column,
