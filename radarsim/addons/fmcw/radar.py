@@ -7,12 +7,13 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antenna import (
     Viewpoints,
     fixed_viewpoints,
 )
-from radarsim.addons.fmcw.beat_signal import Tones, beat_rows, join_tones
+from radarsim.addons.fmcw.beat_signal import Tones, beat_rows, join_tones, sample_sweeps
 from radarsim.addons.fmcw.corners_and_edges import corner_points, edge_points
 from radarsim.addons.fmcw.point_echoes import (
     Points,
@@ -26,6 +27,7 @@ from radarsim.addons.fmcw.radar_equation import (
     noise_power,
     noise_shape,
     radar_constant,
+    sample_count,
 )
 from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
 from radarsim.addons.fmcw.round_metal import round_points
@@ -175,14 +177,29 @@ class FmcwRadar:
                 that of its seed, the same in all turns.
         """
         rows = range(self.settings.azimuths)
+        turn = self.receive(pose, rows, *self._standing(scene, pose, rng))
+        return replace(turn, scene=scene)
+
+    def beat_signal(
+        self, scene: Scene, pose: Pose3, rng: np.random.Generator
+    ) -> NDArray[np.float32]:
+        """Return the samples of a turn; see ``RangeScanner.beat_signal``."""
+        _, echoes, tones, streams = self._standing(scene, pose, rng)
+        sweeps = sample_sweeps(self.settings, 0, echoes.field, tones, streams)
+        scale = np.float32(math.sqrt(noise_power(self.settings)))
+        return sweeps[:, : sample_count(self.settings)] * scale
+
+    def _standing(
+        self, scene: Scene, pose: Pose3, rng: np.random.Generator
+    ) -> tuple[Viewpoints, Echoes, Tones, NumberedStreams]:
+        """Return what ``receive`` needs for a turn; arguments as of ``spectrum``."""
+        rows = range(self.settings.azimuths)
         view = fixed_viewpoints(pose, self.times(_count_children(rng)))
         key, echoes = fixed_number(rng), self.new_turn(scene)
         self.add_echoes(echoes, scene, view, rows, key)
         whole = echoes.rows(0, rows.stop, echoes, echoes)
         self.add_sidelobes(whole, echoes, rows, view, key)
-        tones, streams = self.tones(scene, view, rows), NumberedStreams(rng)
-        turn = self.receive(pose, rows, view, whole, tones, streams)
-        return replace(turn, scene=scene)
+        return view, whole, self.tones(scene, view, rows), NumberedStreams(rng)
 
     def times(self, turn: int) -> Floats:
         """Return when a turn looks into its directions, (A,) s; turns count from 0."""
