@@ -301,7 +301,7 @@ def load_turns(
             times = np.rint((frame_times[number] + period * shares) * 1e6)
             encoder = encoder_counts(rows.shape[1])
             rows = put_metadata(rows.T, times.astype(np.int64), encoder)
-        size = bin_size or assumed_bin(layout, 0 if is_radiate else int(path.stem))
+        size = bin_size or assumed_bin(layout, int(path.stem))
         yield RadarTurn.of(rows, size, path.stem)
 
 
@@ -312,7 +312,7 @@ def _frame_times(list_name: Path, files: list[Path]) -> Floats:
         ValueError: If an image has no such line.
     """
     lines = list_name.read_text("utf-8").splitlines()
-    times = {words[1]: float(words[3]) for words in map(str.split, lines) if words}
+    times = {words[1]: float(words[3]) for words in map(str.split, lines) if words[3:]}
     for path in files:
         if path.stem not in times:
             raise ValueError(f"{list_name}: no line of the image {path.name}")

@@ -165,9 +165,10 @@ class TurnEchoes:
         beam = math.ceil(math.radians(settings.beamwidth_az_deg) / settings.step)
         width, bins = math.ceil(2 * settings.padding), ranges / settings.bin_size
         for row, bin_, speed in zip(rows, np.rint(bins).astype(int), away, strict=True):
-            near = slice(max(row - beam, 0), row + beam + 1)
             assert self._velocity is not None
-            self._velocity[near, max(bin_ - width, 0) : bin_ + width + 1] = speed
+            # A robot at the antenna may seem to be behind it.
+            first, last = max(bin_ - width, 0), max(bin_ + width + 1, 0)
+            self._velocity[max(row - beam, 0) : row + beam + 1, first:last] = speed
 
     def _sum(
         self, first: int, last: int, own: Power, before: Power, after: Power
