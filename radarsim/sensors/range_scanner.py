@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim import plugins
 from radarsim.geometry import Floats, Pose2, Pose3
@@ -168,6 +169,38 @@ class RangeScanner:
         """
         placed, generator = sensor_pose(scene, pose), as_generator(rng, self.name)
         return self.fmcw.spectrum(scene, placed, generator)
+
+    def beat_signal(
+        self,
+        scene: Scene,
+        pose: Pose2 | Pose3 | Sequence[float],
+        rng: np.random.Generator | int,
+    ) -> NDArray[np.float32]:
+        """Record a turn as ``spectrum`` does, but return what the converter samples.
+
+        The receiver has one channel, so that the samples are real; its complex signal
+        is ``scipy.signal.hilbert`` of each direction. With the window, whose sum is 1,
+        and an FFT of ``n`` = ``fft_length`` of ``radarsim.addons.fmcw.radar_equation``
+        it is the spectrum: ``abs(rfft(samples * window_of(settings), n)) ** 2`` is in
+        its first B bins ``power``, but for ``noise_shape``, the receiver's tilt.
+
+        Args:
+            scene: As in ``spectrum``.
+            pose: As in ``spectrum``.
+            rng: As in ``spectrum``; the same seed records the same turn.
+
+        Returns:
+            (A, S) float32, S samples of the sweep in each direction, in W^0.5: an echo
+            of power P is a cosine of amplitude 2 P^0.5.
+
+        Raises:
+            PresetError: If its preset describes no FMCW radar.
+            MissingPackage: If the add-on is not there.
+            ValueError: If the pose is invalid.
+        """
+        placed, generator = sensor_pose(scene, pose), as_generator(rng, self.name)
+        signal: NDArray[np.float32] = self.fmcw.beat_signal(scene, placed, generator)
+        return signal
 
     def scan(
         self,

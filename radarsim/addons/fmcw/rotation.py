@@ -77,6 +77,7 @@ def join_sectors(sectors: Iterable[Sector]) -> Spectrum:
         angles=np.concatenate([part.angles for part in parts]),
         power=np.concatenate([part.power for part in parts]),
         echo_power=np.concatenate([part.echo_power for part in parts]),
+        radial_velocity=np.concatenate([part.radial_velocity for part in parts]),
     )
 
 
@@ -216,7 +217,7 @@ class Rotation:
         self.radar.add_sidelobes(echoes, before, rows, view, self._key)
         tones = join_tones(look.tones for look in looks)
         pose = looks[0].poses[offset]
-        return self.radar.receive(pose, rows, echoes, tones, self._streams)
+        return self.radar.receive(pose, rows, view, echoes, tones, self._streams)
 
 
 # The number of a turn, as of its sectors, the targets in it, and the settings that the

@@ -136,6 +136,24 @@ def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
     )
 
 
+def radar_scan(time: float, frame: str, points: Points) -> RosMessage:
+    """Return targets, rows of ``TARGET``, as drivers of radars publish them."""
+    x, y, dbm = points["x"], points["y"], points["dbm"]
+    columns = np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), dbm.tolist()
+    returns = [
+        Fields(
+            range=range_,
+            azimuth=azimuth,
+            elevation=0.0,
+            doppler_velocity=math.nan,  # which a radar of one sweep does not measure
+            amplitude=power,
+        )
+        for range_, azimuth, power in zip(*columns, strict=True)
+    ]
+    header = header_of(time, frame)
+    return _message("radar_msgs/msg/RadarScan", header=header, returns=returns)
+
+
 def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage:
     """Return a grey picture, (H, W)."""
     height, width = pixels.shape

@@ -31,6 +31,7 @@ from radarsim.addons.recording.messages import (
     odometry,
     point_cloud,
     pose_stamped,
+    radar_scan,
     string,
     transform,
     transforms,
@@ -298,12 +299,16 @@ class RobotTopics:
             return
         # A scan without echoes is a message too: it tells that there were none.
         cloud = np.concatenate([self._points(each, scanner) for each in lines])
-        name = "targets"
+        name, frame = topic_name(line.name), self._frame(line.name)
+        last = "targets"
         if isinstance(line, EchoLine):
-            name = "echoes"
+            last = "echoes"
             yield from self._legend.news()  # before the points that have its numbers
-        message = point_cloud(line.time, self._frame(line.name), cloud)
-        yield TopicMessage(self._topic(topic_name(line.name), name), message)
+        else:
+            targets = radar_scan(line.time, frame, cloud)
+            yield TopicMessage(self._topic(name, "radar_scan"), targets)
+        message = point_cloud(line.time, frame, cloud)
+        yield TopicMessage(self._topic(name, last), message)
 
     def _points(self, line: EchoLine | RadarTargets, scanner: ScannerInfo) -> Points:
         """Return the points of a line in the frame of its scanner."""
