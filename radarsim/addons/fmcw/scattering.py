@@ -10,12 +10,18 @@ share Gamma^2 that they reflect and the rms slope s, by geometrical optics,
 
 Over the whole lobe that is what a flat mirror returns, pi Gamma^2 R^2.
 
+What is reflected so meets other things. One second bounce is counted, by its mean: of
+gamma2, what streets return on average, the share Gamma^4 comes back the same way, along
+a way that is longer by an exponentially distributed length, as delays in streets are.
+
 Volumes scatter a share of what they take, their albedo omega: a canopy that lets
 nothing through has a gamma of omega / 2. So does a sheet, which has no depth: omega
 times the share that it takes.
 
-Gamma, albedo, reflection and slope are those of the materials of the map. Source: F. T.
-Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2.
+Gamma, albedo, reflection and slope are those of the materials of the map. Sources: F.
+T. Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2; for delays: A.
+A. M. Saleh and R. A. Valenzuela, A Statistical Model for Indoor Multipath Propagation,
+IEEE Journal on Selected Areas in Communications 5(2), 1987.
 
 Rays graze level ground over a long way, so that it is treated apart. Open ground does
 not end at the edge of the map: a ray that passes over that edge meets it farther on.
