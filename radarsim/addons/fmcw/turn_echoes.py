@@ -28,7 +28,7 @@ import numpy as np
 
 from radarsim.addons.fmcw.antenna import pattern_table, rows_in_beam
 from radarsim.addons.fmcw.beat_signal import Power
-from radarsim.addons.fmcw.speckle import Scatterers, hash_levels
+from radarsim.addons.fmcw.speckle import Scatterers, clutter_texture, hash_levels
 from radarsim.engine import Packed, engine
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import Events
@@ -86,6 +86,7 @@ class TurnEchoes:
             field=self._field.reshape(rows, bins, 2),
             total=self.total,
             pattern=pattern_table(settings),
+            texture=clutter_texture(settings.clutter_shape),
             amplitudes=np.zeros((bins, 2), np.float32),
         )
 
