@@ -4,11 +4,12 @@ Theory of operation
 ===================
 A sweep mixed with its echoes is a sum of tones, one for each range. What is rough or
 dense has a complex amplitude in each bin, by the scatterers that are there. Points,
-such as corner reflectors, have their own phase, 4 pi R / lambda. To these tones come
-the leakage of the transmitter and white noise, which is new in each sweep; what is
-beyond the range of the converter is clipped. Window and FFT then make the spectrum. So
-speckle, sidelobes in range, the colour of the noise, and what saturation does to a
-whole direction follow by themselves, and nothing is drawn for a bin of the result.
+such as corner reflectors, have their own phase: 4 pi R / lambda of the carrier, which
+the sweep passes in its middle. To these tones come the leakage of the transmitter and
+white noise, which is new in each sweep; what is beyond the range of the converter is
+clipped. Window and FFT then make the spectrum. So speckle, sidelobes in range, the
+colour of the noise, and what saturation does to a whole direction follow by themselves,
+and nothing is drawn for a bin of the result.
 
 The receiver has one channel, a real signal. What is clipped has harmonics, so that a
 strong echo from R shows at 3 R as well, and at 2 R as far as the converter ends earlier
@@ -55,7 +56,7 @@ class Tones(NamedTuple):
     Attributes:
         rows: (N,) int64, the direction of the radar that receives each.
         ranges: (N,) m, by frequency.
-        phases: (N,) rad.
+        phases: (N,) rad, in the middle of the sweep.
         power: (N,) in units of the noise.
     """
 
@@ -155,6 +156,8 @@ def _add_tones(settings: FmcwSettings, sweeps: Power, first: int, tones: Tones) 
     level = np.interp(places, np.arange(len(shape)), shape)
     turns = 2 * np.pi * places / fft_length(settings)
     amplitudes, samples = 2 * np.sqrt(power / level), sample_count(settings)
+    # The engine counts phases from the first sample; the window is greatest here.
+    phases = phases - turns * samples / 2
     engine.add_cosines(sweeps, samples, rows - first, turns, phases, amplitudes)
 
 

@@ -28,6 +28,7 @@ from radarsim.addons.fmcw.radar_equation import (
     radar_constant,
 )
 from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
+from radarsim.addons.fmcw.round_metal import round_points
 from radarsim.addons.fmcw.scattering import scene_scattering
 from radarsim.addons.fmcw.speckle import Scatterers, hash_levels, scatterers_in
 from radarsim.addons.fmcw.spectrum import Spectrum
@@ -49,6 +50,7 @@ from radarsim.sensors.scan import Scan
 _bounds: WeakKeyDictionary[Scene, Floats] = WeakKeyDictionary()
 
 MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the noise
+CORNER_BOUNCES: Final = 3  # of the mirrors of a trihedral, which every ray follows
 # Sets of scatterers of the speckle.
 _IN_BEAMS: Final = 0
 _IN_SIDELOBES: Final = 1
@@ -74,7 +76,8 @@ class FmcwRadar:
             name: Name of its preset.
             settings: Its settings.
             sensor: Those of its range scanner: the band of the materials, the decibels
-                in a unit of density, how many mirrors are followed, and the detector.
+                in a unit of density, how many mirrors are followed beyond the three of
+                a corner, and the detector.
         """
         self.name = name
         self.settings = settings
@@ -83,7 +86,7 @@ class FmcwRadar:
             RADAR,
             BANDS_GHZ.index(sensor.band_ghz),
             sensor.power_per_db or 1.0,
-            sensor.max_bounces,
+            max(sensor.max_bounces, CORNER_BOUNCES),
             is_absorbed=False,
             in_decibels=True,
         )
@@ -371,15 +374,15 @@ class FmcwRadar:
             np.array([it.position for it in scene.reflectors]).reshape(-1, 3),
             np.array([it.rcs(wavelength) for it in scene.reflectors], np.float64),
         )
-        edges = edge_points(tracer, origin, wavelength)
-        corners = corner_points(tracer, origin, settings)
+        of_surfaces = (
+            edge_points(tracer, origin, wavelength),
+            corner_points(tracer, origin, settings),
+            round_points(tracer, origin, wavelength),
+        )
+        surfaces = Points._make(map(np.concatenate, zip(*of_surfaces, strict=True)))
         found = [
             point_tones(settings, view, rows, points, find(sight, points, wavelength))
-            for points, find in (
-                (reflectors, find_ways),
-                (edges, straight_ways),
-                (corners, straight_ways),
-            )
+            for points, find in ((reflectors, find_ways), (surfaces, straight_ways))
             if len(points.rcs)
         ]
         return join_tones(found)
