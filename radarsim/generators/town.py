@@ -250,7 +250,7 @@ def _add_garden(
                 add(site, lot.moved(back, site.between(-width / 2, width / 2)))
     if site.happens(0.35):
         add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)), 2.5)
-    if site.happens(0.4):
+    if site.happens(0.25):
         add_car(site, lot.moved(-3, width / 2 - 1.5))
 
 
@@ -262,7 +262,7 @@ def _add_car_park(site: Site, block: Block) -> None:
     for row in range(int(deep / 14)):
         for spot in range(int(width / 2.8)):
             place = Frame(block.left + 1.4 + 2.8 * spot, block.low + 5 + 14 * row)
-            if site.happens(0.55):
+            if site.happens(0.45):
                 add_car(site, place.moved(0, 0, math.pi / 2))
         if site.happens(0.8):
             for spot in range(int(width / 12)):
@@ -284,9 +284,9 @@ def _add_street(site: Site, start: Frame, crossings: list[float]) -> None:
             kerb = start.moved(at + SIDE / 2 + 2, side * (ROADWAY + 0.5))
             if site.happens(0.15):
                 add_car(site, beside.moved(0, 0, 0 if side < 0 else math.pi))
-            if site.happens(0.2):
+            if site.happens(0.1):
                 add_lamp(site, kerb)
-            elif site.happens(0.2):
+            elif site.happens(0.1):
                 add_furniture(site, kerb.moved(0, 0, -side * math.pi / 2))
             elif site.happens(0.15):
                 add_tree(site, kerb, 2.0)
