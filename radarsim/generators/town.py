@@ -237,7 +237,8 @@ def _add_garden(
         deep: m.
         behind: m from its front to the back of the house.
     """
-    add_boundary(site, lot.moved(0, -width / 2, math.pi / 2), width - 3)
+    if site.happens(0.6):
+        add_boundary(site, lot.moved(0, -width / 2, math.pi / 2), width - 3)
     if deep > behind + 3:
         edge = lot.moved(-deep, width / 2, 0)
         add_boundary(site, edge, deep - behind)
@@ -248,7 +249,7 @@ def _add_garden(
             if site.happens(0.7):
                 back = site.between(-deep + 1, -behind - 1)
                 add(site, lot.moved(back, site.between(-width / 2, width / 2)))
-    if site.happens(0.35):
+    if site.happens(0.2):
         add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)), 2.5)
     if site.happens(0.25):
         add_car(site, lot.moved(-3, width / 2 - 1.5))
