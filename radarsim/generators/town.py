@@ -1,6 +1,7 @@
 """A town of 200 x 200 m by its seed: streets, houses, gardens, cars and trees.
 
-Three streets lead along x and three along y, with starts along those in the middle.
+Three streets lead along x and three along y, with starts along those in the middle;
+the outer ones lean against these.
 Blocks between them are rows of houses with gardens, a park or a car park. The ground is
 patches, which differ in what they return. All sizes and shares are estimates of a
 suburb; those of materials are such that frames of a radar on a car are about as bright,
@@ -36,8 +37,8 @@ LANE: Final = 1.0  # m from the middle of a street to where robots start
 START_STEP: Final = 15.0  # m between starts along a street
 LAST_START: Final = 6  # of these steps from the middle of the map
 
-# What ground returns, dB: estimates for 77 GHz, of grass around the -12 to -15 dB that
-# are recalled for the W band.
+# What ground returns, dB: estimates for 77 GHz, 8 dB below what is recalled for the W
+# band, -12 to -15 dB for grass, so that as little of it shows as in images of RADIATE.
 GROUND: Final = {
     "lawn": -23.0,
     "rough_grass": -20.0,
