@@ -13,7 +13,7 @@ from frame_statistics import FrameStatistics, statistics_of
 import radarsim
 from radarsim.addons.fmcw.image_files import through_jpeg
 from radarsim.generators.town import town_yaml
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose3
 
 ROOF = 1.9  # m, height of an antenna on a car
 FRAMES = 10
@@ -39,8 +39,8 @@ def frames_along_a_street(seed: int, folder: Path) -> list[FrameStatistics]:
 def test_frames_of_a_street_are_about_as_real_ones(seed: int, tmp_path: Path) -> None:
     found = frames_along_a_street(seed, tmp_path)
 
-    def median(name: str) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
-        return np.median([getattr(each, name) for each in found], axis=0)
+    def median(name: str) -> Floats:
+        return np.asarray(np.median([getattr(each, name) for each in found], axis=0))
 
     # The least and the largest value of 18 real frames are 3.9 and 11.5 %, 3.9 and
     # 10.1, 9.2 and 11.5, 4.3 and 8.7, 1.3 and 3.5, which are of one street.
