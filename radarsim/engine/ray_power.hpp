@@ -7,6 +7,9 @@ namespace radarsim::fmcw {
 constexpr double GRAZING = 1e-3;      // the smallest cosine of an angle of incidence
 constexpr double OVERLAP = 1.5;       // by how much the ranges of a ray reach over those of the next
 constexpr double STRAIGHT_BACK = 0.9; // cosine, beyond which no mirror glints
+constexpr double SECOND_GAMMA = 0.05; // of what a second bounce meets; estimate
+constexpr double SECOND_LENGTH = 4.0; // m, by which the way is longer then, on average; estimate
+constexpr double SECOND_ENDS = 4.0;   // of these lengths, at which too little is left
 constexpr double LONGEST_SPREAD = 3.0; // m, over which a grazed surface is spread
 
 struct FanRays { // the rays of a fan in a scene
@@ -115,11 +118,21 @@ class RayWalk {
     // Add the surface that ends the ray; through is the share of the wave that comes there and back.
     void add_end(const Event& event, double through) {
         double cosine = maximum(rays_.incidence[ray_], GRAZING);
-        double gamma = gamma_of(scattering_.of(event.part), cosine, event.t);
+        const PartScattering& part = scattering_.of(event.part);
+        double gamma = gamma_of(part, cosine, event.t);
         // The tangent of the angle of incidence: how much farther the next ray meets it.
         double slant = sqrt(1.0 - cosine * cosine) / cosine;
         double length = minimum(rays_.spread[ray_] * event.t * slant, LONGEST_SPREAD);
         add_surface(lines_, place_, event.t, gamma * through, length);
+        add_second_bounce(part, event.t, through);
+    }
+
+    // Add what a smooth surface reflects to others, and what they return comes back by it.
+    void add_second_bounce(const PartScattering& part, double t, double through) {
+        if (part.glint <= 0.0) return;
+        double reflected = part.glint / part.narrowness, slope = 0.5 * NEPER_DB / SECOND_LENGTH;
+        double volume = SECOND_GAMMA * reflected * reflected * through / SECOND_LENGTH;
+        add_volume(lines_, place_, t, t + SECOND_ENDS * SECOND_LENGTH, volume, 0.0, slope);
     }
 
     // Add level ground that ends the ray.

@@ -22,8 +22,15 @@ struct Scatterers { // those of a column of the fan, as an antenna sees them
     int64_t start;  // number of the scatterer in the first bin
     uint64_t phase; // in levels
     double drift;   // by how many levels the phase turns of a scatterer of 1 m/s
+    double x, y, dx, dy; // cells of the texture: of the first bin, and from one bin to the next
 };
-ROW(Scatterers, key, start, phase, drift)
+ROW(Scatterers, key, start, phase, drift, x, y, dx, dy)
+
+// The factor of the power at a place, from a texture that is repeated, whose sides are powers of two.
+inline float texture_at(const Scatterers& scatterers, Array<const float, 2> texture, int64_t bin) {
+    int64_t i = floor_of(scatterers.x + bin * scatterers.dx), j = floor_of(scatterers.y + bin * scatterers.dy);
+    return texture(i & (texture.shape[0] - 1), j & (texture.shape[1] - 1));
+}
 
 // A hash of a word, by the generator SplitMix64 (Steele, Lea and Flood, 2014).
 constexpr uint64_t HASH_STEP = 0x9E3779B97F4A7C15;
@@ -35,14 +42,17 @@ inline uint64_t mixed(uint64_t word) {
 
 // Fill the amplitudes, real and imaginary parts, of neighbouring bins from one on, by their mean power. Of that moved
 // is what the wind moves, and speed that times its rms speed, m/s; null if it moves nothing.
-inline void fill_amplitudes(const Scatterers& scatterers, Array<const HashLevel> levels, int64_t first, int64_t count,
-                            const float* power, const float* moved, const float* speed, float* amplitudes) {
+inline void fill_amplitudes(const Scatterers& scatterers, Array<const HashLevel> levels, Array<const float, 2> texture,
+                            int64_t first, int64_t count, const float* power, const float* moved, const float* speed,
+                            float* amplitudes) {
     constexpr uint64_t LAST = HASH_LEVELS - 1;
+    bool has_texture = texture.shape[0] && texture.shape[1];
     for (int64_t i = 0; i < count; i++) {
         amplitudes[2 * i] = amplitudes[2 * i + 1] = 0.0f;
         if (power[i] <= FAINT) continue;
         uint64_t word = mixed(scatterers.key + (uint64_t(scatterers.start) + uint64_t(first + i)) * HASH_STEP);
-        float size = sqrtf(power[i]) * levels[word & LAST].amplitude;
+        float local = has_texture ? power[i] * texture_at(scatterers, texture, first + i) : power[i];
+        float size = sqrtf(local) * levels[word & LAST].amplitude;
         uint64_t turned = (word >> 10) + scatterers.phase;
         if (moved && moved[i] > 0.0f) {
             // Of all scatterers as many move as the share of the power that does.
@@ -64,7 +74,7 @@ inline bool add_amplitudes(Array<const Scatterers> scatterers, Array<const HashL
     int64_t count = power.size();
     Buffer<float> amplitudes(2 * count);
     for (int64_t row = 0; row < scatterers.size(); row++) {
-        fill_amplitudes(scatterers[row], levels, 0, count, power.data, nullptr, nullptr, amplitudes.data());
+        fill_amplitudes(scatterers[row], levels, {}, 0, count, power.data, nullptr, nullptr, amplitudes.data());
         float* own = field.data[row * count];
         for (int64_t i = 0; i < 2 * count; i++) own[i] += amplitudes[i];
     }
@@ -78,9 +88,10 @@ struct Beams { // where the power of a turn is added up
     Array<float[2], 2> field; // likewise, real and imaginary parts of the amplitudes
     Array<double> total;      // the power of all columns
     Array<const double, 2> pattern; // from pattern_table
+    Array<const float, 2> texture;  // of the power by place; without cells for none
     Array<float[2]> amplitudes;     // overwritten
 };
-LAYOUT(Beams, "db db b fk b", power, field, total, pattern, amplitudes)
+LAYOUT(Beams, "db db b fk xy b", power, field, total, pattern, texture, amplitudes)
 
 // Add the echoes of a column to the directions that see it, and clear its line.
 __attribute__((always_inline)) inline void spread_line(const Beams& beams, const RangeLines& lines,
@@ -92,7 +103,7 @@ __attribute__((always_inline)) inline void spread_line(const Beams& beams, const
     float *line = &lines.power(here, low), *amplitudes = beams.amplitudes[low];
     float *moved = nullptr, *speed = nullptr;
     if (lines.sway.shape[2]) moved = &lines.sway(here, 0, low), speed = &lines.sway(here, 1, low);
-    fill_amplitudes(scatterers, levels, low, count, line, moved, speed, amplitudes);
+    fill_amplitudes(scatterers, levels, beams.texture, low, count, line, moved, speed, amplitudes);
     List<int64_t> bright(count);
     for (int64_t i = 0; i < count; i++)
         if (line[i] > BRIGHT) bright.append(i);

@@ -1,6 +1,7 @@
 """A town of 200 x 200 m by its seed: streets, houses, gardens, cars and trees.
 
-Three streets lead along x and three along y, with starts along those in the middle.
+Three streets lead along x and three along y, with starts along those in the middle;
+the outer ones lean against these.
 Blocks between them are rows of houses with gardens, a park or a car park. The ground is
 patches, which differ in what they return. All sizes and shares are estimates of a
 suburb; those of materials are such that frames of a radar on a car are about as bright,
@@ -13,6 +14,8 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from radarsim.generators.town_objects import (
+    SIDE,
+    SPACING,
     WALLS,
     Frame,
     Site,
@@ -27,37 +30,38 @@ from radarsim.generators.town_objects import (
 )
 from radarsim.rng import generator_for
 
-SIDE: Final = 200.0  # m
-SPACING: Final = 66.0  # m between streets
-ROADWAY: Final = 4.2  # m, half of it
-PAVEMENT: Final = 6.2  # m from the middle of the street to where gardens begin
+ROADWAY: Final = 5.0  # m, half of it
+PAVEMENT: Final = 8.0  # m from the middle of the street to where gardens begin
+LEAN: Final = 0.22  # of the outer streets against those in the middle, at most
 LANE: Final = 1.0  # m from the middle of a street to where robots start
 START_STEP: Final = 15.0  # m between starts along a street
 LAST_START: Final = 6  # of these steps from the middle of the map
 
-# What ground returns, dB: estimates for 77 GHz, of grass around the -12 to -15 dB that
-# are recalled for the W band.
+# What ground returns, dB: estimates for 77 GHz, 8 dB below what is recalled for the W
+# band, -12 to -15 dB for grass, so that as little of it shows as in images of RADIATE.
 GROUND: Final = {
-    "lawn": -15.0,
-    "rough_grass": -12.0,
-    "soil": -21.0,
-    "gravel": -16.0,
-    "asphalt": -26.0,
-    "old_asphalt": -22.0,
-    "paving": -20.0,
+    "lawn": -23.0,
+    "rough_grass": -20.0,
+    "soil": -29.0,
+    "gravel": -24.0,
+    "asphalt": -34.0,
+    "old_asphalt": -30.0,
+    "paving": -28.0,
 }
 # Metal that is bent in many ways, so that what it mirrors goes everywhere: what comes
 # back head-on, dB, and the rms slope of its facets, degrees. Estimates.
 PAINT: Final = {
-    "steel": (-15.0, 5.0),
-    "paint_even": (-16.0, 8.0),
-    "paint_curved": (-13.0, 12.0),
-    "paint_dented": (-10.0, 16.0),
+    "steel": (-18.0, 10.0),
+    "paint_even": (-18.0, 14.0),
+    "paint_curved": (-15.0, 18.0),
+    "paint_dented": (-12.0, 22.0),
 }
 _OTHERS: Final = """\
-  car_glass: {based_on: glass, mirror: none, backscatter_db: -20, slope_deg: 8}
+  car_glass: {based_on: glass, mirror: none, backscatter_db: -20, slope_deg: 14}
   plaster: {based_on: concrete, backscatter_db: -16}
   boards: {based_on: wood}
+  pane: {based_on: glass, slope_deg: 3}
+  outer_twigs: {based_on: twigs, db_per_m: 0.07}
   bark: {density: opaque, backscatter_db: -9}
 """
 
@@ -81,6 +85,9 @@ def town_yaml(seed: int) -> str:
     along_x, along_y = (
         [SPACING * k + site.between(-5, 5) for k in (-1, 0, 1)] for _ in range(2)
     )
+    site.put("ground", (SIDE, SIDE, 0.1), Frame(0, 0), -0.09, "lawn")
+    site.lean = site.between(-LEAN, LEAN), site.between(-LEAN, LEAN)
+    site.middle = along_y[1], along_x[1]
     _add_ground(site, along_x, along_y)
     for block in _blocks(along_x, along_y):
         _add_block(site, block)
@@ -150,8 +157,7 @@ def _patch(
 
 
 def _add_ground(site: Site, along_x: list[float], along_y: list[float]) -> None:
-    """Add the meadow under all, streets in pieces, and repairs on them."""
-    site.put("ground", (SIDE, SIDE, 0.1), Frame(0, 0), -0.09, "lawn")
+    """Add streets in pieces, and repairs on them."""
     for yaw, streets in ((0.0, along_x), (math.pi / 2, along_y)):
         for middle in streets:
             start = Frame(0, 0, yaw).moved(-SIDE / 2, middle * (1 if yaw == 0 else -1))
@@ -179,7 +185,7 @@ def _add_ground(site: Site, along_x: list[float], along_y: list[float]) -> None:
 
 def _add_block(site: Site, block: Block) -> None:
     """Add one of the kinds of blocks."""
-    kind = site.one_of(("houses", "houses", "houses", "houses", "park", "cars"))
+    kind = site.one_of(("houses", "houses", "houses", "park", "park", "cars"))
     if min(block.right - block.left, block.high - block.low) < 10:
         return
     for _ in range(7):
@@ -187,7 +193,7 @@ def _add_block(site: Site, block: Block) -> None:
     if kind == "houses":
         _add_rows(site, block)
     elif kind == "park":
-        for _ in range(14):
+        for _ in range(20):
             add_tree(site, _somewhere(site, block))
             add_bush(site, _somewhere(site, block))
     else:
@@ -211,7 +217,7 @@ def _add_rows(site: Site, block: Block) -> None:
             lot = site.between(11, 17)
             if x + lot > block.right:
                 break
-            setback, depth = site.between(2, 6), site.between(7, 10)
+            setback, depth = site.between(4, 9), site.between(7, 10)
             width = min(site.between(6.5, 10), lot - 2)
             frame = Frame(x + lot / 2, y, side * math.pi / 2)
             if site.happens(0.85):
@@ -232,7 +238,8 @@ def _add_garden(
         deep: m.
         behind: m from its front to the back of the house.
     """
-    add_boundary(site, lot.moved(0, -width / 2, math.pi / 2), width - 3)
+    if site.happens(0.6):
+        add_boundary(site, lot.moved(0, -width / 2, math.pi / 2), width - 3)
     if deep > behind + 3:
         edge = lot.moved(-deep, width / 2, 0)
         add_boundary(site, edge, deep - behind)
@@ -243,9 +250,9 @@ def _add_garden(
             if site.happens(0.7):
                 back = site.between(-deep + 1, -behind - 1)
                 add(site, lot.moved(back, site.between(-width / 2, width / 2)))
-    if site.happens(0.35):
-        add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)))
-    if site.happens(0.4):
+    if site.happens(0.2):
+        add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)), 2.5)
+    if site.happens(0.25):
         add_car(site, lot.moved(-3, width / 2 - 1.5))
 
 
@@ -257,7 +264,7 @@ def _add_car_park(site: Site, block: Block) -> None:
     for row in range(int(deep / 14)):
         for spot in range(int(width / 2.8)):
             place = Frame(block.left + 1.4 + 2.8 * spot, block.low + 5 + 14 * row)
-            if site.happens(0.55):
+            if site.happens(0.45):
                 add_car(site, place.moved(0, 0, math.pi / 2))
         if site.happens(0.8):
             for spot in range(int(width / 12)):
@@ -277,11 +284,11 @@ def _add_street(site: Site, start: Frame, crossings: list[float]) -> None:
         for side in (-1, 1):
             beside = start.moved(at + SIDE / 2, side * (ROADWAY - 1.0))
             kerb = start.moved(at + SIDE / 2 + 2, side * (ROADWAY + 0.5))
-            if site.happens(0.4):
+            if site.happens(0.15):
                 add_car(site, beside.moved(0, 0, 0 if side < 0 else math.pi))
-            if site.happens(0.2):
+            if site.happens(0.1):
                 add_lamp(site, kerb)
-            elif site.happens(0.2):
+            elif site.happens(0.1):
                 add_furniture(site, kerb.moved(0, 0, -side * math.pi / 2))
             elif site.happens(0.15):
-                add_tree(site, kerb)
+                add_tree(site, kerb, 2.0)

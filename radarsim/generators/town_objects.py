@@ -17,12 +17,12 @@ T = TypeVar("T")
 # back head-on, dB, and the rms slope of its facets, degrees. Estimates around those of
 # the library.
 WALLS: Final = {
-    "brick_rough": ("brick", -14.0, 6.0),
-    "brick_plain": ("brick", -18.0, 3.0),
-    "brick_painted": ("brick", -23.0, 1.5),
-    "render_rough": ("concrete", -16.0, 4.0),
-    "render_even": ("concrete", -24.0, 1.2),
-    "stone": ("concrete", -13.0, 9.0),
+    "brick_rough": ("brick", -17.0, 11.0),
+    "brick_plain": ("brick", -21.0, 6.5),
+    "brick_painted": ("brick", -26.0, 4.3),
+    "render_rough": ("concrete", -19.0, 8.0),
+    "render_even": ("concrete", -27.0, 3.8),
+    "stone": ("concrete", -16.0, 12.0),
 }
 PALETTES: Final = (
     ("brick_rough", "brick_plain", "brick_plain"),
@@ -30,6 +30,8 @@ PALETTES: Final = (
     ("render_rough", "render_even", "render_even"),
     ("stone", "stone", "brick_rough"),
 )
+SIDE: Final = 200.0  # m, of the town
+SPACING: Final = 66.0  # m between streets
 STOREY: Final = 2.7  # m
 SILL, LINTEL = 0.9, 2.2  # m over the floor of each storey
 WALL: Final = 0.3  # m thick
@@ -57,12 +59,16 @@ class Site:
     Attributes:
         rng: The generator of all draws.
         lines: A line for each object so far.
+        lean: By how much streets beside those in the middle lean, along x and along y;
+            and where these cross, m, map frame.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
         """Begin without any."""
         self.rng = rng
         self.lines: list[str] = []
+        self.lean = (0.0, 0.0)
+        self.middle = (0.0, 0.0)
         self._numbers: Counter[str] = Counter()
 
     def between(self, low: float, high: float) -> float:
@@ -98,6 +104,9 @@ class Site:
             material: Name of its material.
             storeys: How many of it are above each other, one in each storey.
         """
+        frame = self._leaning(frame)
+        if max(abs(frame.x), abs(frame.y)) > SIDE / 2:
+            return
         self._numbers[name] += 1
         shape = {1: "sphere", 2: "cylinder", 3: "box"}[len(size)]
         lengths = ", ".join(f"{each:.3f}" for each in size)
@@ -110,6 +119,16 @@ class Site:
         if storeys is not None:
             line += f", repeat: {{count: {storeys}, step: [0, 0, {STOREY:g}]}}"
         self.lines.append(f"  - {{{line}}}\n")
+
+    def _leaning(self, frame: Frame) -> Frame:
+        """Return where a frame is in a town whose outer streets lean."""
+        x, y = frame.x - self.middle[0], frame.y - self.middle[1]
+        share = [max(min(each / SPACING, 1.0), -1.0) for each in (x, y)]
+        across = [self.lean[i] * share[i] * abs(share[i]) for i in (0, 1)]
+        c, s = math.cos(frame.yaw), math.sin(frame.yaw)
+        # Things turn as the street beside them, or the one that crosses it, does.
+        yaw = frame.yaw - across[0] * s * s + across[1] * c * c
+        return Frame(frame.x + across[0] * y, frame.y + across[1] * x, yaw)
 
 
 def add_house(site: Site, middle: Frame, width: float, depth: float) -> None:
@@ -150,7 +169,7 @@ def _add_facade(
         site.put("wall", size, place, middle, material, storeys=storeys + 1)
         frame = place.moved(site.between(-0.1, 0.1), 0, site.between(-0.006, 0.006))
         size, middle = (0.02, bay, LINTEL - SILL), (SILL + LINTEL) / 2
-        site.put("window", size, frame, middle, "glass", storeys=storeys)
+        site.put("window", size, frame, middle, "pane", storeys=storeys)
 
 
 def add_shed(site: Site, place: Frame) -> None:
@@ -161,7 +180,7 @@ def add_shed(site: Site, place: Frame) -> None:
 
 def add_boundary(site: Site, start: Frame, length: float) -> None:
     """Add a hedge, a fence, a wall or railings along a line ahead, with gaps."""
-    kind = site.one_of(("hedge", "hedge", "fence", "wall", "none"))
+    kind = site.one_of(("hedge", "fence", "wall", "none", "none"))
     height = {"hedge": 1.6, "fence": 1.5, "wall": 0.9, "none": 0.0}[kind]
     height *= site.between(0.7, 1.2)
     step = {"hedge": 2.5, "fence": 1.8, "wall": 4.0, "none": length}[kind]
@@ -177,7 +196,7 @@ def add_boundary(site: Site, start: Frame, length: float) -> None:
         elif kind == "fence":
             site.put("fence", (step, 0.03, height), middle, height / 2 + 0.05, "boards")
             post = start.moved(i * step, 0)
-            site.put("post", (0.1, 0.1, height), post, height / 2, "concrete")
+            site.put("post", (0.1, 0.1, height), post, height / 2, "boards")
         else:
             material = site.one_of(PALETTES[0])
             site.put("garden_wall", (step, 0.22, height), middle, height / 2, material)
@@ -205,16 +224,19 @@ def add_car(site: Site, place: Frame) -> None:
     site.put("cabin", (cabin, 0.86 * width, top), back, height, "car_glass")
 
 
-def add_tree(site: Site, place: Frame) -> None:
-    """Add a tree, bare or in leaf."""
-    height, radius = site.between(2.0, 4.0), site.between(0.9, 2.0)
+def add_tree(site: Site, place: Frame, largest: float = 3.5) -> None:
+    """Add a tree, bare or in leaf, whose crown has at most some radius, m."""
+    radius = site.between(1.4, largest)
+    height = radius + site.between(0.5, 2.5)
     stem = height + radius / 2
     site.put("trunk", (site.between(0.08, 0.25), stem), place, stem / 2, "bark")
     leaves = site.one_of(("twigs", "twigs", "sparse_foliage", "foliage"))
+    # Outer twigs are thin, so that crowns have soft edges.
+    site.put("crown", (1.5 * radius,), place, height + 0.5 * radius, "outer_twigs")
     for _ in range(2):
-        off, angle = site.between(0, 0.6 * radius), site.between(0, 2 * math.pi)
+        off, angle = site.between(0, 0.9 * radius), site.between(0, 2 * math.pi)
         middle = place.moved(off * math.cos(angle), off * math.sin(angle))
-        own = radius * site.between(0.7, 1.0)
+        own = radius * site.between(0.4, 0.8)
         site.put("crown", (own,), middle, height + site.between(0, radius), leaves)
 
 
@@ -222,7 +244,11 @@ def add_bush(site: Site, place: Frame) -> None:
     """Add a bush."""
     radius = site.between(0.4, 1.1)
     leaves = site.one_of(("twigs", "foliage", "foliage", "dense_foliage"))
-    site.put("bush", (radius,), place, 0.7 * radius, leaves)
+    site.put("bush", (1.5 * radius,), place, 0.7 * radius, "outer_twigs")
+    for _ in range(2):
+        middle = place.moved(site.between(-radius, radius), site.between(-0.6, 0.6))
+        own = radius * site.between(0.4, 0.8)
+        site.put("bush", (own,), middle, 0.8 * own, leaves)
 
 
 def add_lamp(site: Site, place: Frame) -> None:
@@ -236,7 +262,7 @@ def add_furniture(site: Site, place: Frame) -> None:
     kind = site.one_of(("sign", "sign", "cabinet", "bin", "bollards"))
     if kind == "sign":
         site.put("pole", (0.04, 2.6), place, 1.3, "steel")
-        site.put("sign", (0.01, 0.6, 0.6), turned.moved(0.05, 0), 2.3, "metal")
+        site.put("sign", (0.01, 0.6, 0.6), turned.moved(0.05, 0), 2.3, "steel")
     elif kind == "cabinet":
         site.put("cabinet", (0.4, 1.1, 1.2), turned, 0.6, "steel")
     elif kind == "bin":

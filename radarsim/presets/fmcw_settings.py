@@ -34,6 +34,8 @@ class FmcwSettings(BaseModel):
         beamwidth_el_deg: Vertical width likewise, degrees.
         fan_deg: How far below the horizon the beam is filled in, as a squared
             cosecant, degrees; 0 for a beam that is symmetric.
+        fan_db: Level of that filling against a squared cosecant that begins at the
+            half-power point, one way, dB.
         shoulder_db: Two-way level of the shoulders of the beam at one beamwidth from
             its middle in azimuth, dB.
         shoulder_slope_db: By how much they fall in each further beamwidth, dB.
@@ -47,6 +49,9 @@ class FmcwSettings(BaseModel):
             more is clipped. The receiver has one channel: a harmonic beyond the last
             bin folds back.
         clip_skew: By which share of that the converter ends earlier below than above.
+        clutter_shape: Shape of the gamma distribution of what places scatter, so that
+            the power of rough surfaces and volumes has a K distribution; 0 if all
+            places of a surface scatter the same.
         count_db: Decibels in a count.
         floor_count: Count of the median of the noise.
         rays_across: Rays in each step of azimuth.
@@ -69,6 +74,7 @@ class FmcwSettings(BaseModel):
     beamwidth_az_deg: Annotated[float, Field(ge=0.05, le=45)]
     beamwidth_el_deg: Annotated[float, Field(ge=0.05, le=45)]
     fan_deg: Annotated[float, Field(ge=0, le=80)] = 0.0
+    fan_db: Annotated[float, Field(ge=-60, le=0)] = 0.0
     shoulder_db: Annotated[float, Field(ge=-300, le=-10)] = -300.0
     shoulder_slope_db: Annotated[float, Field(ge=1, le=300)] = 16.5
     sidelobe_db: Annotated[float, Field(ge=-300, le=-10)] = -50.0
@@ -77,6 +83,7 @@ class FmcwSettings(BaseModel):
     phase_noise_db: Decibels = -300.0
     full_scale_dbm: Decibels = 100.0
     clip_skew: Annotated[float, Field(ge=0, le=1)] = 0.0
+    clutter_shape: Annotated[float, Field(ge=0, le=1000)] = 0.0
     count_db: Annotated[float, Field(ge=0.01, le=10)] = 0.5
     floor_count: Annotated[float, Field(ge=0, le=255)] = 17.0
     rays_across: Annotated[int, Field(ge=1, le=64)] = 8

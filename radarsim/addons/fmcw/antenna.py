@@ -54,7 +54,8 @@ def elevation_pattern(settings: FmcwSettings, elevations: ArrayLike) -> Floats:
     if settings.fan_deg:
         edge = width / 2
         below = np.clip(-angles, edge, math.pi / 2)
-        filled = 0.5 * (math.sin(edge) / np.sin(below)) ** 2
+        level = 0.5 * 10 ** (settings.fan_db / 10)
+        filled = level * (math.sin(edge) / np.sin(below)) ** 2
         is_fan = (angles < -edge) & (angles >= -math.radians(settings.fan_deg))
         power = np.where(is_fan, np.maximum(power, filled), power)
     return power

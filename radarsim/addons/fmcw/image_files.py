@@ -7,8 +7,10 @@ a sweep upwards. Its counts follow. Sources: the documentation and the kit of th
 Radar RobotCar Dataset; DATA_REFERENCE.md and utils/radar.py of pyboreas.
 
 ``radiate``: a column for each direction and a row for each range, without times; and
-the same turn from above, 1152 x 1152 pixels, straight ahead up. Source: the kit of the
-RADIATE data set.
+the same turn from above, 1152 x 1152 pixels, straight ahead up. Its files are PNG, but
+their pixels have been through JPEG of quality 80, as those of the published ones show:
+blocks of 8 x 8 pixels, and cosines that are multiples of the standard table's steps.
+Sources: the kit and images of the RADIATE data set.
 
 Readers of Oxford's and Boreas' images sort the names of files, which are times, as
 text. So times that have fewer digits than those of today are counted from an epoch.
@@ -75,6 +77,7 @@ OXFORD_BIN: Final = 0.0432  # m, of the kit of the Oxford data set
 RADIATE_BIN: Final = 0.173611  # m, of that of RADIATE, also the size of a pixel
 RADIATE_HZ: Final = 4.0  # turns per second
 CARTESIAN_SIZE: Final = 1152  # pixels
+RADIATE_QUALITY: Final = 80  # of the JPEG through which its images went
 
 
 def epoch_of(layout: str, bin_size: float, start_us: int) -> int:
@@ -132,6 +135,15 @@ def sequence_notes(
     return "\n".join(lines) + "\n"
 
 
+def through_jpeg(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return counts, (A, B), as images of RADIATE have them."""
+    data = io.BytesIO()
+    columns = Image.fromarray(np.ascontiguousarray(counts.T))
+    columns.save(data, "JPEG", quality=RADIATE_QUALITY)
+    with Image.open(data) as image:
+        return np.asarray(image).T
+
+
 def cartesian_image(spectrum: Spectrum) -> bytes:
     """Return a turn from above as a PNG file, as RADIATE has it."""
     from scipy.ndimage import map_coordinates  # noqa: PLC0415 - slow
@@ -141,8 +153,9 @@ def cartesian_image(spectrum: Spectrum) -> bytes:
     right, ahead = across[None, :], -across[:, None]
     row = np.remainder(np.arctan2(right, ahead), 2 * np.pi) / settings.step
     places = np.stack([row, np.hypot(right, ahead) / settings.bin_size])
+    counts = through_jpeg(spectrum.counts)
     # After the last direction comes the first one again.
-    turn = np.concatenate([spectrum.counts, spectrum.counts[:1]]).astype(np.float32)
+    turn = np.concatenate([counts, counts[:1]]).astype(np.float32)
     pixels = map_coordinates(turn, places, order=1, cval=0.0)
     return _as_png(np.rint(pixels).astype(np.uint8))
 
@@ -167,7 +180,7 @@ def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
     if layout not in LAYOUTS:
         raise ValueError(f"layout {layout!r}, expected one of {tuple(LAYOUTS)}")
     if layout == "radiate":
-        pixels = np.ascontiguousarray(spectrum.counts.T)
+        pixels = np.ascontiguousarray(through_jpeg(spectrum.counts).T)
     else:
         encoder = encoder_counts(len(spectrum.angles))
         times = row_times(spectrum, time_us)

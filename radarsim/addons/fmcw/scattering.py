@@ -13,13 +13,19 @@ bends by the fourth power of its side, so that its slopes rise with the third: s
 ones are flat, and their lobe is as wide as waves are long, which makes 4 pi A^2 /
 lambda^2 of an area A. What is round returns by its curvature; see ``round_metal``.
 
+What is reflected so meets other things. One second bounce is counted, by its mean: of
+gamma2, what streets return on average, the share Gamma^4 comes back the same way, along
+a way that is longer by an exponentially distributed length, as delays in streets are.
+
 Volumes scatter a share of what they take, their albedo omega: a canopy that lets
 nothing through has a gamma of omega / 2. So does a sheet, which has no depth: omega
 times the share that it takes.
 
-Gamma, albedo, reflection and slope are those of the materials of the map. Source: F. T.
-Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2; on how plates
-bend, S. Timoshenko and S. Woinowsky-Krieger, Theory of Plates and Shells.
+Gamma, albedo, reflection and slope are those of the materials of the map. Sources: F.
+T. Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2; on how plates
+bend, S. Timoshenko and S. Woinowsky-Krieger, Theory of Plates and Shells; on delays, A.
+A. M. Saleh and R. A. Valenzuela, A Statistical Model for Indoor Multipath Propagation,
+IEEE Journal on Selected Areas in Communications 5(2), 1987.
 
 Rays graze level ground over a long way, so that it is treated apart. Open ground does
 not end at the edge of the map: a ray that passes over that edge meets it farther on.

@@ -25,8 +25,14 @@ Scatterers in a wind, as leaves, each have a constant speed of their own, of nor
 distribution. Over a time t the field keeps exp(-(4 pi sigma t / lambda)^2 / 2) of its
 correlation, sigma being the rms speed.
 
-Source: J. W. Goodman, Speckle Phenomena in Optics, 2007; for the wind: D. K. Barton,
-Radar System Analysis and Modeling, 2005.
+Ground, walls and plants do not scatter evenly. Where a radar has a ``clutter_shape``,
+the mean power of a place is multiplied by a factor of gamma distribution, of that shape
+and a mean of 1, which varies over a metre or so: with speckle on top, the power has a K
+distribution. The factors are a texture of the map, which is repeated after 128 m.
+
+Sources: J. W. Goodman, Speckle Phenomena in Optics, 2007; for the wind: D. K. Barton,
+Radar System Analysis and Modeling, 2005; for the texture: K. D. Ward, R. J. A. Tough
+and S. Watts, Sea Clutter: Scattering, the K Distribution and Radar Performance, 2006.
 """
 
 import math
@@ -35,7 +41,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.ndimage import gaussian_filter
+from scipy.special import gammaincinv, ndtr, ndtri
 
 from radarsim.addons.fmcw.antenna import Viewpoints
 from radarsim.addons.fmcw.radar_equation import (
@@ -46,9 +53,13 @@ from radarsim.addons.fmcw.radar_equation import (
 from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.rng import generator_for
 
 Words = NDArray[np.uint64]
 
+TEXTURE_CELLS: Final = 512  # along each side of the texture, which is repeated
+TEXTURE_CELL: Final = 0.25  # m, side of a cell
+TEXTURE_LENGTH: Final = 1.0  # m, of the Gaussian that smooths it; estimate
 _LEVELS: Final = 1024  # of amplitudes, phases and speeds
 _MASK: Final = np.uint64(_LEVELS - 1)
 # Steps and factors of the generator SplitMix64 (Steele, Lea and Flood, 2014).
@@ -95,7 +106,24 @@ def scatterers_in(
     found["key"], found["start"] = keys, starts
     found["phase"] = (turns * _LEVELS).astype(np.uint64) & _MASK
     found["drift"] = _LEVELS * 2 * view.times / settings.wavelength
+    # Other keys begin elsewhere in the texture.
+    begin = key % TEXTURE_CELLS, key // TEXTURE_CELLS % TEXTURE_CELLS
+    for axis, turned in enumerate((np.cos(angle), np.sin(angle))):
+        place = view.positions[:, axis] - shift * turned
+        found["xy"[axis]] = place / TEXTURE_CELL + begin[axis]
+        found[("dx", "dy")[axis]] = turned * settings.bin_size / TEXTURE_CELL
     return found
+
+
+@lru_cache(maxsize=4)
+def clutter_texture(shape: float) -> NDArray[np.float32]:
+    """Return the factors of the power by place, (N, N); (0, 0) of a shape of 0."""
+    if not shape:
+        return np.zeros((0, 0), np.float32)
+    noise = generator_for(0, "clutter").standard_normal([TEXTURE_CELLS] * 2)
+    smooth = gaussian_filter(noise, TEXTURE_LENGTH / TEXTURE_CELL, mode="wrap")
+    factors = gammaincinv(shape, ndtr(smooth / smooth.std()))
+    return np.asarray(factors / factors.mean(), np.float32)
 
 
 def _mixed(words: Words) -> Words:

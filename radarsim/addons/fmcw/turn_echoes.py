@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antenna import pattern_table, rows_in_beam
 from radarsim.addons.fmcw.beat_signal import Power
-from radarsim.addons.fmcw.speckle import Scatterers, hash_levels
+from radarsim.addons.fmcw.speckle import Scatterers, clutter_texture, hash_levels
 from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
@@ -93,6 +93,7 @@ class TurnEchoes:
             field=self._field.reshape(rows, bins, 2),
             total=self.total,
             pattern=pattern_table(settings),
+            texture=clutter_texture(settings.clutter_shape),
             amplitudes=np.zeros((bins, 2), np.float32),
         )
 

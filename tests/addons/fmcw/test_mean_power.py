@@ -141,6 +141,20 @@ def test_plate_of_metal_returns_what_its_area_does(
         assert found == pytest.approx(db(wave**2 / math.pi * side**4), abs=0.5)
 
 
+def test_second_bounce_returns_behind_a_smooth_wall() -> None:
+    """Of gamma2 -13 dB, by Gamma^4, and e^(-d / 4 m) d beyond the wall."""
+    smooth = radarsim.Material(
+        "smooth", specular_db=-6, slope_deg=20, backscatter_db=-200
+    )
+    which = radar()
+    ahead = echo_power(which, wall_at(10, smooth))[0]
+    behind = (which.ranges > 12) & (which.ranges < 20)
+    found = (ahead * which.ranges**2)[behind].sum()
+    share = math.exp(-2 / 4) - math.exp(-10 / 4)
+    expected = beam_filling_power(which, 1, 10**-1.3 * 10**-1.2 * share)
+    assert db(found / expected) == pytest.approx(0, abs=0.3)
+
+
 def test_glint_fades_within_a_few_slopes_of_the_normal() -> None:
     smooth = radarsim.Material("smooth", specular_db=-8.1)
     rough = radarsim.Material("rough")

@@ -1,7 +1,8 @@
 """Noise of quiet directions, against that of real images.
 
 The values were measured in 18 images of the RADIATE data set, in directions without
-echoes: deviations of counts from the median, and their correlations.
+echoes: deviations of counts from the median, and their correlations. These images have
+been through JPEG, and so has the noise here.
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ from fmcw_scenes import beat_spectrum, correlation, no_echoes
 
 import radarsim
 from radarsim.addons.fmcw.beat_signal import NO_TONES
+from radarsim.addons.fmcw.image_files import through_jpeg
 from radarsim.addons.fmcw.radar_equation import noise_power
 from radarsim.addons.fmcw.spectrum import counts_of
 
@@ -26,7 +28,8 @@ def turns() -> np.ndarray:
         for seed in (1, 2)
     ]
     counts = [
-        counts_of(settings, each * np.float32(noise_power(settings))) for each in power
+        through_jpeg(counts_of(settings, each * np.float32(noise_power(settings))))
+        for each in power
     ]
     return np.array(counts, np.float64)[:, :, BEYOND:]
 
@@ -34,9 +37,8 @@ def turns() -> np.ndarray:
 def test_deviations_from_the_median_are_those_of_real_noise(turns: np.ndarray) -> None:
     off = turns - np.median(turns)
     assert np.sqrt((off**2).mean()) == pytest.approx(8.95, rel=0.05)
-    found = np.percentile(off, [1, 5, 25, 75, 95])
-    assert found == pytest.approx([-17, -15, -7, 6, 14], abs=2)
-    assert np.percentile(off, 99) == pytest.approx(20, abs=4)
+    found = np.percentile(off, [1, 5, 10, 25, 75, 95, 99])
+    assert found == pytest.approx([-17, -15, -12.5, -7, 6, 14, 20], abs=1)
 
 
 def test_neighbouring_bins_are_correlated_as_in_real_noise(turns: np.ndarray) -> None:
