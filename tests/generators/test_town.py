@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import radarsim
-from radarsim.generators.town import GROUND, PAVEMENT, ROADWAY, SIDE, town_yaml
+from radarsim.generators.town import GROUND, PAVEMENT, ROADWAY, town_yaml
+from radarsim.generators.town_objects import SIDE
 from radarsim.scene.scene import Scene
 
 
