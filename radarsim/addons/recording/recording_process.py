@@ -243,8 +243,8 @@ def write_recording(
     writer = BagWriter(folder, info.to_text())
 
     def write(time_: int, message: TopicMessage) -> None:
-        topic, content, latched = message
-        writer.write(BagMessage(topic, content.type, encode(content), time_, latched))
+        topic, type_, _, latched = message
+        writer.write(BagMessage(topic, type_, encode(message), time_, latched))
 
     if scene is not None:
         from radarsim.addons.recording.scene_topics import (  # noqa: PLC0415

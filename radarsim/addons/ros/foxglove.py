@@ -9,7 +9,6 @@ import json
 import struct
 from typing import Any, Final
 
-from radarsim.addons.recording.call_converter import CLOCK
 from radarsim.addons.recording.cdr import (
     Twist,
     TwistStamped,
@@ -17,7 +16,7 @@ from radarsim.addons.recording.cdr import (
     definition_of,
     encode,
 )
-from radarsim.addons.recording.messages import NANOSECONDS, RosMessage
+from radarsim.addons.recording.messages import CLOCK, NANOSECONDS, TopicMessage
 from radarsim.addons.ros.board import (
     LONGEST_NAME,
     MOST_ENTRIES,
@@ -64,7 +63,7 @@ class FoxgloveClient(BoardClient):
         self._tell(list(board.types))
 
     @staticmethod
-    def encode(message: RosMessage) -> bytes:
+    def encode(message: TopicMessage) -> bytes:
         """See ``BoardClient.encode``."""
         return encode(message)
 

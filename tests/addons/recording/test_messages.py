@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from radarsim.addons.recording import messages
 from radarsim.addons.recording.cdr import UInt8MultiArray, decode, encode, typestore
-from radarsim.addons.recording.messages import RosMessage
+from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.recording.robot_topics import Legend, RobotTopics
 from radarsim.client.robot_info import ScannerInfo
 from radarsim.geometry import Pose3
@@ -19,7 +19,7 @@ from radarsim.protocol.echoes import target_lines
 PointField: Any = typestore().types["sensor_msgs/msg/PointField"]
 
 
-def decoded(message: RosMessage) -> Any:
+def decoded(message: TopicMessage) -> Any:
     return typestore().deserialize_cdr(encode(message), message.type)
 
 
@@ -50,8 +50,9 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     beams, ranges = np.arange(count), np.linspace(3.0, 90.0, count)
     lines = target_lines(4.0, "Navtech", beams, ranges, -60.0 - ranges)
     told = [message for line in lines for message in topics.of_report(line)]
-    (topic, message, latched) = told[-1]
-    assert (len(told), topic, latched) == (1, "/R1/Navtech/targets", False)
+    message = told[-1]
+    assert (len(told), message.topic) == (1, "/R1/Navtech/targets")
+    assert not message.latched
     cloud = decoded(message)
     assert (cloud.header.frame_id, stamp_of(cloud.header)) == ("R1/Navtech", (4, 0))
     read = rows_of(cloud)
@@ -71,7 +72,7 @@ def test_unknown_time_is_zero(time: float) -> None:
 
 @given(st.integers(0, 40))
 def test_torn_bytes_are_refused(cut: int) -> None:
-    whole = encode(messages.octets("take 1 2", b"1234"))
+    whole = encode(messages.octets("/a", "take 1 2", b"1234"))
     torn = whole[: min(cut, len(whole) - 1)]
     with pytest.raises(ValueError, match="expected"):
         decode("std_msgs/msg/UInt8MultiArray", torn, UInt8MultiArray)
