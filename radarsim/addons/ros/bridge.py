@@ -198,23 +198,20 @@ class Driver:
         Raises:
             ClientError: When it is lost.
         """
-        await first_of(self._read(), self._drive_on())
-
-    async def _drive_on(self) -> None:
-        while True:
-            await self._drive()
-            await asyncio.sleep(CHECK_INTERVAL)
+        await first_of(self._read(), self._drive())
 
     async def _drive(self) -> None:
-        # Who has lost the connection sends no stop: silence is one.
-        late = asyncio.get_running_loop().time() - self._last > DEAD_MAN
-        if self._moves and late:
-            self._wanted = 0.0, 0.0
-        if self._wanted is not None:
-            speed, turn = self._wanted
-            # Commands come faster than robots can use them: only the newest is sent.
-            self._wanted, self._moves = None, (speed, turn) != (0.0, 0.0)
-            await self._client.drive(*self._robot.wheel_speeds(speed, turn))
+        loop = asyncio.get_running_loop()
+        while True:
+            # Who has lost the connection sends no stop: silence is one.
+            if self._moves and loop.time() - self._last > DEAD_MAN:
+                self._wanted = 0.0, 0.0
+            if self._wanted is not None:
+                speed, turn = self._wanted
+                # Commands come faster than robots can use them: the newest is sent.
+                self._wanted, self._moves = None, (speed, turn) != (0.0, 0.0)
+                await self._client.drive(*self._robot.wheel_speeds(speed, turn))
+            await asyncio.sleep(CHECK_INTERVAL)
 
     async def _read(self) -> None:
         """Read what the robot senses, which its watcher publishes."""
