@@ -15,6 +15,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+    from radarsim.addons.fmcw.image_files import load_turns
     from radarsim.addons.recording.recording import Recording, load_recording
     from radarsim.autonomy.evaluation.own_controllers import Evaluation as Evaluation
     from radarsim.autonomy.evaluation.own_controllers import evaluate
@@ -40,6 +41,7 @@ __version__ = "0.1.0"
 # Modules are imported on first use, so that the command line starts fast, and so that
 # values such as scenes and scans can be drawn by what lies above them.
 _NAMES = {
+    "addons.fmcw.image_files": ("load_turns",),
     "addons.recording.recording": ("Recording", "load_recording"),
     "errors": ("MapError", "PresetError", "RadarsimError"),
     "geometry": ("Pose2", "Pose3"),
@@ -91,6 +93,7 @@ __all__ = [
     "load_map",
     "load_recording",
     "load_sensor",
+    "load_turns",
     "shipped_maps",
     "simulate",
 ]

@@ -3,12 +3,15 @@
 import hashlib
 import os
 import re
+import shutil
 import signal
 import socket
+import subprocess
 import sys
 import threading
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -166,6 +169,39 @@ def _default_hangup() -> Iterator[None]:
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
+
+
+@pytest.fixture(scope="session")
+def display() -> Iterator[dict[str, str]]:
+    """Return environment variables for windows of Tk on a virtual display.
+
+    Tests of windows fail in CI without the programs for them, and skip elsewhere.
+    """
+    reason = ""
+    if shutil.which("Xvfb") is None:
+        reason = "no virtual display for windows: Xvfb is not installed"
+    elif find_spec("_tkinter") is None:
+        reason = "no toolkit for windows: this Python has no tkinter"
+    if reason and os.environ.get("CI") == "true":
+        pytest.fail(reason)
+    if reason:
+        pytest.skip(reason)
+    reading, writing = os.pipe()
+    # At this size in whole mm a window has as many pixels as the picture in a file.
+    words = ["Xvfb", "-displayfd", str(writing), "-dpi", "96"]
+    with (
+        subprocess.Popen(
+            [*words, "-screen", "0", "1440x960x24", "-nolisten", "tcp"],
+            pass_fds=[writing],
+            stderr=subprocess.DEVNULL,
+        ) as server,
+        os.fdopen(reading) as numbers,
+    ):
+        os.close(writing)
+        number = numbers.readline().strip()  # empty if it has ended
+        assert number, "Xvfb found no free display"
+        yield {"DISPLAY": f":{number}", "MPLBACKEND": "tkagg"}
+        server.terminate()
 
 
 @pytest.fixture(scope="session")

@@ -15,6 +15,7 @@ import pytest
 import yaml
 from commands import Run, run_in_process
 from documents import MANUAL, PAGES, ROOT, Snippet, anchors_of, links_of, snippets_of
+from windows import run_with
 
 import radarsim
 
@@ -75,6 +76,11 @@ def test_python_runs(
     script = folder / "snippet.py"
     script.write_text(snippet.text.replace("3000", str(port)), encoding="utf-8")
     runpy.run_path(str(script), run_name="__main__")
+
+
+def test_program_with_a_window_runs(display: dict[str, str]) -> None:
+    (program,) = (each.text for each in SNIPPETS if "sim.show()" in each.text)
+    assert run_with(display, program) == []
 
 
 @pytest.mark.slow  # the notebook, which has the same programs, is in every sample

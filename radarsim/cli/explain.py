@@ -127,7 +127,12 @@ def explain_beam(
     if scan.targets is not None:
         rows = np.flatnonzero(scan.targets.beams == beam)
         targets = [
-            {"range": float(scan.targets.ranges[k]), "dbm": float(scan.targets.dbm[k])}
+            {
+                "range": float(scan.targets.ranges[k]),
+                "dbm": float(scan.targets.dbm[k]),
+                "rcs_dbsm": float(scan.targets.rcs_dbsm[k]),
+                "snr_db": float(scan.targets.snr_db[k]),
+            }
             for k in rows
         ]
     rain = (echoes.beams == beam) & (echoes.kinds == EventKind.RAIN)

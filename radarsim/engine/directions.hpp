@@ -74,13 +74,6 @@ inline void node_directions(Array<const double> angles, Array<const double[2], 2
 }
 BIND(node_directions, "n kn kn")
 
-// The rest of an angle, rad, from -pi to pi, as Python's remainder has it.
-inline double wrapped(double angle) {
-    constexpr double TURN = 2 * M_PI;
-    double rest = fmod(angle + M_PI, TURN);
-    return (rest < 0.0 ? rest + TURN : rest) - M_PI;
-}
-
 // Measure what directions bounding boxes take up, by lower and upper corners; see ray_fan.py.
 inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> position,
                             Array<const Vector> rotation, Array<double, 2> extents) {
@@ -95,15 +88,21 @@ inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> p
             middle = middle + seen[corner];
         }
         middle = middle / 8.0;
-        double centre = -atan2(middle[1], middle[0]), first = INFINITE, last = -INFINITE;
-        low[i] = INFINITE, high[i] = -INFINITE;
+        // Angles from the middle are in the order of their tangents, but for a box around the antenna.
+        double first = INFINITE, last = -INFINITE, bottom = INFINITE, top = -INFINITE;
+        auto ahead = [&](const Vector& corner) { return middle[0] * corner[0] + middle[1] * corner[1]; };
+        auto right = [&](const Vector& corner) { return middle[1] * corner[0] - middle[0] * corner[1]; };
+        bool is_around = false;
+        for (const Vector& corner : seen) is_around |= ahead(corner) <= 0.0;
         for (const Vector& corner : seen) {
-            double turned = wrapped(-atan2(corner[1], corner[0]) - centre);
-            double up = atan2(corner[2], hypot(corner[0], corner[1]));
-            first = minimum(first, turned), last = maximum(last, turned);
-            low[i] = minimum(low[i], up), high[i] = maximum(high[i], up);
+            double side = is_around ? atan2(right(corner), ahead(corner)) : right(corner) / ahead(corner);
+            double up = corner[2] / sqrt(corner[0] * corner[0] + corner[1] * corner[1]);
+            first = minimum(first, side), last = maximum(last, side);
+            bottom = minimum(bottom, up), top = maximum(top, up);
         }
-        azimuth[i] = centre + first, width[i] = last - first;
+        if (!is_around) first = atan(first), last = atan(last);
+        azimuth[i] = first - atan2(middle[1], middle[0]), width[i] = last - first;
+        low[i] = atan(bottom), high[i] = atan(top);
     }
 }
 BIND(measure_extents, "n 3 3 4n")

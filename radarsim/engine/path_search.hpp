@@ -85,6 +85,11 @@ struct PoseLattice {
     Array<const int64_t, 2> masks; // for each cell, as footprint_planning.py makes them
     Array<const CellStep> steps;   // along each heading, from one centre to the next
 
+    int64_t cells() const { return masks.shape[0] * masks.shape[1]; }
+    bool has_cell(int64_t cell) const {
+        return cell >= 0 && cell < cells() && cells() < INT32_MAX / HEADINGS && steps.size() == HEADINGS;
+    }
+
     // Return the state after a motion, and set what it is too near to, a bit per margin.
     int64_t after(int64_t state, int motion, int64_t& bits) const {
         int64_t cell = state / HEADINGS, heading = state % HEADINGS;
@@ -119,11 +124,10 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
                              Array<const MotionCosts> costs, double more, double little_more,
                              Array<const double, 2> guide, int64_t start, int64_t goal, Array<int32_t, 2> parents) {
     PoseLattice lattice = {masks, steps};
-    int64_t cells = masks.shape[0] * masks.shape[1], first = start * HEADINGS;
-    if (start < 0 || start >= cells || cells >= INT32_MAX / HEADINGS) return -1;
-    if (steps.size() != HEADINGS || parents.shape[0] < cells) return -1;
+    if (!lattice.has_cell(start) || parents.shape[0] < lattice.cells()) return -1;
     // Only what is written of it takes memory. Zero for states without a parent, to which no way is known.
-    Buffer<double> best(cells * HEADINGS);
+    Buffer<double> best(lattice.cells() * HEADINGS);
+    int64_t first = start * HEADINGS;
     Heap<QueuedState> queue;
     queue.push({guide.data[start], 0.0, first});
     while (!queue.is_empty()) {
@@ -145,5 +149,34 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
     return -1;
 }
 BIND(search_states, "rc h h rc sh")
+
+// Whether motions lead from heading 0 in a cell to another cell. Motions can be undone. So states are visited from both
+// cells in turn until they meet, or none is left on one side: that is far less than a search visits that fails.
+inline int64_t are_joined(Array<const int64_t, 2> masks, Array<const CellStep> steps, int64_t start, int64_t goal) {
+    PoseLattice lattice = {masks, steps};
+    if (!lattice.has_cell(start) || !lattice.has_cell(goal)) return false;
+    if (start == goal) return true;
+    List<int32_t> queues[2] = {List<int32_t>(lattice.cells() * HEADINGS), List<int32_t>(lattice.cells() * HEADINGS)};
+    Buffer<int8_t> sides(lattice.cells() * HEADINGS); // from which each state was visited
+    auto visit = [&](int side, int64_t state) {
+        sides[state] = int8_t(side + 1);
+        queues[side].append(int32_t(state));
+    };
+    visit(0, start * HEADINGS);
+    for (int heading = 0; heading < HEADINGS; heading++)
+        if (!(masks.data[goal] >> (2 * heading & 15) & 1)) visit(1, goal * HEADINGS + heading);
+    for (int64_t done = 0;; done++)
+        for (int side = 0; side < 2; side++) {
+            if (done == queues[side].size()) return false;
+            int64_t state = queues[side][done];
+            for (int motion = 0; motion < 4; motion++) {
+                int64_t bits, after = lattice.after(state, motion, bits);
+                if (bits & 1 || sides[after] == side + 1) continue;
+                if (sides[after]) return true;
+                visit(side, after);
+            }
+        }
+}
+BIND(are_joined, "rc h")
 
 } // namespace radarsim

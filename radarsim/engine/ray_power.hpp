@@ -6,7 +6,6 @@ namespace radarsim::fmcw {
 
 constexpr double GRAZING = 1e-3;      // the smallest cosine of an angle of incidence
 constexpr double OVERLAP = 1.5;       // by how much the ranges of a ray reach over those of the next
-constexpr double DENT_AREA = 1.0;     // m^2, of dents in a sheet of metal; estimate
 constexpr double STRAIGHT_BACK = 0.9; // cosine, beyond which no mirror glints
 constexpr double LONGEST_SPREAD = 3.0; // m, over which a grazed surface is spread
 
@@ -64,7 +63,7 @@ class RayWalk {
                 break;
             }
             case Kind::MIRRORED: {
-                double gamma = surface_gamma(scattering_.of(event.part), mirror_cosine(i));
+                double gamma = gamma_of(scattering_.of(event.part), mirror_cosine(i), event.t);
                 double through = share_left(left);
                 add_surface(lines_, place_, event.t, gamma * through, 0.0);
                 if (is_turned) add_corner(i, through);
@@ -116,7 +115,7 @@ class RayWalk {
     // Add the surface that ends the ray; through is the share of the wave that comes there and back.
     void add_end(const Event& event, double through) {
         double cosine = maximum(rays_.incidence[ray_], GRAZING);
-        double gamma = surface_gamma(scattering_.of(event.part), cosine);
+        double gamma = gamma_of(scattering_.of(event.part), cosine, event.t);
         // The tangent of the angle of incidence: how much farther the next ray meets it.
         double slant = sqrt(1.0 - cosine * cosine) / cosine;
         double length = minimum(rays_.spread[ray_] * event.t * slant, LONGEST_SPREAD);
@@ -176,16 +175,27 @@ class RayWalk {
             const PartScattering& part = scattering_.of(events_[i].part);
             if (part.narrowness <= 0.0) return;
             share *= part.glint / part.narrowness;
-            // A piece that is smaller than its dents is as flat as a part of one.
-            spread += 0.5 / part.narrowness * minimum(part.area / DENT_AREA, 1.0);
+            spread += 0.5 / part.narrowness;
             area += part.area * mirror_cosine(i);
         }
-        // What is small, or far, sends the wave into a lobe; no more of a large mirror than the zone around the
-        // shortest way takes part.
-        area = minimum(area, 0.5 * rays_.wavelength * distance);
-        spread += rays_.wavelength * rays_.wavelength / (8.0 * M_PI * maximum(area, 1e-6));
+        spread += lobe_of(area, distance);
         double gamma = gamma_at(sqrt(square), 0.0, true, share * 0.5 / spread, 0.5 / spread);
         add_surface(lines_, place_, distance, gamma * through, 0.0);
+    }
+
+    // The variance of the angles into which a mirror of an area sends the wave because it is small, or far; no more of
+    // a large one than the zone around the shortest way takes part.
+    double lobe_of(double area, double distance) const {
+        double zone = minimum(area, 0.5 * rays_.wavelength * distance);
+        return rays_.wavelength * rays_.wavelength / (8.0 * M_PI * maximum(zone, 1e-6));
+    }
+
+    // The gamma of a surface at a distance, m; the glint of a mirror is as wide as its slopes and its lobe.
+    double gamma_of(const PartScattering& part, double cosine, double distance) const {
+        if (part.area <= 0.0) return surface_gamma(part, cosine);
+        double spread = 0.5 / part.narrowness + lobe_of(part.area, distance);
+        double glint = part.glint / part.narrowness * 0.5 / spread;
+        return gamma_at(cosine, part.gamma, part.constant_gamma, glint, 0.5 / spread);
     }
 
     // The cosine of the angle of incidence on a mirror: half the length by which the direction changes. Events know

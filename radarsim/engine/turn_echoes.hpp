@@ -6,6 +6,8 @@
 namespace radarsim::fmcw {
 
 constexpr float FAINT = 1e-5f; // in units of the noise; what is less has no amplitude
+constexpr float BRIGHT = 10.0f;  // likewise; what is less shows in main lobes alone
+constexpr double SHOULDER = 2e-3; // two-way; where the pattern is weaker, only what is bright shows
 constexpr int64_t HASH_LEVELS = 1024;
 
 struct HashLevel { // what one of the levels of a hash stands for
@@ -91,10 +93,20 @@ __attribute__((always_inline)) inline void spread_line(const Beams& beams, const
     float *moved = nullptr, *speed = nullptr;
     if (lines.sway.shape[2]) moved = &lines.sway(here, 0, low), speed = &lines.sway(here, 1, low);
     fill_amplitudes(scatterers, levels, low, count, line, moved, speed, amplitudes);
+    List<int64_t> bright(count);
+    for (int64_t i = 0; i < count; i++)
+        if (line[i] > BRIGHT) bright.append(i);
     for (int64_t k = 0; k < beams.pattern.shape[1]; k++) {
         double pattern = beams.pattern(column % parts, k);
         float gain = float(pattern), field_gain = float(sqrt(pattern));
         float *power = &beams.power(column / parts + k, low), *field = beams.field(column / parts + k, low);
+        if (pattern < SHOULDER) {
+            for (int64_t i : bright) {
+                power[i] += gain * line[i];
+                for (int64_t j = 2 * i; j < 2 * i + 2; j++) field[j] += field_gain * amplitudes[j];
+            }
+            continue;
+        }
         for (int64_t i = 0; i < count; i++) power[i] += gain * line[i];
         for (int64_t i = 0; i < 2 * count; i++) field[i] += field_gain * amplitudes[i];
     }

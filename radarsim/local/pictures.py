@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -11,10 +12,10 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from radarsim.errors import expected_one_of
+from radarsim.errors import RadarsimError, expected_one_of
 from radarsim.files import write_atomically
 from radarsim.geometry import Pose2
-from radarsim.local.simulation import Moment
+from radarsim.local.simulation import LocalSimulation, Moment
 from radarsim.plotting.film import FILM_FORMATS, Film, FrameCanvas, Pixels
 from radarsim.plotting.palette import TRUTH, sensor_colour
 from radarsim.plotting.plan import (
@@ -25,6 +26,7 @@ from radarsim.plotting.plan import (
     show_extent,
 )
 from radarsim.plotting.style import FORMS, HALO, Legend, figure_of, render, write_title
+from radarsim.plotting.window import Window
 from radarsim.scene.scene import Scene
 
 _SIZE: Final = (10.5, 7.2)  # inches
@@ -40,35 +42,29 @@ class RunPicture:
     """
 
     def __init__(
-        self, scene: Scene, moments: Sequence[Moment], axes: Axes | None = None
+        self, scene: Scene, moments: Sequence[Moment], on: Axes | Figure | None = None
     ) -> None:
         """Draw what does not move.
 
         Args:
             scene: The map.
             moments: All moments of the run, at least one.
-            axes: Axes in m to draw in; None for a figure of its own, with a legend.
+            on: Axes in m to draw in, or an empty figure, which has a legend as well;
+                None for a new figure.
         """
         figure = None
-        if axes is None:
-            figure = Figure(figsize=_SIZE, dpi=_DPI, layout="compressed")
-            axes = figure.add_subplot()
-        self.axes, self._moments = axes, moments
-        names = dict.fromkeys(name for moment in moments for name in moment.robots)
-        # A robot that is not there has no pose: its line is broken there.
-        self._paths = np.full((len(names), len(moments), 2), np.nan)
-        for row, name in enumerate(names):
-            for column, moment in enumerate(moments):
-                if name in moment.robots:
-                    pose = moment.robots[name][1]
-                    self._paths[row, column] = pose.x, pose.y
+        if not isinstance(on, Axes):
+            figure = on or Figure(figsize=_SIZE, dpi=_DPI, layout="compressed")
+            on = figure.add_subplot()
+        self.axes = axes = on
+        self.take(moments)
         self._moving: list[Artist] = []
         height = scene.floor_at(0.0, 0.0) + HEIGHT
         materials, corners = draw_plan(axes, scene, height)
         places = self._paths[np.isfinite(self._paths)].reshape(-1, 2)
         show_extent(axes, np.concatenate([corners, places]))
         name_objects(axes, scene.parts, height, _NAMES)
-        robots = f"{len(names)} robot{'s' * (len(names) != 1)}"
+        robots = f"{len(self._paths)} robot{'s' * (len(self._paths) != 1)}"
         write_title(axes, f"{scene.name}, {robots}")
         self._clock = axes.set_title("", loc="right")
         if figure is not None:
@@ -82,6 +78,18 @@ class RunPicture:
             legend.add_heading("Materials")
             legend.add_materials(materials)
             legend.draw(figure)
+
+    def take(self, moments: Sequence[Moment]) -> None:
+        """Replace the moments by those until later in the run."""
+        self._moments = moments
+        names = dict.fromkeys(name for moment in moments for name in moment.robots)
+        # A robot that is not there has no pose: its line is broken there.
+        self._paths = np.full((len(names), len(moments), 2), np.nan)
+        for row, name in enumerate(names):
+            for column, moment in enumerate(moments):
+                if name in moment.robots:
+                    pose = moment.robots[name][1]
+                    self._paths[row, column] = pose.x, pose.y
 
     def show(self, number: int) -> None:
         """Show one of the moments, and the paths until then."""
@@ -136,6 +144,49 @@ class RunPicture:
                 film.update(moment.time)
         if film.error is not None:
             raise film.error
+
+
+def follow_run(
+    sim: LocalSimulation, moments: Callable[[], Sequence[Moment]]
+) -> Callable[[], bool]:
+    """Show a run in a window, or where there are none, below the cell of a notebook.
+
+    Args:
+        sim: The simulation.
+        moments: Returns the moments until now.
+
+    Returns:
+        A function that shows the run until now in place of what was shown, and returns
+        whether the window is open.
+
+    Raises:
+        RadarsimError: If matplotlib can open no window, and this is no notebook.
+    """
+    try:
+        window = Window(_SIZE, 'sim.render("run.png")')
+    except RadarsimError:
+        ipython = sys.modules.get("IPython")
+        if ipython is None or not hasattr(ipython.get_ipython(), "kernel"):
+            raise
+        handle = ipython.display.display(sim, display_id=True)
+        return lambda: bool(handle.update(sim))  # False: no window
+    picture: RunPicture | None = None
+    fixed: object = None  # the map, robots and media that the picture shows
+
+    def draw() -> bool:
+        nonlocal picture, fixed
+        shown = moments()
+        now = sim.scene, [*shown[-1].robots], {medium for medium, _ in shown[-1].seen}
+        if picture is None or fixed != now:
+            fixed = now
+            window.figure.clear()
+            picture = RunPicture(sim.scene, shown, window.figure)
+        picture.take(shown)
+        picture.show(len(shown) - 1)
+        return window.refresh()
+
+    draw()
+    return draw
 
 
 def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> bytes:

@@ -105,6 +105,8 @@ class LocalSimulation:
         self._late_texts: dict[int, list[str]] = {}  # of those that wait to spawn
         self._noted: list[Moment] = []
         self._interval = NOTED_TICKS
+        self._redraw: Callable[[], bool] | None = None  # for what ``show`` has opened
+        self._drawn = 0  # tick at which ``step`` called it
         self._thread: ServerThread | None = None
         self._ticked = threading.Condition()
 
@@ -226,6 +228,10 @@ class LocalSimulation:
         else:
             self._wait_until(self.host.simulation.ticks + ticks)
         self._call(self._collect)
+        ticks = self.host.simulation.ticks
+        if self._redraw is not None and ticks >= self._drawn + NOTED_TICKS:
+            self._drawn = ticks
+            self._redraw()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the robots, their true paths and what they see over the plan.
@@ -260,6 +266,20 @@ class LocalSimulation:
 
         check_number("speed", speed, above=0.0)
         write_run(self.scene, self._moments(), Path(path), speed=speed)
+
+    def show(self) -> None:
+        """Open a window that shows the picture of ``render`` and follows the run.
+
+        From now on ``step`` draws, at most each 0.1 s of simulated time, until the
+        window is closed. A notebook without windows shows the picture below the cell.
+
+        Raises:
+            RadarsimError: If matplotlib can open no window, as without a display.
+        """
+        from radarsim.local.pictures import follow_run  # noqa: PLC0415 - matplotlib
+
+        if self._redraw is None or not self._redraw():
+            self._redraw = follow_run(self, self._moments)
 
     def _repr_png_(self) -> bytes:
         """Return the simulation as it is, for notebooks."""

@@ -304,7 +304,7 @@ def describe_end(end: BeamEnd, *sights: Sight) -> str:
         BeamEnd.SPENT: f"spent in {words}",
         BeamEnd.STOPPED: f"stopped by {words}",
         BeamEnd.TOUCHING: f"read what stands in or at {words}",
-        BeamEnd.FREE: "nothing in the way",
+        BeamEnd.FREE: "reach a surface directly",
         BeamEnd.NO_RETURN: "without return",
         BeamEnd.BLINDED: "blinded: reads 0",
     }[end]

@@ -211,7 +211,8 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
             Label("goal of the trial", (x, y, x, y), is_bold=True, radius=5.0)
         )
     show_extent(axes, np.concatenate(shown), coordinates=True)
-    objects = len({part.object_name for part in scene.parts})
+    cut = [it for it in scene.parts if it.bounds[0, 2] < height < it.bounds[1, 2]]
+    objects = len({part.object_name for part in cut})
     starts = len(scene.starts)
     words = (
         f"{scene.name}: {objects} object{'s' * (objects != 1)},"

@@ -111,9 +111,12 @@ def name_sensor(scan: Scan) -> str:
     return f"{medium.capitalize()} ({name})"
 
 
-def _names_of(scans: Sequence[Scan]) -> list[str]:
+def _names_of(scanners: Sequence[RangeScanner], scans: Sequence[Scan]) -> list[str]:
     """Return the names of sensors; those of one name with the settings that differ."""
-    names = [name_sensor(scan) for scan in scans]
+    names = [
+        name_sensor(scan) + (" with noise of one's own" if scanner.noise else "")
+        for scanner, scan in zip(scanners, scans, strict=True)
+    ]
     settings = [scan.echoes.settings.model_dump() for scan in scans]
     whole = []
     for name, own in zip(names, settings, strict=True):
@@ -127,22 +130,29 @@ def _names_of(scans: Sequence[Scan]) -> list[str]:
     return whole
 
 
-def _finding(names: Sequence[str], sights: Sequence[Sight]) -> str:
+def _finding(
+    names: Sequence[str], scans: Sequence[Scan], sights: Sequence[Sight]
+) -> str:
     """Return which of several sensors see through something; "" if all or none do."""
     seeing: list[str] = []
     blocked: list[str] = []
     passed: list[Material] = []
-    for name, sight in zip(names, sights, strict=True):
-        is_through = bool((sight.ends == BeamEnd.THROUGH).any())
-        (seeing if is_through else blocked).append(name)
-        passed += sight.materials.get(BeamEnd.THROUGH, ())
+    modes = set()
+    for name, scan, sight in zip(names, scans, sights, strict=True):
+        if (sight.ends == BeamEnd.THROUGH).any():
+            seeing.append(name)
+            passed += sight.materials[BeamEnd.THROUGH]
+        else:
+            blocked.append(name[0].lower() + name[1:])
+            modes.add(scan.echoes.settings.return_mode)
     if not seeing or not blocked:
         return ""
     verb = "sees" if len(seeing) == 1 else "see"
-    others = " and ".join(name[0].lower() + name[1:] for name in blocked)
-    does = "does not" if len(blocked) == 1 else "do not"
+    others, does = " and ".join(blocked), "does" if len(blocked) == 1 else "do"
+    if modes == {"first"}:  # the last echo of a pulse may come from behind
+        others = f"first-echo {others}"
     through = f"{' and '.join(seeing)} {verb} through {name_materials(passed)}"
-    return f"{through}; {others} {does}"
+    return f"{through}; {others} {does} not"
 
 
 def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
@@ -353,11 +363,11 @@ def compare(
         draw_scan(axes, scene, [scan], legend, robot=robot)
         axes.set_xlabel("")
     width = _fit_panels(figure, panels)
-    names = _names_of(scans)
+    names = _names_of(scanners, scans)
     for axes, scan, sight, name in zip(panels, scans, sights, names, strict=True):
         words = textwrap.fill(title_scans([scan], [sight], name), int(_LETTERS * width))
         axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
-    title = _finding(names, sights)
+    title = _finding(names, scans, sights)
     title = title or f"{scene.name}, from {place.name}: what each sensor sees"
     figure.suptitle(
         title, parse_math=False, fontsize="x-large", fontweight="bold", wrap=True

@@ -65,7 +65,9 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
         metadata["Creator"] = software
     # Without a salt of ours matplotlib makes random identifiers in SVG files.
     with rc_context({"svg.hashsalt": "radarsim"}):
-        FigureCanvasAgg(figure).print_figure(data, format=form, metadata=metadata)
+        FigureCanvasAgg(figure).print_figure(
+            data, format=form, metadata=metadata, bbox_inches="tight", pad_inches=0.15
+        )
     return data.getvalue()
 
 

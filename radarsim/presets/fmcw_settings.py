@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 # Revision of the model of FMCW radars; another one makes other spectra of the same run.
-RADAR_MODEL: Final = 2
+RADAR_MODEL: Final = 3
 SPEED_OF_LIGHT: Final = 299_792_458.0  # m/s
 MAX_CELLS: Final = 4_000_000  # azimuths times bins
 MAX_FAN_RAYS: Final = 500_000  # of a turn, before refinement
@@ -34,6 +34,9 @@ class FmcwSettings(BaseModel):
         beamwidth_el_deg: Vertical width likewise, degrees.
         fan_deg: How far below the horizon the beam is filled in, as a squared
             cosecant, degrees; 0 for a beam that is symmetric.
+        shoulder_db: Two-way level of the shoulders of the beam at one beamwidth from
+            its middle in azimuth, dB.
+        shoulder_slope_db: By how much they fall in each further beamwidth, dB.
         sidelobe_db: Mean two-way level of the sidelobes in azimuth, dB.
         leakage_db: What the transmitter leaks into the receiver, dB over the noise.
         leakage_range: Range as far as which the leakage is even, m; it ends at twice
@@ -66,6 +69,8 @@ class FmcwSettings(BaseModel):
     beamwidth_az_deg: Annotated[float, Field(ge=0.05, le=45)]
     beamwidth_el_deg: Annotated[float, Field(ge=0.05, le=45)]
     fan_deg: Annotated[float, Field(ge=0, le=80)] = 0.0
+    shoulder_db: Annotated[float, Field(ge=-300, le=-10)] = -300.0
+    shoulder_slope_db: Annotated[float, Field(ge=1, le=300)] = 16.5
     sidelobe_db: Annotated[float, Field(ge=-300, le=-10)] = -50.0
     leakage_db: Decibels = -300.0
     leakage_range: Annotated[float, Field(ge=0, le=100)] = 0.0

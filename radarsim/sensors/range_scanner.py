@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim import plugins
 from radarsim.geometry import Floats, Pose2, Pose3
@@ -34,6 +35,7 @@ class RangeScanner:
         angles: (N,) directions of its beams, rad, counter-clockwise from the right.
         pattern: Its beams.
         medium: ``RADAR`` or ``LASER``.
+        noise: Its noise of ``with_noise``, if it has one.
     """
 
     def __init__(
@@ -54,7 +56,7 @@ class RangeScanner:
         self.name = name
         self.settings = settings
         self._fmcw = dict(fmcw or {})
-        self._noise = noise
+        self.noise = noise
         self.pattern = pattern_of(settings)
         self.angles = self.pattern.angles
         self.medium = RADAR if settings.medium == "radar" else LASER
@@ -88,7 +90,7 @@ class RangeScanner:
             "ray_choice": "together" if together else "drawn",
         }
         settings = self.settings.model_copy(update=update)
-        return RangeScanner(self.name, settings, self._fmcw, self._noise)
+        return RangeScanner(self.name, settings, self._fmcw, self.noise)
 
     def with_settings(self, **settings: Any) -> "RangeScanner":
         """Return this scanner with some settings changed, as of ``load_sensor``.
@@ -100,7 +102,7 @@ class RangeScanner:
         if fmcw:
             load_fmcw_settings(self.name, **fmcw)
         changed = load_settings(self.name, **{**self.settings.model_dump(), **settings})
-        return RangeScanner(self.name, changed, fmcw, self._noise)
+        return RangeScanner(self.name, changed, fmcw, self.noise)
 
     def with_noise(self, noise: "Noise") -> "RangeScanner":
         """Return this scanner with a noise of one's own, after all of its own.
@@ -119,13 +121,13 @@ class RangeScanner:
         Raises:
             ValueError: If an rng is missing, or the noise returns other than N ranges.
         """
-        if self._noise is None:
+        if self.noise is None:
             return ranges
         if rng is None:
             raise ValueError(f"no rng, expected a Generator for the noise of {self!r}")
         # A child, so that many scans have the same noise as one after the other.
         (child,) = rng.spawn(1)
-        noisy = np.asarray(self._noise(ranges.copy(), child), np.float64)
+        noisy = np.asarray(self.noise(ranges.copy(), child), np.float64)
         if noisy.shape != ranges.shape:
             expected = f"expected {ranges.shape}"
             raise ValueError(f"noise gives ranges of shape {noisy.shape}, {expected}")
@@ -168,6 +170,38 @@ class RangeScanner:
         placed, generator = sensor_pose(scene, pose), as_generator(rng, self.name)
         return self.fmcw.spectrum(scene, placed, generator)
 
+    def beat_signal(
+        self,
+        scene: Scene,
+        pose: Pose2 | Pose3 | Sequence[float],
+        rng: np.random.Generator | int,
+    ) -> NDArray[np.float32]:
+        """Record a turn as ``spectrum`` does, but return what the converter samples.
+
+        The receiver has one channel, so that the samples are real; its complex signal
+        is ``scipy.signal.hilbert`` of each direction. With the window, whose sum is 1,
+        and an FFT of ``n`` = ``fft_length`` of ``radarsim.addons.fmcw.radar_equation``
+        it is the spectrum: ``abs(rfft(samples * window_of(settings), n)) ** 2`` is in
+        its first B bins ``power``, but for ``noise_shape``, the receiver's tilt.
+
+        Args:
+            scene: As in ``spectrum``.
+            pose: As in ``spectrum``.
+            rng: As in ``spectrum``; the same seed records the same turn.
+
+        Returns:
+            (A, S) float32, S samples of the sweep in each direction, in W^0.5: an echo
+            of power P is a cosine of amplitude 2 P^0.5.
+
+        Raises:
+            PresetError: If its preset describes no FMCW radar.
+            MissingPackage: If the add-on is not there.
+            ValueError: If the pose is invalid.
+        """
+        placed, generator = sensor_pose(scene, pose), as_generator(rng, self.name)
+        signal: NDArray[np.float32] = self.fmcw.beat_signal(scene, placed, generator)
+        return signal
+
     def scan(
         self,
         scene: Scene,
@@ -196,7 +230,7 @@ class RangeScanner:
             batch.draw(0, rng, self.name)
             batch.trace()
             scan = batch.scan(0, self.name, placed, scene)
-        if self._noise is not None:
+        if self.noise is not None:
             scan.ranges = self._add_noise(scan.ranges, rng)
         return scan
 
@@ -232,7 +266,7 @@ class RangeScanner:
             many = ScanArrays(placed, self.angles, ranges, rays)
         else:
             many = scan_poses(self, tracer_of(scene), placed, rng)
-        if self._noise is None:
+        if self.noise is None:
             return many
         noisy = [self._add_noise(ranges, rng) for ranges in many.ranges]
         return many._replace(ranges=np.array(noisy).reshape(many.ranges.shape))

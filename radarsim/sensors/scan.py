@@ -210,11 +210,19 @@ class Targets(NamedTuple):
         beams: (T,) int64, number of the beam.
         ranges: (T,) m.
         dbm: (T,) received power, dBm.
+        rcs_dbsm: (T,) cross section of a point in the middle of the beam that returns
+            this power if nothing is in the way, dB over 1 m^2.
+        snr_db: (T,) power over the mean noise, dB.
+        radial_velocity: (T,) m/s, how fast each moves away, by the truth of the
+            simulation: the radar itself measures no velocity.
     """
 
     beams: NDArray[np.int64]
     ranges: Floats
     dbm: Floats
+    rcs_dbsm: Floats
+    snr_db: Floats
+    radial_velocity: Floats
 
 
 # Not frozen: Python would take three times as long to set the attributes.

@@ -12,6 +12,8 @@ from commands import Run
 from commands import run_in_process as radarsim
 from PIL import Image
 
+from radarsim import load_turns
+
 START = ("--start", "RobotStart1")
 # A radar small enough for quick tests.
 SMALL = (
@@ -151,6 +153,30 @@ def test_kit_of_radiate_finds_images_from_above(tmp_path: Path) -> None:
     # The south wall is 6.4 m to the right, which is 37 pixels of 0.1736 m.
     right = counts[574:578, 576 + 15 :].mean(axis=0)
     assert right.argmax() + 15 == pytest.approx(6.4 / 0.173611, abs=2)
+
+
+@pytest.mark.parametrize("layout", ["oxford", "boreas", "radiate"])
+def test_folder_of_a_data_set_is_read_back(tmp_path: Path, layout: str) -> None:
+    path, folder = tmp_path / "way.tum", tmp_path / "sequence"
+    path.write_text("5 -8 0 0 0 0 0 1\n5.5 -8 0 0 0 0 0 1\n")
+    options = ["--path", path, "-o", folder, "--layout", layout]
+    assert radarsim("spectrum", "foliage_room", *SMALL, *options).code == 0
+    first, second = load_turns(folder, layout)
+    start = (1.65e9 if layout == "boreas" else 1.6e9) + 5
+    assert first.times == pytest.approx(start + 0.0025 * np.arange(100), abs=2e-6)
+    assert second.times - first.times == pytest.approx(0.25, abs=2e-6)
+    assert first.angles == pytest.approx(-2 * np.pi * np.arange(100) / 100)
+    assert first.ranges == pytest.approx(0.0438 * np.arange(500))
+    images = folder / ("Navtech_Polar" if layout == "radiate" else "radar")
+    file = sorted(images.glob("*.png"))[-1]
+    with Image.open(file) as image:
+        pixels = np.asarray(image)
+    counts = pixels.T if layout == "radiate" else pixels[:, 11:]
+    assert (second.counts == counts).all()
+    # The south wall is 6.4 m to the right, at a quarter of a turn.
+    assert second.ranges[60 + second.counts[25, 60:].argmax()] == pytest.approx(
+        6.4, abs=0.3
+    )
 
 
 @pytest.mark.parametrize(

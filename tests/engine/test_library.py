@@ -182,12 +182,9 @@ def test_lengths_that_do_not_belong_together_are_rejected() -> None:
 
 @pytest.mark.parametrize("number", [2**63, -(2**63) - 1, 1e300, math.inf, math.nan])
 def test_numbers_without_room_are_rejected(number: float) -> None:
-    cost, targets = np.ones((3, 3)), np.zeros((3, 3), np.bool_)
-    found = np.zeros((3, 3), np.int64), np.full((3, 3), math.inf)
-    with pytest.raises(
-        EngineError, match=r"^argument 2 of search_grid is .*, expected"
-    ):
-        engine.search_grid(cost, number, 0, targets, *found)
+    masks, steps = np.zeros((2, 2), np.int64), np.zeros((16, 2), np.int64)
+    with pytest.raises(EngineError, match=r"^argument 3 of are_joined is .*, expected"):
+        engine.are_joined(masks, steps, number, 0)
 
 
 def test_search_ends_where_steps_cost_less_than_nothing() -> None:
@@ -255,7 +252,6 @@ def test_enumerations_are_those_of_python(name: str, expected: dict[str, int]) -
         ("TOO_LARGE", line_template._TOO_LARGE),
         ("TINY", embree.TINY),
         ("GRAZING", scattering.GRAZING),
-        ("DENT_AREA", scattering.DENT_AREA),
         ("NEPER_DB", scattering.NEPER_DB),
         ("NOTHING_LEFT", echo_extraction.NOTHING_LEFT),
         ("LEAF_BACKSCATTER", echo_extraction.LEAF_BACKSCATTER),

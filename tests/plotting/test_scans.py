@@ -183,7 +183,7 @@ def test_beams_of_a_laser_are_stopped_by_bushes_or_have_none_in_their_way(
     assert np.array_equal(np.flatnonzero(sight.ends == BeamEnd.STOPPED), stopped)
     assert set(sight.ends) == {BeamEnd.STOPPED, BeamEnd.FREE}
     told = labels(plot_scans(foliage_room, [scan]))
-    assert {"stopped by foliage", "nothing in the way"} <= set(told)
+    assert {"stopped by foliage", "reach a surface directly"} <= set(told)
 
 
 def test_noise_of_ones_own_changes_nothing_that_beams_see_through(

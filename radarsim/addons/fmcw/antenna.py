@@ -1,9 +1,14 @@
 """The antenna of an FMCW radar: its pattern, and from where it looks in a turn.
 
-One-way patterns are relative to the middle of the beam. Across it is a Gaussian, up and
-down too; below the horizon, where the Gaussian falls off, a fan may fill it in as a
-squared cosecant. With it a point at a given depth below the antenna returns the same
-power at all ranges. The gain is that of a Gaussian beam, G = 16 ln 2 / (az el).
+One-way patterns are relative to the middle of the beam; echoes pass the antenna twice,
+so that they have the square of it. The settings of shoulders and sidelobes are two-way.
+
+Across the beam is a Gaussian. Beyond one beamwidth from the middle shoulders may fill
+it in, whose decibels fall evenly with the angle; everywhere else there are sidelobes of
+one level. Up and down it is a Gaussian too; below the horizon, where the Gaussian falls
+off, a fan may fill it in as a squared cosecant. With it a point at a given depth below
+the antenna returns the same power at all ranges. The gain is that of the pattern
+without its sidelobes, G = 16 ln 2 / (az el) of a Gaussian beam.
 
 Source: M. I. Skolnik, Introduction to Radar Systems.
 """
@@ -15,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarsim.geometry import Floats, Pose3, wrap_angle
+from radarsim.geometry import Floats, Pose3, rotation_matrix, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
 # Beamwidths from the middle to where the pattern is cut off; two-way, -38 dB.
@@ -31,6 +36,14 @@ def gaussian(angles: ArrayLike, beamwidth: float) -> Floats:
         beamwidth: Width between the half-power points, in the same unit.
     """
     return np.asarray(np.exp(-4 * math.log(2) * (np.asarray(angles) / beamwidth) ** 2))
+
+
+def azimuth_pattern(settings: FmcwSettings, angles: ArrayLike) -> Floats:
+    """Return the one-way power at angles across the beam, rad, without sidelobes."""
+    widths = np.abs(angles) / math.radians(settings.beamwidth_az_deg)
+    fallen = settings.shoulder_db - settings.shoulder_slope_db * (widths - 1)
+    shoulders = np.where(widths < 1, 0.0, 10 ** (fallen / 20))
+    return np.maximum(gaussian(widths, 1.0), shoulders)
 
 
 def elevation_pattern(settings: FmcwSettings, elevations: ArrayLike) -> Floats:
@@ -59,17 +72,19 @@ def directivity(settings: FmcwSettings) -> float:
     low, high = -math.pi / 2, math.pi / 2
     elevations = np.linspace(low, high, _STEPS)
     height = float(elevation_pattern(settings, elevations).mean() * (high - low))
-    # The integral of a Gaussian over all angles.
-    across = math.radians(settings.beamwidth_az_deg) * math.sqrt(
-        math.pi / (4 * math.log(2))
-    )
-    return 4 * math.pi / (across * height)
+    azimuths = np.linspace(-math.pi, math.pi, _STEPS)
+    width = float(azimuth_pattern(settings, azimuths).mean() * 2 * math.pi)
+    return 4 * math.pi / (width * height)
 
 
 def rows_in_beam(settings: FmcwSettings) -> int:
-    """Return how many directions to each side of a point see it in their main lobe."""
-    width = math.radians(settings.beamwidth_az_deg)
-    return max(math.ceil(1.5 * width / settings.step), 1)
+    """Return how many directions to each side of a point see it in their beam.
+
+    That is their main lobe, and shoulders as far as these are above the sidelobes.
+    """
+    widths = (settings.shoulder_db - settings.sidelobe_db) / settings.shoulder_slope_db
+    reach = max(1.5, 1 + widths) * math.radians(settings.beamwidth_az_deg)
+    return max(math.ceil(min(reach, math.pi / 2) / settings.step), 1)
 
 
 def pattern_table(settings: FmcwSettings) -> Floats:
@@ -81,8 +96,7 @@ def pattern_table(settings: FmcwSettings) -> Floats:
     """
     half, parts = rows_in_beam(settings), settings.rays_across
     steps = np.arange(-half, half + 2)[None, :] - np.arange(parts)[:, None] / parts
-    width = math.radians(settings.beamwidth_az_deg)
-    return gaussian(steps * settings.step, width) ** 2
+    return azimuth_pattern(settings, steps * settings.step) ** 2
 
 
 Velocity = tuple[float, float, float]  # m/s, map frame
@@ -143,10 +157,10 @@ def moving_viewpoints(
     first = np.array(start.numbers())
     change = np.concatenate([end.position() - start.position(), angles])
     shares = np.arange(len(times)) / len(times)
-    poses = [Pose3(*row) for row in (first + shares[:, None] * change).tolist()]
+    poses = first + shares[:, None] * change
     return Viewpoints(
-        np.array([pose.position() for pose in poses]),
-        np.array([pose.rotation() for pose in poses]),
+        poses[:, :3].copy(),
+        np.array([rotation_matrix(*row) for row in poses[:, 3:].tolist()]),
         np.tile(velocity, (len(times), 1)),
         times,
     )

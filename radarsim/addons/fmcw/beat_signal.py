@@ -4,11 +4,12 @@ Theory of operation
 ===================
 A sweep mixed with its echoes is a sum of tones, one for each range. What is rough or
 dense has a complex amplitude in each bin, by the scatterers that are there. Points,
-such as corner reflectors, have their own phase, 4 pi R / lambda. To these tones come
-the leakage of the transmitter and white noise, which is new in each sweep; what is
-beyond the range of the converter is clipped. Window and FFT then make the spectrum. So
-speckle, sidelobes in range, the colour of the noise, and what saturation does to a
-whole direction follow by themselves, and nothing is drawn for a bin of the result.
+such as corner reflectors, have their own phase: 4 pi R / lambda of the carrier, which
+the sweep passes in its middle. To these tones come the leakage of the transmitter and
+white noise, which is new in each sweep; what is beyond the range of the converter is
+clipped. Window and FFT then make the spectrum. So speckle, sidelobes in range, the
+colour of the noise, and what saturation does to a whole direction follow by themselves,
+and nothing is drawn for a bin of the result.
 
 The receiver has one channel, a real signal. What is clipped has harmonics, so that a
 strong echo from R shows at 3 R as well, and at 2 R as far as the converter ends earlier
@@ -57,7 +58,7 @@ class Tones(NamedTuple):
     Attributes:
         rows: (N,) int64, the direction of the radar that receives each.
         ranges: (N,) m, by frequency.
-        phases: (N,) rad.
+        phases: (N,) rad, in the middle of the sweep.
         power: (N,) in units of the noise.
     """
 
@@ -123,10 +124,28 @@ def _fill_power(
     power: Power,
 ) -> None:
     """Fill the power in each bin of directions; arguments as of ``beat_rows``."""
+    sweep = sample_sweeps(settings, first, field, tones, streams)
+    sweep[:, : sample_count(settings)] *= window_of(settings).astype(np.float32)
+    spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
+    fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
+    engine.square_spectra(fields, noise_shape(settings), power)
+
+
+def sample_sweeps(
+    settings: FmcwSettings,
+    first: int,
+    field: Power,
+    tones: Tones,
+    streams: NumberedStreams,
+) -> Power:
+    """Return the samples of sweeps, padded for the FFT; arguments as of ``beat_rows``.
+
+    A tone of unit power in a bin has an amplitude of 2.
+    """
     samples, length = sample_count(settings), fft_length(settings)
-    shape, window = noise_shape(settings), window_of(settings).astype(np.float32)
-    leakage, full_scale = _leakage(settings), watts(settings.full_scale_dbm)
+    shape, leakage = noise_shape(settings), _leakage(settings)
     # The least and the greatest sample that the converter knows.
+    full_scale = watts(settings.full_scale_dbm)
     limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
     limits = np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
     amplitudes: Signal = field.view(np.complex64)
@@ -137,7 +156,7 @@ def _fill_power(
     ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
     sweeps[:, : len(leakage)] += leakage * ways
     # Twice the real part of the tones: the FFT finds their amplitudes again.
-    sweep = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
+    sweep: Power = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
     sweep[:, samples:] = 0  # a sweep has no more samples; the rest is padding
     signal = sweep[:, :samples]
     _add_tones(settings, sweep, first, tones)
@@ -145,10 +164,7 @@ def _fill_power(
     # What the converter clips spreads over the whole sweep.
     if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
         np.clip(signal, *limits, out=signal)
-    signal *= window
-    spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
-    fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
-    engine.square_spectra(fields, shape, power)
+    return sweep
 
 
 def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
@@ -175,6 +191,8 @@ def _add_tones(settings: FmcwSettings, sweeps: Power, first: int, tones: Tones) 
     level = np.interp(places, np.arange(len(shape)), shape)
     turns = 2 * np.pi * places / fft_length(settings)
     amplitudes, samples = 2 * np.sqrt(power / level), sample_count(settings)
+    # The engine counts phases from the first sample; the window is greatest here.
+    phases = phases - turns * samples / 2
     engine.add_cosines(sweeps, samples, rows - first, turns, phases, amplitudes)
 
 

@@ -243,13 +243,13 @@ def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
     """Return a row for each detection, by default of ``ca``."""
     import numpy as np
 
-    text = io.StringIO("turn,azimuth,angle,range,dbm\n")
+    text = io.StringIO("turn,azimuth,angle,range,dbm,rcs_dbsm,snr_db,radial_velocity\n")
     text.seek(0, io.SEEK_END)
     for number, turn in enumerate(turns):
         found = detector.detect(turn)
         turns_of = np.full(len(found.rows), number)
-        columns = (turns_of, found.rows, found.angles, found.ranges, found.dbm)
-        form = "%d,%d,%.6f,%.4f,%.2f"
+        columns = (turns_of, found.rows, *found[2:])
+        form = "%d,%d,%.6f,%.4f,%.2f,%.2f,%.2f,%.3f"
         np.savetxt(text, np.column_stack(columns), fmt=form)
     return text.getvalue().encode()
 

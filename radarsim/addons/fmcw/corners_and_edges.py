@@ -42,14 +42,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.special import erf, fresnel
+from scipy.special import erf
 
 from radarsim.addons.fmcw.point_echoes import (
     Points,
     fresnel_reflections,
     head_on_reflection,
 )
-from radarsim.addons.fmcw.scattering import DENT_AREA, lobe_of
+from radarsim.addons.fmcw.round_metal import fresnel_square
+from radarsim.addons.fmcw.scattering import DENT_AREA, lobe_of, mirror_area
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.tracer import Tracer
@@ -318,20 +319,18 @@ def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
     edges = _edges.get(tracer)
     if edges is None:
         edges = _edges[tracer] = _find_edges(tracer)
-    columns = np.split(edges, [2, 4, 6, 8], axis=1)
-    places, outward, upright, normals, narrowness = columns
+    columns = np.split(edges, [2, 4, 6, 8, 9], axis=1)
+    places, outward, upright, normals, slopes, area = columns
     way = places - origin[:2]
     distance = np.maximum(np.linalg.norm(way, axis=1), 1e-6)
     cosine = -np.einsum("ni,ni->n", way, normals) / distance
     cosine = np.clip(cosine, 0.0, 1 - 1e-12)
     slant = (1 - cosine**2) / np.maximum(cosine, 1e-6) ** 2  # tan^2
     # Where the plate glints, its edges are part of that.
-    away = 1 - np.exp(-slant * narrowness.ravel())
-    # The line integral of a spherical wave, by Fresnel's integrals.
-    scale = np.sqrt(4 / (wavelength * distance))
-    ends = (upright - origin[2]) * scale[:, None]
-    sines, cosines = fresnel(ends)
-    square = (np.diff(sines) ** 2 + np.diff(cosines) ** 2).ravel() / scale**2
+    zone = np.minimum(area.ravel(), wavelength * distance / 2)
+    spread = slopes.ravel() + wavelength**2 / (8 * math.pi * zone)
+    away = 1 - np.exp(-slant / (2 * spread))
+    square = fresnel_square(upright - origin[2], wavelength, distance)
     rcs = np.where(cosine > 0, square * away / (4 * math.pi * slant), 0.0)
     near = np.clip(origin[2], *upright.T)
     positions = np.column_stack([places + OFF * outward, near])
@@ -343,7 +342,8 @@ def _find_edges(tracer: Tracer) -> Floats:
     """Return the upright edges of plates of metal, a row for each face at an edge.
 
     Its columns are x and y, m; a unit vector to the outside of the plate; z of both
-    ends, m; the normal of the face; and the narrowness of the glint of its material.
+    ends, m; the normal of the face; the variance of its slopes, rad^2; and its area,
+    m^2.
     """
     rows = [
         row
@@ -351,7 +351,7 @@ def _find_edges(tracer: Tracer) -> Floats:
         if part.material.radar_mirror and part.material.transmission_db is None
         for row in _edges_of(part)
     ]
-    return np.array(rows, np.float64).reshape(-1, 9)
+    return np.array(rows, np.float64).reshape(-1, 10)
 
 
 def _edges_of(part: Part) -> list[list[float]]:
@@ -360,7 +360,8 @@ def _edges_of(part: Part) -> list[list[float]]:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
     middle = part.bounds.mean(axis=0)[:2]
-    narrowness = lobe_of(part.material)[1]
+    area = mirror_area(part)
+    slopes = 0.5 / lobe_of(part.material, area)[1]
     found: dict[tuple[float, ...], list[Floats]] = {}
     for triangle, normal in zip(corners, normals, strict=True):
         if abs(normal[2]) > FLAT:
@@ -377,5 +378,5 @@ def _edges_of(part: Part) -> list[list[float]]:
             continue  # an edge of a rounded thing, whose faces turn little there
         out = np.array([x, y]) - middle
         out /= max(float(np.linalg.norm(out)), 1e-9)
-        rows += [[x, y, *out, low, high, *face, narrowness] for face in faces]
+        rows += [[x, y, *out, low, high, *face, slopes, area] for face in faces]
     return rows

@@ -56,6 +56,10 @@ class Detections(NamedTuple):
         angles: (N,) rad, counter-clockwise from straight ahead.
         ranges: (N,) m.
         dbm: (N,) power in the bin, dBm.
+        rcs_dbsm: (N,) cross section of a point in the middle of the beam that returns
+            this power if nothing is in the way, dB over 1 m^2.
+        snr_db: (N,) power in the bin over the mean noise there, dB.
+        radial_velocity: (N,) m/s; see ``Spectrum``.
     """
 
     rows: NDArray[np.int64]
@@ -63,6 +67,9 @@ class Detections(NamedTuple):
     angles: Floats
     ranges: Floats
     dbm: Floats
+    rcs_dbsm: Floats
+    snr_db: Floats
+    radial_velocity: Floats
 
 
 def strongest_mask(

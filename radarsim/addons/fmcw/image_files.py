@@ -15,13 +15,18 @@ text. So times that have fewer digits than those of today are counted from an ep
 """
 
 import io
-from typing import Final
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from radarsim.addons.fmcw.spectrum import Spectrum
+from radarsim.geometry import Floats
 
 ENCODER_COUNTS: Final = 5600  # in a turn
 METADATA_BYTES: Final = 11
@@ -68,6 +73,7 @@ _LATE_EPOCH_US: Final = 1_650_000_000_000_000
 COARSE_BIN, FINE_BIN = 0.0596, 0.04381  # m, of pyboreas before and after
 OXFORD_BIN: Final = 0.0432  # m, of the kit of the Oxford data set
 RADIATE_BIN: Final = 0.173611  # m, of that of RADIATE, also the size of a pixel
+RADIATE_HZ: Final = 4.0  # turns per second
 CARTESIAN_SIZE: Final = 1152  # pixels
 
 
@@ -207,3 +213,107 @@ def list_line(layout: str, name: str, time_us: int) -> str:
         seconds, rest = divmod(time_us, 1_000_000)
         return f"Frame: {stem} Time: {seconds}.{rest:06d}000\n"
     return f"{stem} 1\n"  # valid
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RadarTurn:
+    """What an FMCW radar received in one turn: A directions of B range bins.
+
+    Attributes:
+        times: (A,) s, simulated times, or those of a data set.
+        angles: (A,) directions, rad, counter-clockwise from straight ahead; they fall
+            from 0 to -2 pi, as the radar turns clockwise.
+        ranges: (B,) m.
+        counts: (A, B) uint8, the power as the radar stores it.
+        frame: Frame of the radar, or the name of the image.
+    """
+
+    times: Floats
+    angles: Floats
+    ranges: Floats
+    counts: NDArray[np.uint8]
+    frame: str
+
+    def __repr__(self) -> str:
+        azimuths, bins = self.counts.shape
+        return f"<RadarTurn {self.frame}: {azimuths} azimuths of {bins} bins>"
+
+    @classmethod
+    def of(
+        cls,
+        rows: NDArray[np.uint8],
+        bin_size: float,
+        frame: str,
+        metadata_bytes: int = METADATA_BYTES,
+    ) -> Self:
+        """Read rows of Oxford's layout.
+
+        Args:
+            rows: (A, metadata_bytes + B).
+            bin_size: Distance between range bins, m.
+            frame: Frame of the radar, or the name of the image.
+            metadata_bytes: Bytes of a row before the counts.
+        """
+        head, counts = np.split(rows, [metadata_bytes], axis=1)
+        # The views need contiguous bytes, which columns of a row are not.
+        times = head[:, :8].copy().view("<i8")[:, 0]
+        encoder = head[:, 8:10].copy().view("<u2")[:, 0]
+        angles = -2 * np.pi / ENCODER_COUNTS * encoder
+        ranges = bin_size * np.arange(float(counts.shape[1]))
+        return cls(times / 1e6, angles, ranges, counts, frame)
+
+
+def load_turns(
+    folder: Path | str, layout: str, *, bin_size: float | None = None
+) -> Iterator[RadarTurn]:
+    """Yield the turns in a folder of a data set, or of ``radarsim spectrum --path``.
+
+    Images of RADIATE have no times of their directions: these are spread evenly from
+    the time of the image on, over the median time from one image to the next.
+
+    Args:
+        folder: The folder in which ``radar`` is, or ``Navtech_Polar``.
+        layout: ``oxford``, ``boreas`` or ``radiate``.
+        bin_size: Distance between range bins, m; None for that in the ``README.md`` of
+            radarsim, or else what the data set's own reader assumes.
+
+    Raises:
+        ValueError: If there is no such layout, no image, or no time of an image.
+        OSError: If a file cannot be read.
+    """
+    if layout not in LAYOUTS:
+        raise ValueError(f"layout {layout!r}, expected one of {tuple(LAYOUTS)}")
+    images, list_name = (Path(folder) / name for name in LAYOUTS[layout][:2])
+    files, notes = sorted(images.glob("*.png")), Path(folder) / "README.md"
+    if not files:
+        raise ValueError(f"{images}: no .png files, expected those of {layout!r}")
+    if bin_size is None and notes.exists():
+        found = re.search(r"bins of (\d+\.?\d*) m", notes.read_text("utf-8"))
+        bin_size = float(found[1]) if found else None
+    is_radiate = layout == "radiate"
+    frame_times = _frame_times(list_name, files) if is_radiate else np.zeros(0)
+    period = np.median(np.diff(frame_times)) if len(frame_times) > 1 else 1 / RADIATE_HZ
+    for number, path in enumerate(files):
+        with Image.open(path) as image:
+            rows = np.asarray(image.convert("L"))
+        if is_radiate:
+            shares = np.arange(rows.shape[1]) / rows.shape[1]
+            times = np.rint((frame_times[number] + period * shares) * 1e6)
+            encoder = encoder_counts(rows.shape[1])
+            rows = put_metadata(rows.T, times.astype(np.int64), encoder)
+        size = bin_size or assumed_bin(layout, int(path.stem))
+        yield RadarTurn.of(rows, size, path.stem)
+
+
+def _frame_times(list_name: Path, files: list[Path]) -> Floats:
+    """Return the times of images, s, by lines ``Frame: 000001 Time: 1.0``.
+
+    Raises:
+        ValueError: If an image has no such line.
+    """
+    lines = list_name.read_text("utf-8").splitlines()
+    times = {words[1]: float(words[3]) for words in map(str.split, lines) if words[3:]}
+    for path in files:
+        if path.stem not in times:
+            raise ValueError(f"{list_name}: no line of the image {path.name}")
+    return np.array([times[path.stem] for path in files])

@@ -30,7 +30,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.antenna import Viewpoints, elevation_pattern, gaussian
+from radarsim.addons.fmcw.antenna import Viewpoints, azimuth_pattern, elevation_pattern
 from radarsim.addons.fmcw.beat_signal import Tones
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
@@ -286,9 +286,9 @@ def point_tones(
     across = across + np.arctan2(seen[..., 1], seen[..., 0])
     across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
     elevation = np.arcsin(np.clip(seen[..., 2] / np.maximum(distance, 1e-9), -1, 1))
-    width = math.radians(settings.beamwidth_az_deg)
     # One way the sidelobes have half the decibels that they have out and back.
-    pattern = np.maximum(gaussian(across, width), 10 ** (settings.sidelobe_db / 20))
+    pattern = azimuth_pattern(settings, across)
+    pattern = np.maximum(pattern, 10 ** (settings.sidelobe_db / 20))
     pattern *= elevation_pattern(settings, elevation)
     field = np.sqrt(pattern) * ways.fields / np.maximum(distance, 1e-9)
     speed = np.einsum("rki,ri->rk", offsets, view.velocities)
@@ -300,8 +300,9 @@ def point_tones(
     row, pair = np.nonzero((power > FAINT) & (distance[:, first] > CLEARANCE))
     length = (distance[row, first[pair]] + distance[row, second[pair]]) / 2
     approach = (speed[row, first[pair]] + speed[row, second[pair]]) / 2
-    # The phase follows the true distance, the tone what Doppler makes of it.
-    phases = -4 * math.pi * length / settings.wavelength
+    # The phase follows the true distance, the tone what Doppler makes of it. In an
+    # up-sweep both rise with the distance, as those of the speckle do.
+    phases = 4 * math.pi * length / settings.wavelength
     phases += np.where(both[row, pair] < 0, math.pi, 0.0)
     shifted = length + doppler_shift(settings, approach)
     return Tones(row + rows.start, shifted, phases, power[row, pair])

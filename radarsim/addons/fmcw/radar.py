@@ -7,12 +7,13 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antenna import (
     Viewpoints,
     fixed_viewpoints,
 )
-from radarsim.addons.fmcw.beat_signal import Tones, beat_rows, join_tones
+from radarsim.addons.fmcw.beat_signal import Tones, beat_rows, join_tones, sample_sweeps
 from radarsim.addons.fmcw.corners_and_edges import corner_points, edge_points
 from radarsim.addons.fmcw.point_echoes import (
     Points,
@@ -26,8 +27,10 @@ from radarsim.addons.fmcw.radar_equation import (
     noise_power,
     noise_shape,
     radar_constant,
+    sample_count,
 )
 from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
+from radarsim.addons.fmcw.round_metal import round_points
 from radarsim.addons.fmcw.scattering import scene_scattering
 from radarsim.addons.fmcw.speckle import Scatterers, hash_levels, scatterers_in
 from radarsim.addons.fmcw.spectrum import Spectrum
@@ -48,6 +51,7 @@ from radarsim.sensors.scan import Scan
 _bounds: WeakKeyDictionary[Scene, Floats] = WeakKeyDictionary()
 
 MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the noise
+CORNER_BOUNCES: Final = 3  # of the mirrors of a trihedral, which every ray follows
 # Sets of scatterers of the speckle.
 _IN_BEAMS: Final = 0
 _IN_SIDELOBES: Final = 1
@@ -73,7 +77,8 @@ class FmcwRadar:
             name: Name of its preset.
             settings: Its settings.
             sensor: Those of its range scanner: the band of the materials, the decibels
-                in a unit of density, how many mirrors are followed, and the detector.
+                in a unit of density, how many mirrors are followed beyond the three of
+                a corner, and the detector.
         """
         self.name = name
         self.settings = settings
@@ -82,7 +87,7 @@ class FmcwRadar:
             RADAR,
             BANDS_GHZ.index(sensor.band_ghz),
             sensor.power_per_db or 1.0,
-            sensor.max_bounces,
+            max(sensor.max_bounces, CORNER_BOUNCES),
             is_absorbed=False,
             in_decibels=True,
         )
@@ -172,13 +177,29 @@ class FmcwRadar:
                 that of its seed, the same in all turns.
         """
         rows = range(self.settings.azimuths)
+        turn = self.receive(pose, rows, *self._standing(scene, pose, rng))
+        return replace(turn, scene=scene)
+
+    def beat_signal(
+        self, scene: Scene, pose: Pose3, rng: np.random.Generator
+    ) -> NDArray[np.float32]:
+        """Return the samples of a turn; see ``RangeScanner.beat_signal``."""
+        _, echoes, tones, streams = self._standing(scene, pose, rng)
+        sweeps = sample_sweeps(self.settings, 0, echoes.field, tones, streams)
+        scale = np.float32(math.sqrt(noise_power(self.settings)))
+        return sweeps[:, : sample_count(self.settings)] * scale
+
+    def _standing(
+        self, scene: Scene, pose: Pose3, rng: np.random.Generator
+    ) -> tuple[Viewpoints, Echoes, Tones, NumberedStreams]:
+        """Return what ``receive`` needs for a turn; arguments as of ``spectrum``."""
+        rows = range(self.settings.azimuths)
         view = fixed_viewpoints(pose, self.times(_count_children(rng)))
         key, echoes = fixed_number(rng), self.new_turn(scene)
         self.add_echoes(echoes, scene, view, rows, key)
         whole = echoes.rows(0, rows.stop, echoes, echoes)
         self.add_sidelobes(whole, echoes, rows, view, key)
-        tones, streams = self.tones(scene, view, rows), NumberedStreams(rng)
-        return replace(self.receive(pose, rows, whole, tones, streams), scene=scene)
+        return view, whole, self.tones(scene, view, rows), NumberedStreams(rng)
 
     def times(self, turn: int) -> Floats:
         """Return when a turn looks into its directions, (A,) s; turns count from 0."""
@@ -194,6 +215,7 @@ class FmcwRadar:
         self,
         pose: Pose3,
         rows: range,
+        view: Viewpoints,
         echoes: Echoes,
         tones: Tones,
         streams: NumberedStreams,
@@ -203,6 +225,7 @@ class FmcwRadar:
         Args:
             pose: Pose of the antenna, map frame.
             rows: The directions.
+            view: From where the antenna looks into these.
             echoes: Theirs; the power becomes the ``echo_power`` of the spectrum.
             tones: The echoes of points.
             streams: Source of noise.
@@ -216,6 +239,13 @@ class FmcwRadar:
         within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)
         places = tones.rows[within] - rows.start, bins[within]
         np.add.at(mean, places, tones.power[within])
+        angles = self.angles[rows.start : rows.stop]
+        ahead = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+        away = -np.einsum("nij,nj,ni->n", view.rotations, ahead, view.velocities)
+        velocity = np.broadcast_to((away + 0.0).astype(np.float32)[:, None], mean.shape)
+        if echoes.velocity is not None:
+            known = np.isfinite(echoes.velocity)
+            velocity = np.where(known, echoes.velocity, velocity)
         noise = np.float32(noise_power(settings))
         power *= noise
         mean *= noise
@@ -223,11 +253,12 @@ class FmcwRadar:
             sensor=self.name,
             pose=pose,
             settings=settings,
-            angles=self.angles[rows.start : rows.stop],
+            angles=angles,
             ranges=self.ranges,
             power=power,
             echo_power=mean,
             noise_floor=noise_shape(settings) * noise,
+            radial_velocity=velocity,
         )
 
     def aim(
@@ -299,6 +330,9 @@ class FmcwRadar:
             met, which = boxes.find(traces.parts - len(tracer.parts))
             ahead = rays.directions[met, :2]
             approach[met] -= np.einsum("mi,mi->m", ahead, boxes.velocities[which])
+            met = met[boxes.velocities[which].any(axis=1)]
+            places = traces.ranges[met] + doppler_shift(settings, approach[met])
+            echoes.note_velocities(row[met] + rows.start, places, -approach[met])
         constant = radar_constant(settings) / noise_power(settings)
         packed = engine.structures["FanRays"].pack(
             column=fan.column,
@@ -369,15 +403,15 @@ class FmcwRadar:
             np.array([it.position for it in scene.reflectors]).reshape(-1, 3),
             np.array([it.rcs(wavelength) for it in scene.reflectors], np.float64),
         )
-        edges = edge_points(tracer, origin, wavelength)
-        corners = corner_points(tracer, origin, settings)
+        of_surfaces = (
+            edge_points(tracer, origin, wavelength),
+            corner_points(tracer, origin, settings),
+            round_points(tracer, origin, wavelength),
+        )
+        surfaces = Points._make(map(np.concatenate, zip(*of_surfaces, strict=True)))
         found = [
             point_tones(settings, view, rows, points, find(sight, points, wavelength))
-            for points, find in (
-                (reflectors, find_ways),
-                (edges, straight_ways),
-                (corners, straight_ways),
-            )
+            for points, find in ((reflectors, find_ways), (surfaces, straight_ways))
             if len(points.rcs)
         ]
         return join_tones(found)

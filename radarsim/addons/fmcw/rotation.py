@@ -2,8 +2,8 @@
 
 Theory of operation
 ===================
-The antenna turns without a pause. Whenever time has advanced, the directions that it
-has passed meanwhile are traced, each from where the radar was then, and added to the
+The antenna turns without a pause. The directions that it has passed since something was
+last received are traced together, each from where the radar was then, and added to the
 echoes of the turn. A direction is received when all others that its main lobe reaches
 have been traced, a few sweeps later. So each direction costs its share of a turn, at
 the time at which the radar looks there, and the image of a turn is smeared by motion as
@@ -77,6 +77,7 @@ def join_sectors(sectors: Iterable[Sector]) -> Spectrum:
         angles=np.concatenate([part.angles for part in parts]),
         power=np.concatenate([part.power for part in parts]),
         echo_power=np.concatenate([part.echo_power for part in parts]),
+        radial_velocity=np.concatenate([part.radial_velocity for part in parts]),
     )
 
 
@@ -84,7 +85,7 @@ class _TracedLook(NamedTuple):
     """Directions that were traced together; they count from the start."""
 
     rows: range
-    pose: Pose3
+    poses: list[Pose3]  # the antenna's after the step that passed each
     view: Viewpoints
     tones: Tones
 
@@ -111,6 +112,7 @@ class Rotation:
         self._scene = scene
         self._rng = rng
         self._key = fixed_number(rng)  # of speckle
+        self._passed: list[tuple[Viewpoints, Pose3]] = []  # what is not yet traced
         self._traced = 0  # directions since the start
         self._received = radar.settings.azimuths  # those of the first turn are not
         self._echoes: dict[int, TurnEchoes] = {}  # of turns that are needed
@@ -138,25 +140,19 @@ class Rotation:
             boxes: The robots.
             carrier_id: The robot that carries the radar; -1 for none.
             velocity: Of the antenna, m/s, map frame.
-            receives: Whether to return that now; else the next call does. It takes less
-                time to receive more directions at once.
+            receives: Whether to trace and return that now; else the next call does,
+                with its robots. It takes less time for more directions at once.
         """
-        azimuths, begin = self.radar.settings.azimuths, self._traced
+        azimuths = self.radar.settings.azimuths
+        begin = self._traced + sum(len(view.times) for view, _ in self._passed)
         # The turn before the first that is received has the number -1.
         numbers = np.arange(begin, begin + count) - azimuths
         times = np.asarray(self.radar.settings.sweep_time * numbers, np.float64)
         view = moving_viewpoints(start or pose, pose, times, velocity)
-        end = begin + count
-        while self._traced < end:
-            turn, first = divmod(self._traced, azimuths)
-            rows = range(first, min(first + end - self._traced, azimuths))
-            looked = range(self._traced, self._traced + len(rows))
-            seen = view.of(slice(looked.start - begin, looked.stop - begin))
-            tones = self._trace(turn, rows, seen, boxes, carrier_id)
-            self._looks.append(_TracedLook(looked, pose, seen, tones))
-            self._traced = looked.stop
+        self._passed.append((view, pose))
         if not receives:
             return []
+        self._trace_passed(boxes, carrier_id)
         sectors = []
         # A direction is complete when those that its main lobe reaches are traced.
         last = self._traced - rows_in_beam(self.radar.settings)
@@ -169,6 +165,22 @@ class Rotation:
         while self._looks and self._looks[0].rows.stop <= self._received:
             self._looks.popleft()
         return sectors
+
+    def _trace_passed(self, boxes: Boxes | None, carrier_id: int) -> None:
+        """Trace all directions that have been passed."""
+        views = zip(*(view for view, _ in self._passed), strict=True)
+        view = Viewpoints._make(map(np.concatenate, views))
+        poses = [pose for seen, pose in self._passed for _ in seen.times]
+        self._passed.clear()
+        while poses:
+            turn, first = divmod(self._traced, self.radar.settings.azimuths)
+            rows = range(first, self.radar.settings.azimuths)[: len(poses)]
+            looked = range(self._traced, self._traced + len(rows))
+            seen = view.of(slice(len(rows)))
+            tones = self._trace(turn, rows, seen, boxes, carrier_id)
+            self._looks.append(_TracedLook(looked, poses[: len(rows)], seen, tones))
+            self._traced = looked.stop
+            view, poses = view.of(slice(len(rows), None)), poses[len(rows) :]
 
     def _trace(
         self,
@@ -204,7 +216,8 @@ class Rotation:
         )
         self.radar.add_sidelobes(echoes, before, rows, view, self._key)
         tones = join_tones(look.tones for look in looks)
-        return self.radar.receive(looks[0].pose, rows, echoes, tones, self._streams)
+        pose = looks[0].poses[offset]
+        return self.radar.receive(pose, rows, view, echoes, tones, self._streams)
 
 
 # The number of a turn, as of its sectors, the targets in it, and the settings that the

@@ -165,7 +165,7 @@ class Antenna:
         is_requested = self.mounted.sends_targets
         if not is_requested and not vehicle.shows_echoes:
             return DueScan(vehicle, scan)
-        lines = target_lines(time, item.name, *targets)
+        lines = target_lines(time, item.name, *targets[:3])
         return DueScan(vehicle, scan, lines, is_requested)
 
 

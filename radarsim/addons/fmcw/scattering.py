@@ -8,14 +8,18 @@ share Gamma^2 that they reflect and the rms slope s, by geometrical optics,
 
     sigma0 = Gamma^2 / (2 s^2 cos^4) e^(-tan^2 / (2 s^2)).
 
-Over the whole lobe that is what a flat mirror returns, pi Gamma^2 R^2.
+Over the whole lobe that is what a flat mirror returns, pi Gamma^2 R^2. A sheet of metal
+bends by the fourth power of its side, so that its slopes rise with the third: small
+ones are flat, and their lobe is as wide as waves are long, which makes 4 pi A^2 /
+lambda^2 of an area A. What is round returns by its curvature; see ``round_metal``.
 
 Volumes scatter a share of what they take, their albedo omega: a canopy that lets
 nothing through has a gamma of omega / 2. So does a sheet, which has no depth: omega
 times the share that it takes.
 
 Gamma, albedo, reflection and slope are those of the materials of the map. Source: F. T.
-Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2.
+Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2; on how plates
+bend, S. Timoshenko and S. Woinowsky-Krieger, Theory of Plates and Shells.
 
 Rays graze level ground over a long way, so that it is treated apart. Open ground does
 not end at the edge of the map: a ray that passes over that edge meets it farther on.
@@ -29,6 +33,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from radarsim.addons.fmcw.round_metal import round_parts
 from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats
 from radarsim.raycast.rays import RayClass, Rays
@@ -104,7 +109,7 @@ def _look_down(tracer: Tracer, gamma: Floats, open_part: int, cell: float) -> Fl
 
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
-DENT_AREA: Final = 1.0  # m^2, of dents in a sheet of metal; estimate
+DENT_AREA: Final = 1.0  # m^2, of sheets of metal with all of their slope; estimate
 GRAZING: Final = 1e-3  # the smallest cosine of an angle of incidence
 MIRROR_DB: Final = -30.0  # of what a mirror scatters beside its reflection; estimate
 ROBOT_DB: Final = -5.0  # gamma of robots; estimate
@@ -125,7 +130,8 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
                 law.
             glint: Gamma^2 / (2 s^2) of the surfaces; 0 of rough ones.
             narrowness: 1 / (2 s^2) likewise.
-            area: m^2, of the largest flat face of mirrors; 0 of others.
+            area: m^2, of the largest flat face of mirrors; 0 of others, and of what is
+                round.
             volume: Radar cross section of a cubic metre inside, m^2/m^3.
             albedo: Share of what a sheet takes that comes back.
             sway: Rms speed at which the wind moves volumes and sheets, m/s.
@@ -146,7 +152,8 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
     air = 0.0
     if tracer.air_part >= 0:
         air = albedo[-1] * air_density / (per_db * NEPER_DB) + rain[-1]
-    lobes = np.array([lobe_of(each) for each in materials]).reshape(-1, 2)
+    areas = [mirror_area(part) for part in tracer.parts] * ~round_parts(tracer)
+    lobes = np.array(list(map(lobe_of, materials, areas))).reshape(-1, 2)
     # Of opaque surfaces at normal incidence.
     surface_db = [MIRROR_DB if m.radar_mirror else m.backscatter_db for m in materials]
     rows = np.zeros(len(materials) + 1, engine.rows["PartScattering"])
@@ -155,7 +162,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
     parts["gamma"] = [10 ** (db / 10) for db in surface_db]
     parts["constant_gamma"] = [each.constant_gamma for each in materials]
     parts["glint"], parts["narrowness"] = lobes.T
-    parts["area"] = [_mirror_area(part) for part in tracer.parts]
+    parts["area"] = areas
     parts["volume"], parts["albedo"] = volume, albedo
     parts["sway"] = [each.sway_m_per_s for each in materials]
     ground = _find_ground(tracer, parts["gamma"], parts["edges"])
@@ -165,7 +172,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
     return known[ray_class]
 
 
-def _mirror_area(part: Part) -> float:
+def mirror_area(part: Part) -> float:
     """Return the area of the largest flat face of a mirror, m^2; 0 of anything else."""
     if not part.material.radar_mirror or not part.faces.size:
         return 0.0
@@ -177,12 +184,19 @@ def _mirror_area(part: Part) -> float:
     return float(np.bincount(which.ravel(), area).max())
 
 
-def lobe_of(material: Material) -> tuple[float, float]:
-    """Return ``glint`` and ``narrowness`` of an opaque surface."""
+def lobe_of(material: Material, area: float = DENT_AREA) -> tuple[float, float]:
+    """Return ``glint`` and ``narrowness`` of an opaque surface.
+
+    Args:
+        material: Its material.
+        area: m^2, of a flat piece, if it is a mirror.
+    """
     reflected, slope = material.specular_db, material.slope_deg
     if material.radar_mirror and reflected is None:
         reflected, slope = -material.absorption_db, MIRROR_SLOPE_DEG
-    if reflected is None:
+    if material.radar_mirror:
+        slope *= min(area / DENT_AREA, 1.0) ** 1.5
+    if reflected is None or slope == 0:
         return 0.0, 0.0
     narrowness = 0.5 / math.radians(slope) ** 2
     return 10 ** (reflected / 10) * narrowness, narrowness

@@ -25,6 +25,7 @@ from radarsim.addons.fmcw.radar_equation import (
     dbm_of,
     fft_length,
     noise_power,
+    radar_constant,
     window_of,
 )
 from radarsim.geometry import Floats, Pose3
@@ -52,6 +53,10 @@ class Spectrum:
         echo_power: (A, B) float32 W, the mean power that returns from within each bin,
             before speckle, window and noise; its sum over bins is all that returns.
         noise_floor: (B,) float32 W, the mean power of the noise.
+        radial_velocity: (A, B) float32 m/s, how fast what is there moves away from the
+            antenna. It is the truth of the simulation: such a radar measures no
+            velocity, which only shifts ranges. Within a beamwidth and two resolutions
+            of a robot that drives it is that of the robot.
         scene: The map; None for a turn in a simulation with its robots.
     """
 
@@ -63,6 +68,7 @@ class Spectrum:
     power: NDArray[np.float32]
     echo_power: NDArray[np.float32]
     noise_floor: NDArray[np.float32]
+    radial_velocity: NDArray[np.float32]
     scene: Scene | None = None
 
     def __repr__(self) -> str:
@@ -133,8 +139,14 @@ class Spectrum:
         else:
             raise ValueError(f"detector {detector!r}, expected one of {DETECTORS}")
         rows, bins = np.nonzero(mask)
-        dbm = dbm_of(self.power[rows, bins])
-        return Detections(rows, bins, self.angles[rows], self.ranges[bins], dbm)
+        ranges, dbm = self.ranges[bins], dbm_of(self.power[rows, bins])
+        # Of a point: its power falls with the fourth power of the range.
+        rcs_dbsm = dbm - dbm_of(radar_constant(self.settings)) + 40 * np.log10(ranges)
+        snr_db = dbm - dbm_of(self.noise_floor[bins])
+        velocity = self.radial_velocity[rows, bins].astype(np.float64)
+        return Detections(
+            rows, bins, self.angles[rows], ranges, dbm, rcs_dbsm, snr_db, velocity
+        )
 
     def plot(
         self, ax: "Axes | None" = None, *, view: str = "cartesian", azimuth: int = 0

@@ -36,14 +36,16 @@ def find_targets(spectrum: "Spectrum", settings: SensorSettings) -> Targets:
     )
     beams = beams_of(found.angles, settings)
     seen = (beams >= 0) & (found.ranges <= settings.max_range)
-    return join_targets([Targets(beams[seen], found.ranges[seen], found.dbm[seen])])
+    # The columns of targets are the last ones of detections.
+    columns = (column[seen] for column in (beams, *found[3:]))
+    return join_targets([Targets._make(columns)])
 
 
 def join_targets(parts: Sequence[Targets]) -> Targets:
     """Return the targets of several parts of a turn."""
-    beams, ranges, dbm = (np.concatenate(column) for column in zip(*parts, strict=True))
-    order = np.lexsort((ranges, beams))
-    return Targets(beams[order].astype(np.int64), ranges[order], dbm[order])
+    whole = Targets._make(map(np.concatenate, zip(*parts, strict=True)))
+    order = np.lexsort((whole.ranges, whole.beams))
+    return Targets._make(column[order] for column in whole)
 
 
 def beams_of(angles: Floats, settings: SensorSettings) -> NDArray[np.int64]:

@@ -22,14 +22,17 @@ directions see all.
 Powers are in units of the noise: in watts many are too small for float32.
 """
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antenna import pattern_table, rows_in_beam
 from radarsim.addons.fmcw.beat_signal import Power
 from radarsim.addons.fmcw.speckle import Scatterers, hash_levels
 from radarsim.engine import Packed, engine
+from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.rays import Events
 
@@ -42,10 +45,13 @@ class Echoes(NamedTuple):
     Attributes:
         power: (N, B) float32, the mean power, in units of the noise in a bin.
         field: (N, 2 B) float32, real and imaginary parts of the amplitudes.
+        velocity: (N, B) float32 m/s, how fast robots that drive move away; nan where
+            there is none. None if the turn has met none.
     """
 
     power: Power
     field: Power
+    velocity: Power | None
 
 
 class TurnEchoes:
@@ -81,6 +87,7 @@ class TurnEchoes:
         self._power = np.zeros((rows, bins), np.float32)
         self._field = np.zeros((rows, 2 * bins), np.float32)
         self.total = np.zeros(bins)
+        self._velocity: Power | None = None
         self._beams = engine.structures["Beams"].pack(
             power=self._power,
             field=self._field.reshape(rows, bins, 2),
@@ -138,7 +145,30 @@ class TurnEchoes:
         return Echoes(
             self._sum(first, last, self._power, before._power, after._power),
             self._sum(first, last, self._field, before._field, after._field),
+            None if self._velocity is None else self._velocity[first:last],
         )
+
+    def note_velocities(
+        self, rows: NDArray[np.int64], ranges: Floats, away: Floats
+    ) -> None:
+        """Note how fast robots move away, in the bins that their echoes fall into.
+
+        Args:
+            rows: (K,) the direction of each echo.
+            ranges: (K,) m, by frequency.
+            away: (K,) m/s.
+        """
+        settings = self._settings
+        if len(rows) and self._velocity is None:
+            shape = settings.azimuths, settings.bins
+            self._velocity = np.full(shape, np.nan, np.float32)
+        beam = math.ceil(math.radians(settings.beamwidth_az_deg) / settings.step)
+        width, bins = math.ceil(2 * settings.padding), ranges / settings.bin_size
+        for row, bin_, speed in zip(rows, np.rint(bins).astype(int), away, strict=True):
+            assert self._velocity is not None
+            # A robot at the antenna may seem to be behind it.
+            first, last = max(bin_ - width, 0), max(bin_ + width + 1, 0)
+            self._velocity[max(row - beam, 0) : row + beam + 1, first:last] = speed
 
     def _sum(
         self, first: int, last: int, own: Power, before: Power, after: Power

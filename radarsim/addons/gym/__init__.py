@@ -4,7 +4,9 @@ A robot is to drive to a goal, by what its scanner sees and two wheel speeds. Im
 this package registers ``radarsim/GoTo-v0``, ``radarsim/Hedge-v0`` with a hedge between
 start and goal, and ``radarsim/Smoke-v0`` in a room with smoke::
 
-    env = gymnasium.make("radarsim.addons.gym:radarsim/GoTo-v0", map="foliage_room")
+    env = gymnasium.make("radarsim.gym:radarsim/GoTo-v0", map="foliage_room")
+
+``radarsim.gym`` is its short name.
 
 Gymnasium comes with ``pip install '.[gym]'`` in the checkout, PettingZoo with
 ``pip install '.[marl]'``.

@@ -24,7 +24,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
 
     metadata: ClassVar[dict[str, Any]] = {
         "name": "radarsim/GoTo-v0",
-        "render_modes": ["rgb_array"],
+        "render_modes": ["rgb_array", "human"],
         "render_fps": 10,
     }
 
@@ -35,7 +35,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
 
         Args:
             num_robots: Number of robots.
-            render_mode: ``rgb_array``, or None for an environment without pictures.
+            render_mode: ``rgb_array``; ``human`` for a window that follows the robots;
+                None for an environment without pictures.
             settings: As in ``GoToSettings``; ``start`` must be random, since a place
                 holds one robot only.
 
@@ -88,6 +89,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
             self.task.arena.take_out(row)
         for row in range(len(self._rows)):
             self.task.reset(row, self._rngs[row], options)
+        if self.render_mode == "human":
+            self.render()
         touched = np.zeros(len(self._rows), np.bool_)
         return self._observe(self.agents), self._infos(self.agents, touched)
 
@@ -127,6 +130,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
                 self.task.arena.take_out(row)
             else:
                 self.agents.append(agent)
+        if self.render_mode == "human":
+            self.render()
         return (
             observations,
             {agent: float(rewards[self._rows[agent]]) for agent in agents},
@@ -136,8 +141,12 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the scene from above, (H, W, 3); None without a mode."""
+        """Return a picture of the scene from above, (H, W, 3), for ``rgb_array``."""
         return self._picture.draw([self._rows[agent] for agent in self.agents])
+
+    def close(self) -> None:
+        """Close the window of ``human``."""
+        self._picture.close()
 
     def _observe(self, agents: list[str]) -> dict[str, Observation]:
         rows = self.task.observe(self._rngs, np.ones(len(self._rows), np.bool_))

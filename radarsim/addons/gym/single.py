@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -20,6 +21,7 @@ from radarsim.addons.gym.environment import (
 from radarsim.geometry import Pose2
 from radarsim.plotting.palette import TARGET
 from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent
+from radarsim.plotting.window import Window
 
 _SIZE = (6.0, 6.0)  # inches
 _DPI = 100
@@ -33,20 +35,29 @@ class Picture:
 
         Args:
             task: The task.
-            render_mode: ``rgb_array``, or None for no pictures.
+            render_mode: ``rgb_array``, ``human``, or None for no pictures.
 
         Raises:
+            RadarsimError: If it is ``human``, and matplotlib can open no window.
             ValueError: If there is no such mode.
         """
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode {render_mode!r}, expected rgb_array or None")
+        if render_mode not in (None, "rgb_array", "human"):
+            text = f"render_mode {render_mode!r}, expected rgb_array, human or None"
+            raise ValueError(text)
         self._task, self._has_pictures = task, render_mode is not None
+        self._window: Window | None = None
+        if render_mode == "human":
+            self._window = Window(_SIZE, 'render_mode="rgb_array"')
+        self._drawn: list[Artist] = []
 
     @cached_property
     def _axes(self) -> Axes:
         scene = self._task.arena.scene
-        figure = Figure(figsize=_SIZE, dpi=_DPI, layout="compressed")
-        self._canvas = FigureCanvasAgg(figure)
+        if self._window is not None:
+            figure = self._window.figure
+        else:
+            figure = Figure(figsize=_SIZE, dpi=_DPI, layout="compressed")
+            self._canvas = FigureCanvasAgg(figure)
         axes = figure.add_subplot()
         axes.set_axis_off()
         _, corners = draw_plan(axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
@@ -54,24 +65,31 @@ class Picture:
         return axes
 
     def draw(self, rows: Sequence[int]) -> NDArray[np.uint8] | None:
-        """Return the image of some robots and their goals, (H, W, 3); None without."""
+        """Return the image of some robots and their goals, (H, W, 3), or show it."""
         if not self._has_pictures:
             return None
+        # The plan stays: to draw it takes longer than all else.
+        for artist in self._drawn:
+            artist.remove()
         robot, axes = self._task.settings.robot, self._axes
-        drawn = [
+        self._drawn = [
             artist
             for pose in self._task.arena.poses[rows]
             for artist in draw_robot(axes, robot, Pose2(*pose.tolist()))
         ]
         x, y = self._task.goals[rows].T
-        stars = axes.plot(x, y, "*", color=TARGET, markersize=14, zorder=4)
+        self._drawn += axes.plot(x, y, "*", color=TARGET, markersize=14, zorder=4)
+        if self._window is not None:
+            self._window.refresh()
+            return None
         data, (width, height) = self._canvas.print_to_buffer()  # type: ignore[no-untyped-call]
         # Copied: the next picture is drawn into the same buffer.
-        image = np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
-        # The plan stays: to draw it takes longer than all else.
-        for artist in (*drawn, *stars):
-            artist.remove()
-        return image
+        return np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
 
 
 Observation = dict[str, NDArray[np.float32]]
@@ -92,7 +110,7 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - so in the base class
-        "render_modes": ["rgb_array"],
+        "render_modes": ["rgb_array", "human"],
         "render_fps": 10,
     }
 
@@ -100,7 +118,8 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Load the map.
 
         Args:
-            render_mode: ``rgb_array``, or None for an environment without pictures.
+            render_mode: ``rgb_array``; ``human`` for a window that follows the robot;
+                None for an environment without pictures.
             settings: As in ``GoToSettings``.
 
         Raises:
@@ -128,6 +147,8 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         self.task.reset(0, self.np_random, options)
+        if self.render_mode == "human":
+            self.render()
         return self._observe(), self.task.info(0, np.zeros(1, np.bool_))
 
     def step(
@@ -145,6 +166,8 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         transition: Transition = self.task.drive(as_actions(action, (2,))[None])
         reward = float(self.task.settings.reward(transition)[0])
         terminated, truncated = self.task.ended(transition)
+        if self.render_mode == "human":
+            self.render()
         return (
             self._observe(),
             reward,
@@ -154,8 +177,12 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the scene from above, (H, W, 3); None without a mode."""
+        """Return a picture of the scene from above, (H, W, 3), for ``rgb_array``."""
         return self._picture.draw([0])
+
+    def close(self) -> None:
+        """Close the window of ``human``."""
+        self._picture.close()
 
     def _observe(self) -> Observation:
         rows = self.task.observe([self.np_random], np.ones(1, np.bool_))

@@ -55,6 +55,8 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         """
         if num_envs < 1:
             raise ValueError(f"num_envs {num_envs!r}, expected at least 1")
+        if render_mode == "human":
+            raise ValueError("render_mode 'human', expected rgb_array or None")
         self.num_envs, self.render_mode = num_envs, render_mode
         maps = settings.pop("map", GoToSettings().map)
         maps = (

@@ -2,11 +2,11 @@
 
 import struct
 from functools import cache
-from typing import Any, ClassVar, Protocol, TypeVar, cast
+from typing import Any, ClassVar, Final, Protocol, TypeVar, cast
 
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 from rosbags.typesys.stores import ros2_jazzy
 
@@ -25,6 +25,21 @@ TwistStamped = ros2_jazzy.geometry_msgs__msg__TwistStamped
 String = ros2_jazzy.std_msgs__msg__String
 UInt8MultiArray = ros2_jazzy.std_msgs__msg__UInt8MultiArray
 
+# Types that ROS 2 itself has not; of https://github.com/ros-perception/radar_msgs.
+_OTHER_TYPES: Final = {
+    "radar_msgs/msg/RadarReturn": """
+float32 range
+float32 azimuth
+float32 elevation
+float32 doppler_velocity
+float32 amplitude
+""",
+    "radar_msgs/msg/RadarScan": """
+std_msgs/Header header
+radar_msgs/RadarReturn[] returns
+""",
+}
+
 
 class RosType(Protocol):
     """A class of messages of rosbags."""
@@ -38,7 +53,10 @@ _Message = TypeVar("_Message", bound=RosType)
 @cache
 def typestore() -> Typestore:
     """Return the types of ROS 2, which take a quarter of a second to load."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in _OTHER_TYPES.items():
+        store.register(get_types_from_msg(text, name))
+    return store
 
 
 def encode(message: TopicMessage) -> bytes:

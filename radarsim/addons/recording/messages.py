@@ -132,6 +132,24 @@ def point_cloud(topic: str, time: float, frame: str, points: Points) -> TopicMes
     )
 
 
+def radar_scan(topic: str, time: float, frame: str, points: Points) -> TopicMessage:
+    """Return targets, rows of ``TARGET``, as drivers of radars publish them."""
+    x, y, dbm = points["x"], points["y"], points["dbm"]
+    columns = np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), dbm.tolist()
+    returns = [
+        Fields(
+            range=range_,
+            azimuth=azimuth,
+            elevation=0.0,
+            doppler_velocity=math.nan,  # which a radar of one sweep does not measure
+            amplitude=power,
+        )
+        for range_, azimuth, power in zip(*columns, strict=True)
+    ]
+    fields = Fields(header=header_of(time, frame), returns=returns)
+    return TopicMessage(topic, "radar_msgs/msg/RadarScan", fields)
+
+
 def grey_image(
     topic: str, time: float, frame: str, pixels: NDArray[np.uint8]
 ) -> TopicMessage:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
+from radarsim.addons.fmcw.image_files import RadarTurn
 from radarsim.addons.recording.bag_folder import RecordingInfo, open_bag
 from radarsim.addons.recording.messages import ECHO
 from radarsim.errors import RecordingError, import_optional
@@ -27,60 +27,10 @@ if TYPE_CHECKING:
 
     from radarsim.addons.recording.cdr import (
         Header,
-        Image,
         LaserScan,
         PointCloud2,
         Pose,
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RadarTurn:
-    """What an FMCW radar received in one turn: A directions of B range bins.
-
-    Attributes:
-        times: (A,) simulated times, s.
-        angles: (A,) directions, rad, counter-clockwise from straight ahead; they fall
-            from 0 to -2 pi, as the radar turns clockwise.
-        ranges: (B,) m.
-        counts: (A, B) uint8, the power as the radar stores it.
-        frame: Frame of the radar.
-    """
-
-    times: Floats
-    angles: Floats
-    ranges: Floats
-    counts: NDArray[np.uint8]
-    frame: str
-
-    def __repr__(self) -> str:
-        azimuths, bins = self.counts.shape
-        return f"<RadarTurn {self.frame}: {azimuths} azimuths of {bins} bins>"
-
-    @classmethod
-    def of(cls, image: Image, bin_size: float, metadata_bytes: int) -> Self:
-        """Read a message.
-
-        Args:
-            image: The message.
-            bin_size: Distance between range bins, m.
-            metadata_bytes: Bytes of a row before the counts.
-
-        Raises:
-            ValueError: If there are not as many bytes as rows need.
-        """
-        rows = image.data.reshape(image.height, image.width)
-        head, counts = np.split(rows, [metadata_bytes], axis=1)
-        # The views need contiguous bytes, which columns of a row are not.
-        times = head[:, :8].copy().view("<i8")[:, 0]
-        encoder = head[:, 8:10].copy().view("<u2")[:, 0]
-        return cls(
-            times / 1e6,
-            -2 * np.pi / ENCODER_COUNTS * encoder,
-            bin_size * np.arange(float(counts.shape[1])),
-            counts,
-            image.header.frame_id,
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -283,7 +233,8 @@ class Recording:
                 elif found == topic:
                     image = decode(type_, data, Image)
                     size, head = layout["bin_size"], int(layout["metadata_bytes"])
-                    yield RadarTurn.of(image, size, head)
+                    rows = image.data.reshape(image.height, image.width)
+                    yield RadarTurn.of(rows, size, image.header.frame_id, head)
         except (ValueError, LookupError, TypeError) as error:
             raise _not_ours(self.folder, error) from error
 

@@ -31,6 +31,7 @@ from radarsim.addons.recording.messages import (
     odometry,
     point_cloud,
     pose_stamped,
+    radar_scan,
     string,
     transform,
     transforms,
@@ -287,12 +288,15 @@ class RobotTopics:
             return
         # A scan without echoes is a message too: it tells that there were none.
         cloud = np.concatenate([self._points(each, scanner) for each in lines])
-        name = "targets"
+        name, frame = topic_name(line.name), self._frame(line.name)
+        last = "targets"
         if isinstance(line, EchoLine):
-            name = "echoes"
+            last = "echoes"
             yield from self._legend.news()  # before the points that have its numbers
-        topic = self._topic(topic_name(line.name), name)
-        yield point_cloud(topic, line.time, self._frame(line.name), cloud)
+        else:
+            topic = self._topic(name, "radar_scan")
+            yield radar_scan(topic, line.time, frame, cloud)
+        yield point_cloud(self._topic(name, last), line.time, frame, cloud)
 
     def _points(self, line: EchoLine | RadarTargets, scanner: ScannerInfo) -> Points:
         """Return the points of a line in the frame of its scanner."""

@@ -14,9 +14,10 @@ margins are no wider. A turn also needs the orientation between two headings, an
 between these the corners of the footprint lead less than the least margin farther out.
 
 The cost of the same way for a robot that could move in all directions guides the
-search, which begins only where that robot has a path. In the end straight motions
-replace detours of the lattice where they keep as far from everything. Their clearance
-is exact: a straight motion sweeps a rectangle.
+search, which begins only once it is sure that there is a path: to find that there is
+none, it would visit all poses. In the end straight motions replace detours of the
+lattice where they keep as far from everything. Their clearance is exact: a straight
+motion sweeps a rectangle.
 """
 
 import itertools
@@ -204,6 +205,8 @@ class _PoseGrid:
         cost = np.ones(self._shape)
         column, row = -self._first
         start = int(row) * columns + int(column)
+        if not engine.are_joined(self._masks, _HEADINGS, start, self._goal):
+            return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
             # in no orientation is it farther away

@@ -17,7 +17,7 @@ from radarsim.addons.fmcw.radar_equation import (
     sample_count,
     window_of,
 )
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import generator_for
 
@@ -121,13 +121,54 @@ def test_two_points_in_a_cell_beat_with_their_phase() -> None:
         middle = 20.0 + apart / 2
         at = round(middle / settings.bin_size)
         found = power[0, at] / 1e8
-        # Two tones of sinc shape; each rotates by half a turn of its own over a sweep.
+        # Two tones of sinc shape, whose phases are those in the middle of the sweep.
         offsets = at * settings.bin_size - ranges
-        fields = np.sinc(offsets / settings.resolution) * np.exp(
-            1j * (np.array([0, phase]) - math.pi * offsets / settings.resolution)
-        )
+        fields = np.sinc(offsets / settings.resolution)
+        fields = fields * np.exp(1j * np.array([0, phase]))
         expected = abs(fields.sum()) ** 2
         assert found == pytest.approx(expected, rel=0.02, abs=0.02)
+
+
+def powers_of_pairs(settings: FmcwSettings, gaps: Floats) -> Floats:
+    """Return the greatest power of two points 20 m ahead, by their gaps, m."""
+    view = fixed_viewpoints(Pose3(0, 0, 0), radar().times(0)[:1])
+    found = []
+    for gap in gaps.tolist():
+        points = Points(np.array([[20.0, 0, 0], [20 + gap, 0, 0]]), np.ones(2))
+        straight = Ways(np.arange(2), points.positions, np.ones(2))
+        tones = point_tones(settings, view, range(1), points, straight)
+        found.append(spectrum_of(settings, tones)[0].max())
+    return np.array(found)
+
+
+def test_two_points_interfere_at_the_carrier() -> None:
+    """The law 2 + 2 cos(4 pi d / lambda), over three waves of 3.92 mm around 5 cm."""
+    settings, wavelength = radar(azimuths=4).settings, 299_792_458 / 76.5e9
+    gaps = 0.05 + np.linspace(-1.5, 1.5, 61) * wavelength
+    law = 2 + 2 * np.cos(4 * math.pi * gaps / wavelength)
+    found = powers_of_pairs(settings, gaps)
+    assert np.corrcoef(found, law)[0, 1] > 0.999
+
+
+def test_profile_of_two_points_is_that_of_a_stepped_sweep() -> None:
+    """The echo exp(4 pi i f R / c) at the frequency of each sample, and a DFT."""
+    settings, gap = radar(azimuths=4).settings, 0.2
+    count, ranges = sample_count(settings), np.array([20.0, 20.0 + gap])
+    # 863 MHz, but for the whole number of samples.
+    width = 299_792_458 / (2 * settings.bin_size) * count / fft_length(settings)
+    sweep = (np.arange(count) / count - 0.5) * width
+    waves = 4j * math.pi * (76.5e9 + sweep)[:, None] / 299_792_458
+    samples = (np.exp(waves * ranges) / ranges**2).sum(axis=1) * window_of(settings)
+    bins = np.arange(440, 480)
+    turns = np.outer(bins, np.arange(count)) / fft_length(settings)
+    profile = np.abs(np.exp(-2j * math.pi * turns) @ samples) ** 2
+    view = fixed_viewpoints(Pose3(0, 0, 0), radar().times(0)[:1])
+    points = Points(np.column_stack([ranges, 0 * ranges, 0 * ranges]), np.ones(2))
+    straight = Ways(np.arange(2), points.positions, np.ones(2))
+    tones = point_tones(settings, view, range(1), points, straight)
+    found = spectrum_of(settings, tones)[0, bins]
+    shape = found / found.max() - profile / profile.max()
+    assert np.abs(shape).max() < 0.002
 
 
 def test_leakage_has_its_level_and_a_tail() -> None:

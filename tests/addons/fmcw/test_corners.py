@@ -52,7 +52,7 @@ def corner_of(
 
 def cross_section(scene: Scene, distance: float, beam_deg: float = 4) -> float:
     """Return the cross section of what is straight ahead, dBsm."""
-    which = radar(bins=1000, beamwidth_az_deg=beam_deg, beamwidth_el_deg=beam_deg)
+    which = radar(beamwidth_az_deg=beam_deg, beamwidth_el_deg=beam_deg)
     power = echo_power(which, scene)[0]
     near = np.abs(which.ranges - distance) < 1
     return float(db(power[near].sum() / received_power(which.settings, 1.0, distance)))
@@ -83,6 +83,35 @@ def test_corner_of_plates_is_a_dihedral(a: float, b: float, yaw_deg: float) -> N
     )
     found = cross_section(corner_of(a, b, distance, yaw_deg), distance)
     assert found == pytest.approx(expected, abs=1)
+
+
+def trihedral_of(side: float, distance: float, sides: int) -> Scene:
+    """Return three plates at right angles that open to ``EYE``, squares or halves."""
+    ahead = np.ones(3) / math.sqrt(3)
+    across = np.array([1, -1, 0]) / math.sqrt(2)
+    frame = np.array([-ahead, across, np.cross(across, ahead)])
+    faces = np.array([[0, 1, 2], [0, 2, 3]] if sides == 4 else [[0, 1, 3]])
+    parts, edges = [], np.eye(3) * side
+    for one, other in zip(edges, np.roll(edges, -1, axis=0), strict=True):
+        corners = np.array([0 * one, one, one + other, other]) @ frame.T
+        parts.append(
+            Part("plate", METAL, corners + np.array([distance, 0, EYE.z]), faces)
+        )
+    return scene_of(*parts)
+
+
+@pytest.mark.parametrize(("side", "distance"), [(0.1, 30.0), (0.3, 150.0)])
+@pytest.mark.parametrize(("sides", "factor"), [(4, 12.0), (3, 4 / 3)])
+def test_corner_of_three_plates_is_a_trihedral(
+    side: float, distance: float, sides: int, factor: float
+) -> None:
+    """12 pi a^4 / lambda^2 of squares, 4 pi a^4 / (3 lambda^2) of triangles.
+
+    Knott, Radar Cross Section, chapter 6; of three squares of 0.3 m 43.0 dBsm.
+    """
+    expected = db(factor * math.pi * side**4 / radar().settings.wavelength ** 2)
+    found = cross_section(trihedral_of(side, distance, sides), distance)
+    assert found == pytest.approx(expected, abs=1.7)
 
 
 def test_corner_of_large_walls_returns_as_a_mirror_of_metal() -> None:

@@ -1,6 +1,8 @@
 """Images of turns, read by the rules of the data sets' own readers."""
 
 import io
+import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from radarsim.addons.fmcw.image_files import (
     epoch_of,
     file_name,
     image_of,
+    load_turns,
 )
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.scene.scene import Scene
@@ -85,3 +88,43 @@ def test_epoch_is_one_for_which_readers_assume_the_bins_if_they_can(
     assert epoch_of(layout, bin_size, start) == epoch
     assert assumed_bin(layout, start + int(epoch)) == assumed
     assert len(str(start + int(epoch))) == 16
+
+
+def test_images_without_notes_have_the_bins_of_their_readers(tmp_path: Path) -> None:
+    """Files of the data sets themselves, by what is published of their layouts."""
+    row = struct.pack("<qHB", TIME, 2803, 255) + bytes(range(5))
+    png = Image.fromarray(np.frombuffer(row, np.uint8)[None])
+    for layout, size in (("oxford", 0.0432), ("boreas", 0.0596)):
+        (tmp_path / layout / "radar").mkdir(parents=True)
+        png.save(tmp_path / layout / "radar" / f"{TIME}.png")
+        (read,) = load_turns(str(tmp_path / layout), layout)
+        assert read.times == pytest.approx([TIME / 1e6], abs=1e-6)
+        assert read.angles == pytest.approx([-2803 / 5600 * 2 * np.pi])
+        assert read.counts.tolist() == [list(range(5))]
+        assert read.ranges == pytest.approx(size * np.arange(5))
+    (read,) = load_turns(tmp_path / "oxford", "oxford", bin_size=0.04)
+    assert read.ranges[1] == pytest.approx(0.04)
+    (tmp_path / "Navtech_Polar").mkdir()
+    times = "Frame: 000001 Time: 1574859771.744660272\n"
+    (tmp_path / "Navtech_Polar.txt").write_text(times)
+    for name in ("000001.png", "000002.png"):
+        Image.fromarray(np.eye(576, 400, dtype=np.uint8)).save(
+            tmp_path / "Navtech_Polar" / name
+        )
+    with pytest.raises(ValueError, match=r"no line of the image 000002\.png"):
+        next(load_turns(tmp_path, "radiate"))
+    (tmp_path / "Navtech_Polar" / "000002.png").unlink()
+    (read,) = load_turns(tmp_path, "radiate")
+    assert (read.counts == np.eye(400, 576)).all()
+    assert read.times[[0, 100]] == pytest.approx([1574859771.744660, 1574859771.80716])
+    assert read.ranges[-1] == pytest.approx(575 * 0.173611)
+
+
+@pytest.mark.parametrize(
+    ("layout", "problem"), [("kitti", "expected one of"), ("boreas", "no .png files")]
+)
+def test_what_is_no_folder_of_a_data_set_is_told(
+    tmp_path: Path, layout: str, problem: str
+) -> None:
+    with pytest.raises(ValueError, match=problem):
+        next(load_turns(tmp_path, layout))

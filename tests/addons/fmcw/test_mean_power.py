@@ -14,6 +14,7 @@ from fmcw_scenes import (
     echoes_of,
     pole_at,
     radar,
+    received_power,
     scene_of,
     wall_at,
 )
@@ -29,9 +30,11 @@ from radarsim.addons.fmcw.radar_equation import radar_constant
 from radarsim.geometry import Pose3
 from radarsim.raycast.rays import EventKind, Rays
 from radarsim.raycast.tracer import tracer_of
-from radarsim.scene.scene import Scene
+from radarsim.scene.material import library_material
+from radarsim.scene.scene import Reflector, Scene
 
 GAMMA = 0.1  # of a wall
+METAL = library_material("metal")
 
 
 def beam_filling_power(which: FmcwRadar, distance: float, gamma: float) -> float:
@@ -52,6 +55,24 @@ def test_gain_of_a_gaussian_beam() -> None:
     assert db(directivity(radar().settings)) == pytest.approx(37.04, abs=0.005)
     exact = 16 * math.log(2) / (math.radians(1.8) * math.radians(4))
     assert db(directivity(radar().settings) / exact) == pytest.approx(0, abs=1e-3)
+
+
+def test_beam_of_a_navtech_has_shoulders_like_those_of_real_images() -> None:
+    """Two-way, by directions 0.9 degrees apart, of a pole and of a point.
+
+    A Gaussian of 1.8 degrees has -6.0 and -24.1 dB in the first two. In images of
+    RADIATE single bright things have the next three, and nothing is 85 dB below them.
+    """
+    which = radarsim.load_sensor("navtech_cts350x_radiate").fmcw
+    pole = echo_power(which, scene_of(pole_at(30, 0, 0.05, 3))).max(axis=1)
+    point = Scene("", "", (), reflectors=(Reflector("", (30, 0, 1), rcs_dbsm=60),))
+    tones = which.tones(point, fixed_viewpoints(EYE, which.times(0)), range(400))
+    for power in (pole, tones.power):
+        found = db(power / power[0])
+        assert found[[1, 2]] == pytest.approx([-6.0, -24.1], abs=2.3)
+        assert found[[3, 4, 5]] == pytest.approx([-29.5, -40.5, -46.0], abs=2.3)
+        assert found[-5:-3] == pytest.approx(found[[5, 4]], abs=0.5)
+        assert found[20:-20] == pytest.approx(-85, abs=0.2)
 
 
 def test_fan_takes_gain_from_the_middle_of_the_beam() -> None:
@@ -95,6 +116,29 @@ def test_smooth_wall_returns_what_a_flat_mirror_does_on_top() -> None:
     found = total_ahead(which, wall_at(10, smooth))
     # The lobe is a tenth of the beam wide, where the two-way pattern has 0.98.
     assert db(found / expected) == pytest.approx(0, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("side", "distance"), [(0.1, 20.0), (0.1, 40.0), (0.3, 150.0), (0.3, 60.0)]
+)
+def test_plate_of_metal_returns_what_its_area_does(
+    side: float, distance: float
+) -> None:
+    """4 pi A^2 / lambda^2; nearer than 2 D^2 / lambda by Fresnel's integrals.
+
+    Knott, Radar Cross Section, chapter 5: 19.1 dBsm of 0.1 m, 38.2 dBsm of 0.3 m.
+    """
+    which = radar(beamwidth_az_deg=4)
+    wave = 2 * math.pi / which.settings.wavelength
+    cells = ((np.arange(2000) + 0.5) / 2000 - 0.5) * side
+    line = np.exp(1j * wave * cells**2 / distance).mean() * side
+    plate = block((0.004, side, side), (distance + 0.002, 0, 1), METAL)
+    power = echo_power(which, scene_of(plate))[0]
+    near = np.abs(which.ranges - distance) < 1
+    found = db(power[near].sum() / received_power(which.settings, 1.0, distance))
+    assert found == pytest.approx(db(wave**2 / math.pi * abs(line) ** 4), abs=1.3)
+    if distance > 4 * side**2 / which.settings.wavelength:
+        assert found == pytest.approx(db(wave**2 / math.pi * side**4), abs=0.5)
 
 
 def test_glint_fades_within_a_few_slopes_of_the_normal() -> None:

@@ -1,10 +1,20 @@
 """Points by their sidelobes, in mirrors and over ground, and the edges of plates."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from fmcw_scenes import EYE, block, db, radar, received_power, scene_of
+from fmcw_scenes import (
+    EYE,
+    beat_spectrum,
+    block,
+    db,
+    no_echoes,
+    radar,
+    received_power,
+    scene_of,
+)
 
 import radarsim
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
@@ -93,6 +103,29 @@ def test_point_over_level_ground_has_lobes(name: str) -> None:
     highest = 12 if name == "metal" else 10
     assert max(gains) == pytest.approx(highest, abs=1)
     assert min(gains) < -10
+
+
+def test_lobes_over_metal_show_in_a_spectrum() -> None:
+    """Of 25 heights, where the direct and the reflected way do not cancel."""
+    which = radar(beamwidth_el_deg=45, azimuths=4)
+    settings, view = which.settings, fixed_viewpoints(EYE, which.times(0)[:1])
+    wave, errors = 2 * math.pi / settings.wavelength, []
+    for height in np.linspace(0.9, 1.1, 25).tolist():
+        powers = []
+        for parts in ((), (ground(METAL),)):
+            corner = replace(corner_at(30, 0, height), rcs_dbsm=60)
+            scene = Scene("points", "Points", parts, reflectors=(corner,))
+            tones = which.tones(scene, view, range(1))
+            seed = radarsim.generator_for(0)
+            quiet = no_echoes(settings)[:1]
+            powers.append(beat_spectrum(settings, quiet, tones, seed).max())
+        straight, mirrored = (math.hypot(30, height + k * EYE.z) for k in (-1, 1))
+        both = straight / mirrored * np.exp(1j * wave * (mirrored - straight))
+        expected = db(abs(1 - both) ** 4)
+        if expected > -10:
+            errors.append(db(powers[1] / powers[0]) - expected)
+    assert len(errors) > 15
+    assert math.sqrt(np.mean(np.square(errors))) < 0.3
 
 
 def test_fresnel_reflection_of_glass() -> None:

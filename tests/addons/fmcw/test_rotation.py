@@ -1,13 +1,15 @@
 """The turning antenna: what it records direction by direction."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from fmcw_scenes import block, scene_of
+from fmcw_scenes import block, db, received_power, scene_of
 
 import radarsim
-from radarsim.addons.fmcw.antenna import fixed_viewpoints
+from radarsim.addons.fmcw.antenna import fixed_viewpoints, rows_in_beam
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.rotation import Rotation, Sector
+from radarsim.addons.fmcw.rotation import Rotation, Sector, join_sectors
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Pose3
 from radarsim.raycast.rays import Boxes
@@ -54,8 +56,8 @@ def test_directions_come_in_order_and_a_few_sweeps_late(
             found += list(
                 range(sector.first, sector.first + len(sector.spectrum.angles))
             )
-        assert 10 * step - 5 <= len(found) <= 10 * step
-    assert found[:90] == list(range(90))
+        assert 10 * step - rows_in_beam(radar.settings) == len(found)
+    assert found[:80] == list(range(80))
 
 
 def test_turn_of_a_moving_radar_is_smeared(radar: FmcwRadar) -> None:
@@ -141,3 +143,28 @@ def test_robot_that_drives_seems_nearer_or_farther(heading_deg: float) -> None:
         places.append((power * radar.ranges).sum() / power.sum())
     expected = 0.554 * np.cos(heading)
     assert places[1] - places[0] == pytest.approx(expected, abs=0.02)
+
+
+def test_target_has_its_cross_section_and_its_velocity() -> None:
+    """A sphere of 10 dBsm, and a robot of which it is known how fast it drives."""
+    sphere = Reflector("sphere", (20.0, 0.0, 1.0), rcs_dbsm=10.0)
+    scene = Scene("sphere", "Sphere", reflectors=(sphere,))
+    radar = radarsim.load_sensor("navtech_cts350x").fmcw
+    rotation = Rotation(radar, scene, radarsim.generator_for(0))
+    pose, own, other = Pose3(0.0, 0.0, 1.0), [0.0] * 8, [-9.0, 0, 0, 0, 2, 1, 1, 9.0]
+    boxes = Boxes(np.array([other, own]), np.array([[3.0, 0.0], [0.0, 0.0]]))
+    moving: dict[str, Any] = {"boxes": boxes, "carrier_id": 0}
+    moving["velocity"] = (1.0, 0.0, 0.0)
+    sectors = [each for _ in range(9) for each in rotation.advance(pose, 100, **moving)]
+    turn = join_sectors(each for each in sectors if each.turn == 0)
+    found = turn.detections()
+    sphere_row = found.dbm == found.dbm[found.rows == 0].max()
+    assert found.rcs_dbsm[sphere_row] == pytest.approx([10], abs=0.6)
+    assert found.radial_velocity[sphere_row] == pytest.approx([-1])
+    assert found.ranges[sphere_row] == pytest.approx([20 - 0.055], abs=0.05)
+    snr = received_power(radar.settings, 10.0, 20.0) / turn.noise_floor[457]
+    assert found.snr_db[sphere_row] == pytest.approx([db(snr)], abs=0.6)
+    # It is behind, drives towards the radar by 3 m/s, and that drives away by 1 m/s.
+    robot = (found.rows == 200) & (np.abs(found.ranges - 8) < 1)
+    assert found.radial_velocity[robot] == pytest.approx(-2, abs=0.05)
+    assert robot.any()

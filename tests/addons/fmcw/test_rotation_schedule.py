@@ -259,9 +259,8 @@ def test_watchers_with_echoes_see_targets_and_others_do_not(
 )
 def test_return_mode_selects_a_target(mode: str, expected: float) -> None:
     sensor = radarsim.load_sensor("navtech_cts350x", return_mode=mode)
-    targets = Targets(
-        np.array([7, 7, 7]), np.array([3.0, 5.0, 9.0]), np.array([-60.0, -40.0, -50.0])
-    )
+    ranges, dbm = np.array([3.0, 5.0, 9.0]), np.array([-60.0, -40.0, -50.0])
+    targets = Targets(np.array([7, 7, 7]), ranges, dbm, *3 * [np.zeros(3)])
     ranges = read_ranges(targets, sensor.settings)
     assert ranges[7] == expected
     assert np.isinf(np.delete(ranges, 7)).all()

@@ -5,6 +5,7 @@ import pytest
 from fmcw_scenes import EYE, block, db, radar, received_power, scene_of, wall_at
 
 import radarsim
+from radarsim.addons.fmcw.radar_equation import fft_length
 from radarsim.errors import PresetError
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Reflector, Scene
@@ -136,3 +137,20 @@ def test_share_of_bright_bins_is_about_that_of_real_images(name: str) -> None:
     which = radarsim.load_sensor("navtech_cts350x")
     counts = which.spectrum(scene, place, generator_for(0)).counts
     assert 0.0355 < (counts > 60).mean() < 0.142
+
+
+def test_spectrum_of_the_beat_signal_is_the_power(foliage_room: Scene) -> None:
+    """A plain FFT behind the window, and the tilt of the receiver by its definition."""
+    tilt = {"azimuths": 50, "bins": 500, "noise_tilt_db": 6.0}
+    which = radarsim.load_sensor("navtech_cts350x", fmcw=tilt)
+    turn = which.spectrum(foliage_room, PLACE, 3)
+    samples = which.beat_signal(foliage_room, PLACE, 3)
+    assert samples.dtype == np.float32
+    assert samples.shape[0] == 50
+    window = np.blackman(samples.shape[1] + 1)[:-1]
+    length = fft_length(turn.settings)
+    spectra = np.fft.rfft(samples * window / window.sum(), length)[:, :500]
+    power = np.abs(spectra) ** 2 * 10 ** (np.linspace(3, -3, 500) / 10)
+    # Rounded to 32 bits, relative to the strongest of each direction.
+    error = np.abs(np.sqrt(power) - np.sqrt(turn.power))
+    assert (error < 1e-5 * np.sqrt(turn.power.max(axis=1))[:, None]).all()

@@ -54,8 +54,10 @@ def actions_of(count: int, robots: int = 1, seed: int = 5) -> Any:
 
 @pytest.mark.parametrize("name", ["GoTo-v0", "Hedge-v0", "Smoke-v0"])
 def test_registered_environments_keep_the_rules_of_gymnasium(name: str) -> None:
-    env = gymnasium.make(f"radarsim.addons.gym:radarsim/{name}", **FAST)
-    check_env(env.unwrapped)
+    env = gymnasium.make(f"radarsim.gym:radarsim/{name}", **FAST)
+    check_env(
+        env.unwrapped, skip_render_check=True
+    )  # for which ``human`` needs a display
 
 
 def test_power_and_rays_are_observed_where_wanted(foliage_room: Scene) -> None:
@@ -66,12 +68,12 @@ def test_power_and_rays_are_observed_where_wanted(foliage_room: Scene) -> None:
         "sensor_settings": {"fov_deg": 90, "penetration_power": 2.0},
     }
     made = gymnasium.make(
-        "radarsim.addons.gym:radarsim/GoTo-v0",
+        "radarsim.gym:radarsim/GoTo-v0",
         beam_values=("power", "rays"),
         **settings,
     )
     env: Any = made.unwrapped
-    check_env(env)
+    check_env(env, skip_render_check=True)
     seen, _ = env.reset(seed=4)
     plain, _ = GoToEnv(**settings).reset(seed=4)
     assert seen.keys() - plain.keys() == {"power", "rays"}
@@ -203,7 +205,7 @@ def test_pictures_of_many_robots_are_those_of_each_alone() -> None:
     settings: dict[str, Any] = {"render_mode": "rgb_array", **FAST}
     maps = ["empty_room", "foliage_room"]
     many = gymnasium.make_vec(
-        "radarsim.addons.gym:radarsim/GoTo-v0", num_envs=3, map=maps, **settings
+        "radarsim.gym:radarsim/GoTo-v0", num_envs=3, map=maps, **settings
     )
     many.reset(seed=1)
     many.step(np.ones((3, 2), np.float32))
@@ -216,6 +218,8 @@ def test_pictures_of_many_robots_are_those_of_each_alone() -> None:
         np.testing.assert_array_equal(picture, alone.render())
     assert len(pictures) == 3
     assert VectorEnv(2, **FAST).render() is None
+    with pytest.raises(ValueError, match="'human', expected rgb_array or None"):
+        VectorEnv(2, render_mode="human", **FAST)
 
 
 def test_episode_ends_at_the_goal() -> None:
@@ -295,7 +299,7 @@ def test_random_places_are_free_and_can_be_reached(two_rooms: str) -> None:
         ({"robot": "Sedan"}, "steers as a car does"),
         ({"max_steps": 0}, "max_steps"),
         ({"beam_values": ["colour"]}, "beam_values"),
-        ({"render_mode": "human"}, "human"),
+        ({"render_mode": "ansi"}, "'ansi', expected rgb_array, human or None"),
     ],
 )
 def test_wrong_settings_are_told(settings: dict[str, Any], words: str) -> None:

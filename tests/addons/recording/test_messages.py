@@ -1,5 +1,6 @@
 """Messages of topics, as ROS decodes them."""
 
+import json
 import math
 from typing import Any
 
@@ -9,9 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.addons.recording import messages
-from radarsim.addons.recording.cdr import UInt8MultiArray, decode, encode, typestore
+from radarsim.addons.recording.cdr import (
+    UInt8MultiArray,
+    decode,
+    definition_of,
+    encode,
+    typestore,
+)
 from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.recording.robot_topics import Legend, RobotTopics
+from radarsim.addons.ros.rosbridge import message_json
 from radarsim.client.robot_info import ScannerInfo
 from radarsim.geometry import Pose3
 from radarsim.protocol.echoes import target_lines
@@ -51,7 +59,7 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     lines = target_lines(4.0, "Navtech", beams, ranges, -60.0 - ranges)
     told = [message for line in lines for message in topics.of_report(line)]
     message = told[-1]
-    assert (len(told), message.topic) == (1, "/R1/Navtech/targets")
+    assert (len(told), message.topic) == (2, "/R1/Navtech/targets")
     assert not message.latched
     cloud = decoded(message)
     assert (cloud.header.frame_id, stamp_of(cloud.header)) == ("R1/Navtech", (4, 0))
@@ -62,6 +70,23 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     expected = (scanner.angles[:count] + math.pi) % (2 * math.pi) - math.pi
     np.testing.assert_allclose(directions, expected, atol=1e-6)
     np.testing.assert_allclose(np.hypot(read["x"], read["y"]), ranges, rtol=1e-6)
+    # The same as a scan of the drivers of radars, which other nodes of ROS read.
+    assert told[0].topic == "/R1/Navtech/radar_scan"
+    assert told[0].type == "radar_msgs/msg/RadarScan"
+    scan = decoded(told[0])
+    assert (scan.header.frame_id, stamp_of(scan.header)) == ("R1/Navtech", (4, 0))
+    returns = np.array(
+        [
+            (each.range, each.azimuth, each.elevation, each.amplitude)
+            for each in scan.returns
+        ]
+    ).reshape(-1, 4)
+    columns = [ranges, expected, np.zeros(count), -60.0 - ranges]
+    np.testing.assert_allclose(returns, np.column_stack(columns), rtol=1e-6, atol=1e-6)
+    assert all(math.isnan(each.doppler_velocity) for each in scan.returns)
+    sent = json.loads(message_json(told[0]))["returns"]
+    assert {each["doppler_velocity"] for each in sent} <= {None}
+    assert "float32 doppler_velocity" in definition_of(told[0].type)
 
 
 @pytest.mark.parametrize("time", [math.nan, -1.0, math.inf])

@@ -98,7 +98,7 @@ def test_recorded_spectra_change_nothing_else(
     assert not repeat_run(host, recorded_runs.calls_in(events)).difference
 
 
-@pytest.mark.parametrize("revision", [1, RADAR_MODEL])
+@pytest.mark.parametrize("revision", [1, 2, RADAR_MODEL])
 def test_recording_of_another_radar_model_says_why_it_differs(
     revision: int, events: list[RunEvent], tmp_path: Path
 ) -> None:
