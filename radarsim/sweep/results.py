@@ -189,7 +189,7 @@ class SweepFolder:
                 " adds values"
             )
         if not (self.path / ABOUT).exists():
-            self._write_about(self._describe(file, sweep, tasks))
+            self._write_about(file, sweep, tasks)
 
     def add(self, key: str, result: Mapping[str, Any]) -> None:
         """Log the rows of a task, or its error."""
@@ -220,9 +220,7 @@ class SweepFolder:
         """
         with written_atomically(self.path / TABLE) as table:
             self._write_table(table, sweep, tasks)
-        about = self._describe(file, sweep, tasks)
-        about["failed"] = len(self.errors)
-        self._write_about(about)
+        self._write_about(file, sweep, tasks, failed=len(self.errors))
         with (
             written_atomically(self.path / LOG) as whole,
             whole.open("w", encoding="utf-8") as log,
@@ -263,17 +261,18 @@ class SweepFolder:
                 row["rays"] = unpacked(row["rays"], np.int8)
             yield {**head, **row}
 
-    def _describe(self, file: Path, sweep: SweepFile, tasks: Tasks) -> dict[str, Any]:
-        return {
+    def _write_about(
+        self, file: Path, sweep: SweepFile, tasks: Tasks, **others: int
+    ) -> None:
+        about = {
             "version": __version__,
             "file": file.name,
             "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
             "maps": {task["map"]: task["scene"] for task in tasks.values()},
             "tasks": len(tasks),
             "sweep": sweep.model_dump(mode="json", exclude_none=True),
+            **others,
         }
-
-    def _write_about(self, about: Mapping[str, Any]) -> None:
         with written_atomically(self.path / ABOUT) as whole:
             whole.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 

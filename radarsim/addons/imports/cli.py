@@ -33,13 +33,6 @@ _ENDINGS: Final[dict[str, Kind]] = {
 }
 
 
-_IMPORTERS: Final[dict[Kind, str]] = {
-    "map_server": "radarsim.addons.imports.map_server:import_map_server",
-    "sdf": "radarsim.addons.imports.sdf:import_sdf",
-    "gltf": "radarsim.addons.imports.gltf:import_gltf",
-}
-
-
 def _read_pattern(text: str) -> tuple[str, str]:
     pattern, sign, name = text.partition("=")
     if not (pattern and sign and name):
@@ -124,7 +117,8 @@ def import_(
             print_message(f"wrote {output}")
         return int(bool(notes and strict))
     folder = output.with_name(f"{output.stem}_meshes")
-    imported: ImportedMap = resolve_name(_IMPORTERS[kind])(file, options, folder)
+    read = resolve_name(f"radarsim.addons.imports.{kind}:import_{kind}")
+    imported: ImportedMap = read(file, options, folder)
     _check_materials(options, imported)
     if imported.notes:
         print_lines(imported.notes)

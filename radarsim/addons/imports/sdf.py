@@ -114,10 +114,9 @@ class _Importer:
                     self._add_model(model, place, prefix, inside, saved, level)
                 elif child.tag == "light":
                     text = "<light> is not needed: scanners see without it"
-                    self._map.note(child.path, child.line, text)
+                    self._note(LeftOut(child, text, ""))
                 elif child.tag in LEFT_OUT:
-                    text = f"<{child.tag}> is left out"
-                    self._map.note(child.path, child.line, text)
+                    self._note(LeftOut(child, f"<{child.tag}> is left out", ""))
                     self._map.others[f"<{child.tag}>"] += 1
             except LeftOut as error:
                 self._note(error)

@@ -208,6 +208,18 @@ def open_bag(folder: Path) -> "BagReader":
     return BagReader(folder)
 
 
+def check_new(folder: Path) -> None:
+    """Check that the folder of a bag can be created, as far as that is known.
+
+    Raises:
+        RecordingError: If a package is missing, or the folder exists.
+    """
+    check_installed()
+    if folder.exists():
+        text = f"{folder} exists, expected a new folder for the recording"
+        raise RecordingError(text)
+
+
 def create_folder(folder: Path) -> None:
     """Create the folder of a bag.
 
@@ -215,12 +227,9 @@ def create_folder(folder: Path) -> None:
         RecordingError: If a package is missing, or the folder exists or cannot be
             created.
     """
-    check_installed()
     try:
+        check_new(folder)
         folder.mkdir(parents=True)
-    except FileExistsError as error:
-        text = f"{folder} exists, expected a new folder for the recording"
-        raise RecordingError(text) from error
     except OSError as error:
         raise RecordingError(f"{folder}: {describe_os_error(error)}") from error
 

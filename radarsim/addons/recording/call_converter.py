@@ -14,6 +14,7 @@ from radarsim.addons.recording.messages import (
     Fields,
     TopicMessage,
     clock,
+    occupancy_grid,
     octets,
     transforms,
 )
@@ -22,7 +23,6 @@ from radarsim.addons.recording.robot_model import body_of
 from radarsim.addons.recording.robot_topics import (
     Legend,
     RobotTopics,
-    map_topic,
     topic_name,
 )
 from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, same_name
@@ -36,7 +36,6 @@ from radarsim.protocol.reports import Ins, ItemGeo, RobotConf, RobotGeo, decode_
 
 TICK: Final = 10_000_000  # ns
 CLOCK_GAP: Final = 100  # ticks without a call, after which the clock has stopped
-CLOCK: Final = "/clock"
 TO_CLIENT: Final = "/radarsim/wire/to_client"
 TO_SERVER: Final = "/radarsim/wire/to_server"
 FROM_HOST: Final = frozenset({EventType.TAKE, EventType.FINISH})
@@ -80,7 +79,7 @@ class CallConverter:
             if event.tick - self._clock > CLOCK_GAP:
                 self._clock = event.tick
             for tick in range(self._clock, event.tick + 1):
-                yield max(tick * TICK, last), TopicMessage(CLOCK, clock(tick / 100))
+                yield max(tick * TICK, last), clock(tick / 100)
             self._clock = max(self._clock, event.tick + 1)
         for message in self._messages(event):
             yield self._time, message
@@ -88,7 +87,7 @@ class CallConverter:
     def _messages(self, event: RunEvent) -> Iterator[TopicMessage]:
         type_, tick, client, data = event
         if type_ is EventType.MAP:
-            yield map_topic(*unpack(data))
+            yield occupancy_grid(*unpack(data))
             return
         time = tick * TICK / 1e9
         connection = self._connections.setdefault(client, _Connection())
@@ -113,8 +112,7 @@ class CallConverter:
                 pass
         if event.is_call:
             topic = TO_CLIENT if type_ in FROM_HOST else TO_SERVER
-            label = f"{type_.name.lower()} {client} {tick}"
-            yield TopicMessage(topic, octets(label, data))
+            yield octets(topic, f"{type_.name.lower()} {client} {tick}", data)
 
     def _describe(
         self, connection: _Connection, text: str, time: float
@@ -160,8 +158,7 @@ class CallConverter:
         """Return where all items are, of which some are new."""
         self._mounts.update({each.child_frame_id: each for each in mounts})
         # All of them: who subscribes later gets only the last message.
-        message = transforms(list(self._mounts.values()))
-        return TopicMessage("/tf_static", message, latched=True)
+        return transforms("/tf_static", list(self._mounts.values()), latched=True)
 
     def _picture(
         self, connection: _Connection, jpeg: bytes, time: float

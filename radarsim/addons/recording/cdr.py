@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 from rosbags.typesys.stores import ros2_jazzy
 
-from radarsim.addons.recording.messages import RosMessage
+from radarsim.addons.recording.messages import TopicMessage
 
 # Types that are read.
 Header = ros2_jazzy.std_msgs__msg__Header
@@ -59,7 +59,7 @@ def typestore() -> Typestore:
     return store
 
 
-def encode(message: RosMessage) -> bytes:
+def encode(message: TopicMessage) -> bytes:
     """Encode a message, little-endian."""
     store = typestore()
     return bytes(store.serialize_cdr(message.fields, message.type, little_endian=True))

@@ -1,4 +1,4 @@
-"""Messages of ROS 2: each function returns the type of one and its fields.
+"""Messages of ROS 2 for topics: each function returns one of a type.
 
 Times are simulated seconds, frames are those of REP-103 and REP-105, units SI.
 """
@@ -15,6 +15,8 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.server.views import FOV_DEG
 
 NANOSECONDS: Final = 1_000_000_000
+CLOCK: Final = "/clock"  # the topic
+MAP: Final = "map"  # the frame
 LATEST: Final = 2.0**31 - 1  # s that a time can tell
 # Of x, y, z, roll, pitch, yaw: squares of m and rad, or of m/s and rad/s. Drivers of
 # wheeled robots set such, as filters need some; large ones for what wheels do not tell.
@@ -45,37 +47,28 @@ Points: TypeAlias = NDArray[np.void]
 Fields: TypeAlias = SimpleNamespace
 
 
-class RosMessage(NamedTuple):
-    """A message.
-
-    Attributes:
-        type: Name of the type, such as ``sensor_msgs/msg/LaserScan``.
-        fields: Its fields; those of 32 bits are rounded to these already.
-    """
-
-    type: str
-    fields: Fields
-
-
 class TopicMessage(NamedTuple):
     """A message for a topic.
 
     Attributes:
         topic: Name of the topic.
-        message: The message.
+        type: Name of the type, such as ``sensor_msgs/msg/LaserScan``.
+        fields: Its fields; those of 32 bits are rounded to these already.
         latched: Whether who subscribes later gets the last one.
     """
 
     topic: str
-    message: RosMessage
+    type: str
+    fields: Fields
     latched: bool = False
 
 
-def _message(type_: str, **fields: object) -> RosMessage:
-    return RosMessage(type_, Fields(**fields))
+def _message(topic: str, type_: str, **fields: object) -> TopicMessage:
+    return TopicMessage(topic, type_, Fields(**fields))
 
 
 def laser_scan(
+    topic: str,
     time: float,
     frame: str,
     ranges: Floats,
@@ -85,10 +78,11 @@ def laser_scan(
     min_range: float,
     max_range: float,
     scan_time: float,
-) -> RosMessage:
+) -> TopicMessage:
     """Return a scan.
 
     Args:
+        topic: Name of the topic.
         time: Simulated time, s.
         frame: Frame of the scanner.
         ranges: (N,) m, counter-clockwise from the right; a range of at least
@@ -101,6 +95,7 @@ def laser_scan(
     """
     first = -fov / 2
     return _message(
+        topic,
         "sensor_msgs/msg/LaserScan",
         header=header_of(time, frame),
         angle_min=float32(first),
@@ -115,11 +110,12 @@ def laser_scan(
     )
 
 
-def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
+def point_cloud(topic: str, time: float, frame: str, points: Points) -> TopicMessage:
     """Return echoes or targets, rows of ``ECHO`` or ``TARGET``."""
     fields = points.dtype.fields
     assert fields is not None  # they have columns
     return _message(
+        topic,
         "sensor_msgs/msg/PointCloud2",
         header=header_of(time, frame),
         height=1,
@@ -136,7 +132,7 @@ def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
     )
 
 
-def radar_scan(time: float, frame: str, points: Points) -> RosMessage:
+def radar_scan(topic: str, time: float, frame: str, points: Points) -> TopicMessage:
     """Return targets, rows of ``TARGET``, as drivers of radars publish them."""
     x, y, dbm = points["x"], points["y"], points["dbm"]
     columns = np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), dbm.tolist()
@@ -150,14 +146,17 @@ def radar_scan(time: float, frame: str, points: Points) -> RosMessage:
         )
         for range_, azimuth, power in zip(*columns, strict=True)
     ]
-    header = header_of(time, frame)
-    return _message("radar_msgs/msg/RadarScan", header=header, returns=returns)
+    fields = Fields(header=header_of(time, frame), returns=returns)
+    return TopicMessage(topic, "radar_msgs/msg/RadarScan", fields)
 
 
-def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage:
+def grey_image(
+    topic: str, time: float, frame: str, pixels: NDArray[np.uint8]
+) -> TopicMessage:
     """Return a grey picture, (H, W)."""
     height, width = pixels.shape
     return _message(
+        topic,
         "sensor_msgs/msg/Image",
         header=header_of(time, frame),
         height=height,
@@ -169,24 +168,27 @@ def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage
     )
 
 
-def compressed_image(time: float, frame: str, jpeg: bytes) -> RosMessage:
+def compressed_image(topic: str, time: float, frame: str, jpeg: bytes) -> TopicMessage:
     """Return a picture that is a file of JPEG."""
-    data = np.frombuffer(jpeg, np.uint8)
     return _message(
+        topic,
         "sensor_msgs/msg/CompressedImage",
         header=header_of(time, frame),
         format="jpeg",
-        data=data,
+        data=np.frombuffer(jpeg, np.uint8),
     )
 
 
-def camera_info(time: float, frame: str, width: int, height: int) -> RosMessage:
+def camera_info(
+    topic: str, time: float, frame: str, width: int, height: int
+) -> TopicMessage:
     """Return the intrinsics of the camera: a pinhole without distortion."""
     focal = width / 2 / math.tan(math.radians(FOV_DEG) / 2)
     x, y = width / 2 - 0.5, height / 2 - 0.5  # pixels have their middles at integers
     k = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1]])
     region = Fields(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return _message(
+        topic,
         "sensor_msgs/msg/CameraInfo",
         header=header_of(time, frame),
         height=height,
@@ -203,37 +205,45 @@ def camera_info(time: float, frame: str, width: int, height: int) -> RosMessage:
 
 
 def odometry(
-    time: float, frame: str, child: str, pose: Pose3, speed: float, turn: float
-) -> RosMessage:
+    topic: str,
+    time: float,
+    frame: str,
+    child: str,
+    pose: Pose3,
+    motion: tuple[float, float],
+) -> TopicMessage:
     """Return a pose by odometry, and the motion in the frame of the child.
 
     Args:
+        topic: Name of the topic.
         time: Simulated time, s.
         frame: Frame of the pose.
         child: Frame that is there.
         pose: Where it is.
-        speed: Speed ahead, m/s.
-        turn: Counter-clockwise turn rate, rad/s.
+        motion: Speed ahead, m/s, and counter-clockwise turn rate, rad/s.
     """
     return _message(
+        topic,
         "nav_msgs/msg/Odometry",
         header=header_of(time, frame),
         child_frame_id=child,
         pose=Fields(pose=pose_fields(pose), covariance=ODOMETRY_COVARIANCE),
-        twist=Fields(twist=_twist(speed, turn), covariance=ODOMETRY_COVARIANCE),
+        twist=Fields(twist=_twist(*motion), covariance=ODOMETRY_COVARIANCE),
     )
 
 
-def pose_stamped(time: float, frame: str, pose: Pose3) -> RosMessage:
+def pose_stamped(topic: str, time: float, frame: str, pose: Pose3) -> TopicMessage:
     """Return a pose in a frame."""
     fields = Fields(header=header_of(time, frame), pose=pose_fields(pose))
-    return RosMessage("geometry_msgs/msg/PoseStamped", fields)
+    return TopicMessage(topic, "geometry_msgs/msg/PoseStamped", fields)
 
 
-def twist_stamped(time: float, frame: str, speed: float, turn: float) -> RosMessage:
+def twist_stamped(
+    topic: str, time: float, frame: str, speed: float, turn: float
+) -> TopicMessage:
     """Return a forward speed, m/s, and a counter-clockwise turn rate, rad/s."""
     fields = Fields(header=header_of(time, frame), twist=_twist(speed, turn))
-    return RosMessage("geometry_msgs/msg/TwistStamped", fields)
+    return TopicMessage(topic, "geometry_msgs/msg/TwistStamped", fields)
 
 
 def transform(time: float, parent: str, child: str, pose: Pose3) -> Fields:
@@ -245,53 +255,53 @@ def transform(time: float, parent: str, child: str, pose: Pose3) -> Fields:
     return Fields(header=header, child_frame_id=child, transform=place)
 
 
-def transforms(each: Sequence[Fields]) -> RosMessage:
+def transforms(
+    topic: str, each: Sequence[Fields], *, latched: bool = False
+) -> TopicMessage:
     """Return where frames are."""
-    return _message("tf2_msgs/msg/TFMessage", transforms=each)
+    fields = Fields(transforms=each)
+    return TopicMessage(topic, "tf2_msgs/msg/TFMessage", fields, latched)
 
 
 def occupancy_grid(
-    time: float, frame: str, cells: NDArray[np.int8], corner: Pose3, resolution: float
-) -> RosMessage:
-    """Return a map.
+    time: float, corner: tuple[float, float], resolution: float, cells: NDArray[np.int8]
+) -> TopicMessage:
+    """Return the message of ``/map``.
 
     Args:
         time: Simulated time, s.
-        frame: Name of the frame.
-        cells: (R, C) -1 unknown, 0 free to 100 occupied; the first row is the
-            southernmost.
         corner: South-west corner of the map, m.
         resolution: Side of a cell, m.
+        cells: (R, C) -1 unknown, 0 free to 100 occupied; the first row is the
+            southernmost.
     """
     rows, columns = cells.shape
-    return _message(
-        "nav_msgs/msg/OccupancyGrid",
-        header=header_of(time, frame),
-        info=Fields(
-            map_load_time=_stamp(time),
-            resolution=float32(resolution),
-            width=columns,
-            height=rows,
-            origin=pose_fields(corner),
-        ),
-        data=cells.ravel(),
+    info = Fields(
+        map_load_time=_stamp(time),
+        resolution=float32(resolution),
+        width=columns,
+        height=rows,
+        origin=pose_fields(Pose3(*corner, 0.0)),
     )
+    fields = Fields(header=header_of(time, MAP), info=info, data=cells.ravel())
+    return TopicMessage("/map", "nav_msgs/msg/OccupancyGrid", fields, latched=True)
 
 
-def clock(time: float) -> RosMessage:
+def clock(time: float) -> TopicMessage:
     """Return simulated time."""
-    return _message("rosgraph_msgs/msg/Clock", clock=_stamp(time))
+    return _message(CLOCK, "rosgraph_msgs/msg/Clock", clock=_stamp(time))
 
 
-def string(text: str) -> RosMessage:
-    """Return a text."""
-    return _message("std_msgs/msg/String", data=text)
+def string(topic: str, text: str) -> TopicMessage:
+    """Return a text, which who subscribes later gets as well."""
+    return TopicMessage(topic, "std_msgs/msg/String", Fields(data=text), latched=True)
 
 
-def octets(label: str, data: bytes) -> RosMessage:
+def octets(topic: str, label: str, data: bytes) -> TopicMessage:
     """Return bytes, with a label on their only dimension."""
     dimension = Fields(label=label, size=len(data), stride=len(data))
     return _message(
+        topic,
         "std_msgs/msg/UInt8MultiArray",
         layout=Fields(dim=[dimension], data_offset=0),
         data=np.frombuffer(data, np.uint8),

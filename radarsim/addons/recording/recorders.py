@@ -67,7 +67,7 @@ class EventType(IntEnum):
     END = 8  # the recording ends
     ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
     TURN = 101  # a turn of a radar on the robot of a client; see ``TurnCollector``
-    MAP = 102  # a map that is made in the run: the arguments of ``map_topic``
+    MAP = 102  # a map that is made in the run: arguments of ``occupancy_grid``
     VIEW = 103  # what the camera on the robot of a client looks at; see ``draw_views``
     PICTURE = 104  # a picture of that camera, as JPEG
 

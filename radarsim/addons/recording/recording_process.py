@@ -55,6 +55,7 @@ class RecordingProcess:
 
     Attributes:
         folder: Folder of the recording.
+        has_ended: Whether nothing more is recorded, as when the disk is full.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class RecordingProcess:
         self._frames: deque[bytes] = deque()
         self._is_closing = threading.Event()
         self._queued = self._written = 0  # bytes; each is changed by one thread only
-        self._has_ended = False
+        self.has_ended = False
         self._recorder: HostRecorder | None = None
         self._is_patient = is_patient
         try:
@@ -102,24 +103,19 @@ class RecordingProcess:
         )
         host.add_observer(self._recorder)
 
-    @property
-    def has_ended(self) -> bool:
-        """Whether nothing more is recorded, as when the disk is full."""
-        return self._has_ended
-
     def add(self, event: RunEvent) -> None:
         """Record an event; never raises, and waits only if that was asked for."""
-        if self._has_ended:
+        if self.has_ended:
             return
         frame = frame_of(event)
         # Appending to a deque needs no lock, so that no tick waits for the thread. Two
         # counters, as one that both change would need a lock.
         self._frames.append(frame)
         self._queued += len(frame)
-        while self._is_patient and self._is_behind() and not self._has_ended:
+        while self._is_patient and self._is_behind() and not self.has_ended:
             time.sleep(PAUSE)
         if self._is_behind():
-            self._has_ended = True
+            self.has_ended = True
             behind = MAX_WAITING // 2**20
             log.warning(
                 "recording ends: it is %d MB behind; the server goes on", behind
@@ -129,7 +125,7 @@ class RecordingProcess:
         """Complete the recording; return whether all of it is written."""
         if self._recorder is not None:
             self._recorder.end()
-        is_whole = not self._has_ended
+        is_whole = not self.has_ended
         self._is_closing.set()
         self._thread.join(END_TIMEOUT)
         try:
@@ -152,7 +148,7 @@ class RecordingProcess:
             while not self._is_closing.wait(WRITE_INTERVAL):
                 self._write_frames(pipe)
             self._write_frames(pipe)
-        self._has_ended = True
+        self.has_ended = True
         with suppress(OSError):
             pipe.close()
 
@@ -243,8 +239,8 @@ def write_recording(
     writer = BagWriter(folder, info.to_text())
 
     def write(time_: int, message: TopicMessage) -> None:
-        topic, content, latched = message
-        writer.write(BagMessage(topic, content.type, encode(content), time_, latched))
+        topic, type_, _, latched = message
+        writer.write(BagMessage(topic, type_, encode(message), time_, latched))
 
     if scene is not None:
         from radarsim.addons.recording.scene_topics import (  # noqa: PLC0415

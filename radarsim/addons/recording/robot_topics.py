@@ -19,6 +19,7 @@ from PIL import Image
 from radarsim.addons.fmcw.image_files import METADATA_BYTES
 from radarsim.addons.recording.messages import (
     ECHO,
+    MAP,
     TARGET,
     Fields,
     Points,
@@ -27,7 +28,6 @@ from radarsim.addons.recording.messages import (
     compressed_image,
     grey_image,
     laser_scan,
-    occupancy_grid,
     odometry,
     point_cloud,
     pose_stamped,
@@ -54,7 +54,6 @@ from radarsim.protocol.reports import (
 )
 from radarsim.server.views import MOUNT
 
-MAP = "map"
 SOURCES = (Odometry, Ins, GroundTruth)  # of the pose in ``odom``, best first
 REFERENCES = (GroundTruth, Ins)  # of the pose in ``map``, best first
 # Times the top speed: who is faster has been put there, as by a reset of odometry.
@@ -83,8 +82,7 @@ class Legend:
         if count != self._published:
             self._published = count
             names = {key: list(each) for key, each in self._names.items()}
-            text = string(json.dumps(names))
-            yield TopicMessage("/radarsim/legend", text, latched=True)
+            yield string("/radarsim/legend", json.dumps(names))
 
 
 class RobotFrames:
@@ -123,20 +121,19 @@ class RobotFrames:
         source = next(each for each in SOURCES if each in self._readings)
         if kind is not source or not self._knows_all:
             return
-        speed, turn = (0.0, 0.0) if before is None else _motion(before, time, pose)
+        motion = (0.0, 0.0) if before is None else _motion(before, time, pose)
         if robot is not None:
-            fastest = abs(speed) + abs(turn) * robot.wheel_separation / 2
+            fastest = abs(motion[0]) + abs(motion[1]) * robot.wheel_separation / 2
             if fastest > JUMP * robot.top_speed:
-                speed = turn = 0.0
+                motion = 0.0, 0.0
         frames = [transform(time, self._odom, self._base, pose)]
-        message = odometry(time, self._odom, self._base, pose, speed, turn)
-        yield TopicMessage(self._topic, message)
+        yield odometry(self._topic, time, self._odom, self._base, pose, motion)
         reference = next((r for r in REFERENCES if r in self._readings), None)
         if reference is not None and not self._own_localization:
             # Of the same tick: odometry comes after INS, and that after the truth.
             place = self._readings[reference][1].compose(pose.inverse())
             frames.append(transform(time, MAP, self._odom, place))
-        yield TopicMessage("/tf", transforms(frames))
+        yield transforms("/tf", frames)
 
 
 class RobotTopics:
@@ -185,8 +182,7 @@ class RobotTopics:
         text = robot_description(name, body, self._scanners, self._frame)
         if text != self._description:
             self._description = text
-            topic = self._topic("robot_description")
-            yield TopicMessage(topic, string(text), latched=True)
+            yield string(self._topic("robot_description"), text)
 
     def of_report(self, report: Report) -> Iterator[TopicMessage]:
         """Yield the messages that a report of the robot becomes; many become none."""
@@ -199,15 +195,13 @@ class RobotTopics:
                 placed = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
                 yield from self._frames.observe(Odometry, time, placed, self._robot)
             case GroundTruth(time, _, pose):
-                topic = self._topic("ground_truth")
-                yield TopicMessage(topic, pose_stamped(time, MAP, pose))
+                yield pose_stamped(self._topic("ground_truth"), time, MAP, pose)
                 yield from self._frames.observe(GroundTruth, time, pose, self._robot)
             case Ins(time, name, pose):
                 # An INS reads its own pose, and not that of the robot.
                 if name in self._ins_mounts:
                     pose = pose.compose(self._ins_mounts[name].inverse())
-                topic = self._topic("ins")
-                yield TopicMessage(topic, pose_stamped(time, MAP, pose))
+                yield pose_stamped(self._topic("ins"), time, MAP, pose)
                 yield from self._frames.observe(Ins, time, pose, self._robot)
             case _:
                 pass
@@ -225,9 +219,8 @@ class RobotTopics:
             top = robot.wheel_radius / robot.drive_scale
         left, right = speeds[0] * top, speeds[1] * top
         turn = (right - left) / robot.wheel_separation
-        frame = self._frame("base_link")
-        message = twist_stamped(time, frame, (left + right) / 2, turn)
-        return TopicMessage(self._topic("cmd_vel"), message)
+        topic, frame = self._topic("cmd_vel"), self._frame("base_link")
+        return twist_stamped(topic, time, frame, (left + right) / 2, turn)
 
     def of_turn(
         self, scanner: str, time: float, bin_size: float, rows: NDArray[np.uint8]
@@ -246,10 +239,8 @@ class RobotTopics:
         if scanner not in self._told_spectra:
             self._told_spectra.add(scanner)
             layout = {"bin_size": bin_size, "metadata_bytes": METADATA_BYTES}
-            topic = self._topic(*names, "layout")
-            yield TopicMessage(topic, string(json.dumps(layout)), latched=True)
-        picture = grey_image(time, self._frame(scanner), rows)
-        yield TopicMessage(self._topic(*names), picture)
+            yield string(self._topic(*names, "layout"), json.dumps(layout))
+        yield grey_image(self._topic(*names), time, self._frame(scanner), rows)
 
     def of_picture(
         self, time: float, jpeg: bytes
@@ -264,21 +255,20 @@ class RobotTopics:
             OSError: If it is no picture.
         """
         frame, base = self._frame(OPTICAL_FRAME), self._frame("base_link")
+        topic = self._topic("camera", "camera_info")
         with Image.open(io.BytesIO(jpeg), formats=["JPEG"]) as opened:
-            info = camera_info(time, frame, *opened.size)
-        image = compressed_image(time, frame, jpeg)
-        return (
-            transform(time, base, frame, OPTICAL_MOUNT),
-            TopicMessage(self._topic("camera", "image", "compressed"), image),
-            TopicMessage(self._topic("camera", "camera_info"), info),
-        )
+            info = camera_info(topic, time, frame, *opened.size)
+        topic = self._topic("camera", "image", "compressed")
+        image = compressed_image(topic, time, frame, jpeg)
+        return transform(time, base, frame, OPTICAL_MOUNT), image, info
 
     def _scan(self, scan: RangeScan) -> TopicMessage:
         known = self._scanner(scan.name)
         gaps = len(scan.ranges) - 1
         before = self._scan_times.get(scan.name, scan.time)
         self._scan_times[scan.name] = scan.time
-        message = laser_scan(
+        return laser_scan(
+            self._topic(topic_name(scan.name), "scan"),
             scan.time,
             self._frame(scan.name),
             scan.ranges,
@@ -290,7 +280,6 @@ class RobotTopics:
             max_range=known.max_range if known else math.inf,
             scan_time=scan.time - before,
         )
-        return TopicMessage(self._topic(topic_name(scan.name), "scan"), message)
 
     def _cloud(self, line: EchoLine | RadarTargets) -> Iterator[TopicMessage]:
         """Yield the points of a scan once its last line has come."""
@@ -305,10 +294,9 @@ class RobotTopics:
             last = "echoes"
             yield from self._legend.news()  # before the points that have its numbers
         else:
-            targets = radar_scan(line.time, frame, cloud)
-            yield TopicMessage(self._topic(name, "radar_scan"), targets)
-        message = point_cloud(line.time, frame, cloud)
-        yield TopicMessage(self._topic(name, last), message)
+            topic = self._topic(name, "radar_scan")
+            yield radar_scan(topic, line.time, frame, cloud)
+        yield point_cloud(self._topic(name, last), line.time, frame, cloud)
 
     def _points(self, line: EchoLine | RadarTargets, scanner: ScannerInfo) -> Points:
         """Return the points of a line in the frame of its scanner."""
@@ -391,18 +379,10 @@ def topic_name(name: str) -> str:
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
 
 
-def map_topic(
-    time: float, corner: tuple[float, float], resolution: float, cells: NDArray[np.int8]
-) -> TopicMessage:
-    """Return the message of ``/map``; see ``occupancy_grid``."""
-    grid = occupancy_grid(time, MAP, cells, Pose3(*corner, 0.0), resolution)
-    return TopicMessage("/map", grid, latched=True)
-
-
 def sensed_map(
     grid: OccupancyGrid,
 ) -> tuple[tuple[float, float], float, NDArray[np.int8]]:
-    """Return the sensed part of a map that has cells, for ``map_topic``.
+    """Return the sensed part of a map that has cells, for ``occupancy_grid``.
 
     Foliage is occupied: robots drive into it.
     """

@@ -14,7 +14,6 @@ from radarsim import __version__
 from radarsim.autonomy.cli.run_files import Recording
 from radarsim.cli.output import print_message
 from radarsim.cli.server_options import ServedMap, ServeExtension
-from radarsim.errors import RecordingError
 from radarsim.plans import Option
 from radarsim.protocol.dialect import DriveUnit
 
@@ -131,7 +130,7 @@ class RunRecording(Recording):
         self, folder: Path, drive_unit: DriveUnit, *, robots_map: bool
     ) -> None:
         """Check that it can be recorded; see ``make_recording``."""
-        from radarsim.addons.recording.bag_folder import check_installed
+        from radarsim.addons.recording.bag_folder import check_new
 
         self._folder, self._drive_unit = folder, drive_unit
         self._robots_map = robots_map
@@ -139,10 +138,7 @@ class RunRecording(Recording):
         self._process: RecordingProcess
         self._wire: WireRecorder | None = None  # of a server that is another program
         self._map_due = -math.inf
-        check_installed()
-        if folder.exists():
-            text = f"{folder} exists, expected a new folder for the recording"
-            raise RecordingError(text)
+        check_new(folder)
 
     def attach(self, host: Host, map_: str) -> None:
         """See ``Recording.attach``."""

@@ -10,16 +10,17 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from radarsim.addons.recording.messages import (
+    MAP,
     Fields,
-    RosMessage,
     TopicMessage,
     float32,
     header_of,
+    occupancy_grid,
     pose_fields,
     vector,
 )
 from radarsim.addons.recording.recorders import EventType, RunEvent, unpack
-from radarsim.addons.recording.robot_topics import FREE, MAP, OCCUPIED, map_topic
+from radarsim.addons.recording.robot_topics import FREE, OCCUPIED
 from radarsim.autonomy.evaluation.map_score import Truth
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, GridFrame
 from radarsim.geometry import Floats, Pose3
@@ -49,16 +50,17 @@ def scene_topics(scene: Scene, *, with_map: bool = True) -> Iterator[TopicMessag
         scene: The map.
         with_map: Whether its true occupancy grid is told; not if a robot's map is.
     """
-    yield TopicMessage(SCENE, scene_markers(scene), latched=True)
+    yield scene_markers(scene)
     if with_map and scene.parts:
         yield true_map(scene)
 
 
-def scene_markers(scene: Scene) -> RosMessage:
+def scene_markers(scene: Scene) -> TopicMessage:
     """Return the surfaces of a scene: a list of triangles for each part."""
     every = math.ceil(scene.triangles / MOST_TRIANGLES)
     markers = [_marker(number, part, every) for number, part in enumerate(scene.parts)]
-    return RosMessage("visualization_msgs/msg/MarkerArray", Fields(markers=markers))
+    type_, fields = "visualization_msgs/msg/MarkerArray", Fields(markers=markers)
+    return TopicMessage(SCENE, type_, fields, latched=True)
 
 
 def opacity_of(material: Material) -> float:
@@ -119,7 +121,7 @@ def true_map(scene: Scene) -> TopicMessage:
         west - frame.column : east - frame.column,
     ]
     cells = np.where(window, OCCUPIED, FREE).astype(np.int8)
-    return map_topic(0.0, (west * size, south * size), size, cells)
+    return occupancy_grid(0.0, (west * size, south * size), size, cells)
 
 
 def draw_views(scene: Scene, events: Iterable[RunEvent]) -> Iterator[RunEvent]:

@@ -10,8 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeAlias
 
-from radarsim.addons.recording.call_converter import CLOCK
-from radarsim.addons.recording.messages import Fields, RosMessage, TopicMessage
+from radarsim.addons.recording.messages import CLOCK, Fields, TopicMessage
 from radarsim.addons.ros.bridge import DriveCallback
 from radarsim.errors import expected_one_of
 
@@ -43,20 +42,20 @@ class Board:
         self.types: dict[str, str] = {}
         self.drivers: dict[str, DriveCallback] = {}
         self.now = Fields(sec=0, nanosec=0)
-        self._latched: dict[str, RosMessage] = {}
+        self._latched: dict[str, TopicMessage] = {}
         self._encoded: dict[str, Any] = {}  # latched messages, once they are wanted
 
     def add(self, message: TopicMessage, wanted: bool) -> Any:
         """Note a message; return it encoded if somebody wants it."""
-        topic, content, latched = message
-        self.types[topic] = content.type
+        topic = message.topic
+        self.types[topic] = message.type
         if topic == CLOCK:
-            self.now = content.fields.clock
-        if latched:
-            self._latched[topic] = content
+            self.now = message.fields.clock
+        if message.latched:
+            self._latched[topic] = message
             self._encoded.pop(topic, None)
         # Once for all clients, as arrays of scans take long to write.
-        return self.protocol.encode(content) if wanted else None
+        return self.protocol.encode(message) if wanted else None
 
     def latched(self, topic: str) -> Any:
         """Return the last message of a latched topic, encoded; None without one."""
@@ -98,7 +97,7 @@ class BoardClient:
         self._subscriptions: dict[str, dict[str | int, float]] = {}
 
     @staticmethod
-    def encode(message: RosMessage) -> Any:
+    def encode(message: TopicMessage) -> Any:
         """Return a message as clients are sent it."""
         raise NotImplementedError
 

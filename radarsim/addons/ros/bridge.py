@@ -19,16 +19,19 @@ from PIL import Image
 from radarsim import __version__
 from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import (
-    CLOCK,
     TO_CLIENT,
     TO_SERVER,
     CallConverter,
 )
-from radarsim.addons.recording.messages import TopicMessage, clock
+from radarsim.addons.recording.messages import (
+    CLOCK,
+    TopicMessage,
+    clock,
+    occupancy_grid,
+)
 from radarsim.addons.recording.recorders import EventType, RunEvent, WatchRecorder
 from radarsim.addons.recording.robot_topics import (
     below,
-    map_topic,
     sensed_map,
     topic_name,
 )
@@ -103,7 +106,7 @@ class LiveTopics:
         asked = b""
         for report in reports:
             if isinstance(report, ClockTick):
-                self._publish(TopicMessage(CLOCK, clock(report.time)))
+                self._publish(clock(report.time))
             asked += self._robots.take(report)
         return asked
 
@@ -152,7 +155,7 @@ async def publish_map(
             if time >= due:
                 due = time + MAP_INTERVAL
                 # A map is made in a thread of its own, and topics belong to the loop.
-                message = map_topic(time, *sensed_map(mapper.grid))
+                message = occupancy_grid(time, *sensed_map(mapper.grid))
                 loop.call_soon_threadsafe(publish, message)
 
         follower.on_scan = publish_now
@@ -195,23 +198,20 @@ class Driver:
         Raises:
             ClientError: When it is lost.
         """
-        await first_of(self._read(), self._drive_on())
-
-    async def _drive_on(self) -> None:
-        while True:
-            await self._drive()
-            await asyncio.sleep(CHECK_INTERVAL)
+        await first_of(self._read(), self._drive())
 
     async def _drive(self) -> None:
-        # Who has lost the connection sends no stop: silence is one.
-        late = asyncio.get_running_loop().time() - self._last > DEAD_MAN
-        if self._moves and late:
-            self._wanted = 0.0, 0.0
-        if self._wanted is not None:
-            speed, turn = self._wanted
-            # Commands come faster than robots can use them: only the newest is sent.
-            self._wanted, self._moves = None, (speed, turn) != (0.0, 0.0)
-            await self._client.drive(*self._robot.wheel_speeds(speed, turn))
+        loop = asyncio.get_running_loop()
+        while True:
+            # Who has lost the connection sends no stop: silence is one.
+            if self._moves and loop.time() - self._last > DEAD_MAN:
+                self._wanted = 0.0, 0.0
+            if self._wanted is not None:
+                speed, turn = self._wanted
+                # Commands come faster than robots can use them: the newest is sent.
+                self._wanted, self._moves = None, (speed, turn) != (0.0, 0.0)
+                await self._client.drive(*self._robot.wheel_speeds(speed, turn))
+            await asyncio.sleep(CHECK_INTERVAL)
 
     async def _read(self) -> None:
         """Read what the robot senses, which its watcher publishes."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from dataclasses import dataclass
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Interval
@@ -17,11 +18,14 @@ from radarsim.plans import RARE, Option, Sets
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
-    from radarsim.addons.ros.board import BoardClient
     from radarsim.addons.ros.bridge import RosSide
 
 
 PORTS: Final = {"rosbridge": 9090, "foxglove": 8765}  # as their programs expect them
+CLIENTS: Final = {
+    "rosbridge": "radarsim.addons.ros.rosbridge:RosbridgeClient",
+    "foxglove": "radarsim.addons.ros.foxglove:FoxgloveClient",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,17 +160,9 @@ def _make_side(options: BridgeOptions) -> RosSide:
     from radarsim.addons.ros.websocket_side import WebSocketSide
 
     port = PORTS[options.bridge] if options.web is None else options.web
-    protocol: type[BoardClient]
     if options.bridge == "foxglove":
         import_optional("rosbags.typesys", "record")
-        from radarsim.addons.ros.foxglove import FoxgloveClient
-
-        protocol = FoxgloveClient
-    else:
-        from radarsim.addons.ros.rosbridge import RosbridgeClient
-
-        protocol = RosbridgeClient
-    board = Board(protocol)
+    board = Board(resolve_name(CLIENTS[options.bridge]))
     return WebSocketSide(board, options.web_host, port, announce, options.origin)
 
 

@@ -71,15 +71,14 @@ class DdsParticipant:
 
     def publish(self, message: TopicMessage) -> None:
         """See ``RosSide.publish``."""
-        topic, content, latched = message
-        type_ = _struct_of(content.type)
+        topic, type_ = message.topic, _struct_of(message.type)
         if topic not in self._writers:
             place = Topic(self._participant, f"rt{topic}", type_)
-            quality = _quality(latched=latched)
+            quality = _quality(latched=message.latched)
             self._writers[topic] = DataWriter(self._participant, place, quality)
         # Not by its constructor, which asks for all fields; nobody reads them.
         sample = type_.__new__(type_)
-        sample.encoded = encode(content)
+        sample.encoded = encode(message)
         self._writers[topic].write(sample)
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:

@@ -9,7 +9,6 @@ import json
 import struct
 from typing import Any, Final
 
-from radarsim.addons.recording.call_converter import CLOCK
 from radarsim.addons.recording.cdr import (
     Twist,
     TwistStamped,
@@ -17,7 +16,7 @@ from radarsim.addons.recording.cdr import (
     definition_of,
     encode,
 )
-from radarsim.addons.recording.messages import NANOSECONDS, RosMessage
+from radarsim.addons.recording.messages import CLOCK, NANOSECONDS, TopicMessage
 from radarsim.addons.ros.board import (
     LONGEST_NAME,
     MOST_ENTRIES,
@@ -64,7 +63,7 @@ class FoxgloveClient(BoardClient):
         self._tell(list(board.types))
 
     @staticmethod
-    def encode(message: RosMessage) -> bytes:
+    def encode(message: TopicMessage) -> bytes:
         """See ``BoardClient.encode``."""
         return encode(message)
 
@@ -85,7 +84,7 @@ class FoxgloveClient(BoardClient):
 
     def wants(self, topic: str) -> bool:
         """See ``BoardClient.wants``; the clock is told in any case."""
-        return topic == CLOCK or super().wants(topic)
+        return topic == CLOCK or bool(self._subscriptions.get(topic))
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
         """See ``BoardClient.offer``."""
@@ -147,11 +146,8 @@ class FoxgloveClient(BoardClient):
 
     def _unsubscribe(self, message: Json) -> None:
         gone = {int(each) for each in message["subscriptionIds"]}
-        kept = {
-            topic: {number: 0.0 for number in numbers if number not in gone}
-            for topic, numbers in self._subscriptions.items()
-        }
-        self._subscriptions = {topic: each for topic, each in kept.items() if each}
+        for topic, numbers in self._subscriptions.items():
+            self._subscriptions[topic] = {n: 0.0 for n in numbers if n not in gone}
 
     def _advertise(self, message: Json) -> None:
         # Also topics that nobody listens to: panels announce what they may publish.

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim.addons.recording.messages import RosMessage
+from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.board import (
     LONGEST_NAME,
     MOST_WAITING,
@@ -27,7 +27,7 @@ from radarsim.addons.ros.bridge import TWIST
 from radarsim.errors import MissingPackage, import_optional
 
 
-def message_json(message: RosMessage) -> str:
+def message_json(message: TopicMessage) -> str:
     """Return a message as JSON; octets are in base64, and what is no number is null."""
 
     def plain(value: object) -> object:
@@ -105,7 +105,7 @@ class RosbridgeClient(BoardClient):
         }
 
     @staticmethod
-    def encode(message: RosMessage) -> str:
+    def encode(message: TopicMessage) -> str:
         """See ``BoardClient.encode``."""
         return message_json(message)
 

@@ -109,7 +109,7 @@ class Commander:
         self._greet(viewer)
         if self._activities.scene is not None:
             viewer.send(self._activities.scene.plan)
-        viewer.send(self._recording.message(), "recording")
+        viewer.send(self._recording.state, "recording")
         viewer.send(self._link.time_message(), "time")
         self._tell_server(viewer)
         for text in self._activities.newest.values():

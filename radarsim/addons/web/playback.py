@@ -45,7 +45,6 @@ from radarsim.simulation.clock import seconds
 SECOND: Final = 1_000_000_000  # ns
 INTERVAL: Final = 0.05  # s between two looks at what is due
 BEFORE: Final = 1.0  # s of lines that tell how everything is at a time
-KEPT: Final = 4  # seconds of lines that are remembered
 FIRST_LOOK: Final = 0.2  # s after the first robot, when it has scanned
 
 
@@ -332,20 +331,15 @@ class Playback(Link):
 
     async def _read(self, since: float, time: float) -> list[WatchedLine]:
         """Return the lines after a time up to another one."""
-        wanted = range(int(max(since, 0.0)), int(time) + 1)
-        for second in wanted:
-            lines = self._seconds.pop(second, None)
-            if lines is None:
-                lines = await self._read_second(second)
-            self._seconds[second] = lines  # the newest is last
-        for old in [*self._seconds][: -max(KEPT, len(wanted))]:
-            del self._seconds[old]
-        found = (line for second in wanted for line in self._seconds[second])
+        before, self._seconds = self._seconds, {}
+        for second in range(int(max(since, 0.0)), int(time) + 1):
+            try:
+                lines = before.get(second)
+                if lines is None:
+                    lines = await asyncio.to_thread(self._recording.read, second)
+            except RecordingError as error:  # what comes after it may be whole
+                self.on_damage(str(error))
+                lines = []
+            self._seconds[second] = lines  # the next look is at the same second
+        found = (line for lines in self._seconds.values() for line in lines)
         return [line for sent, line in found if since < sent <= time]
-
-    async def _read_second(self, second: int) -> list[TimedLine]:
-        try:
-            return await asyncio.to_thread(self._recording.read, second)
-        except RecordingError as error:  # what comes after it may be whole
-            self.on_damage(str(error))
-            return []

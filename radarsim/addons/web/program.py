@@ -9,14 +9,13 @@ import asyncio
 import mimetypes
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
@@ -40,7 +39,6 @@ from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.addons.web.cli import PageOptions
-    from radarsim.addons.web.playback import Playback
     from radarsim.addons.web.scene_message import SceneMessages
 
 PAGE: Final = Path(__file__).parent / "page"
@@ -88,7 +86,13 @@ async def serve_page(
         address = listening.getsockname()[:2]
         link: Link
         if isinstance(server, Path):
-            link = _open_recording(server, stack)
+            from radarsim.addons.web.playback import (  # noqa: PLC0415
+                Playback,
+                RecordedLines,
+            )
+
+            recording = stack.enter_context(closing(RecordedLines.open(server)))
+            link = Playback(recording)
         elif is_child:
             link = ParentLink(server)
             link.follow(end)
@@ -137,19 +141,6 @@ async def _work(
         await asyncio.wait({running})
 
 
-def _open_recording(folder: Path, stack: ExitStack) -> "Playback":
-    """Open a recording until a stack is left.
-
-    Raises:
-        RecordingError: If it cannot be read.
-    """
-    from radarsim.addons.web.playback import Playback, RecordedLines  # noqa: PLC0415
-
-    recording = RecordedLines.open(folder)
-    stack.callback(recording.close)
-    return Playback(recording)
-
-
 def _load_scene(map_: str | None) -> "SceneMessages | None":
     if map_ is None:
         return None
@@ -168,12 +159,6 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
         token: What a browser has to know.
     """
 
-    def send_index(_: Request) -> Response:
-        return FileResponse(PAGE / "index.html")
-
-    def send_palette(_: Request) -> Response:
-        return Response(palette_style(), media_type="text/css")
-
     async def talk(socket: WebSocket) -> None:
         await socket.accept()
         with suppress(WebSocketDisconnect):
@@ -183,9 +168,10 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
             else:
                 await socket.close(refusal)
 
+    style = palette_style()
     routes = [
-        Route("/", send_index),
-        Route("/static/palette.css", send_palette),
+        Route("/", lambda _: FileResponse(PAGE / "index.html")),
+        Route("/static/palette.css", lambda _: Response(style, media_type="text/css")),
         Mount("/static", StaticFiles(directory=PAGE)),
         WebSocketRoute("/ws", talk),
     ]

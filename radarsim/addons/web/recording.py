@@ -6,7 +6,6 @@ the files.
 """
 
 import asyncio
-from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from importlib import import_module
@@ -28,7 +27,11 @@ SILENCE: Final = 60.0  # s that one call waits for reports
 
 
 class RecordingSwitch:
-    """Records all robots into new folders, all below the same one."""
+    """Records all robots into new folders, all below the same one.
+
+    Attributes:
+        state: The message ``recording``, which a new browser has to know.
+    """
 
     def __init__(
         self,
@@ -54,11 +57,7 @@ class RecordingSwitch:
         self._map = map_
         self._viewers = viewers
         self._task: asyncio.Task[None] | None = None
-        self._state: dict[str, Any] = {"op": "recording", "on": False, "text": ""}
-
-    def message(self) -> dict[str, Any]:
-        """Return what a new browser has to know."""
-        return self._state
+        self.state: dict[str, Any] = {"op": "recording", "on": False, "text": ""}
 
     def switch(self, on: bool) -> None:
         """Begin to record, or end it; what is so already stays so.
@@ -68,13 +67,13 @@ class RecordingSwitch:
             RecordingError: If something is missing that recordings need.
         """
         if not on:
-            if self._state["on"] and self._task is not None:
+            if self.state["on"] and self._task is not None:
                 self._task.cancel()
         elif self._server is None:
             raise BadRequest("a recording is played, expected a server to record")
         elif self._task is None:
             check_installed()
-            self._task = asyncio.ensure_future(self._record())
+            self._task = asyncio.ensure_future(self._record(self._server))
         elif self._task.cancelling():
             raise BadRequest("the recording before is not complete yet")
 
@@ -86,84 +85,68 @@ class RecordingSwitch:
                 self._task.cancel()
             await asyncio.wait({self._task})
 
-    async def _record(self) -> None:
+    async def _record(self, server: tuple[str, int]) -> None:
         name = f"recording_{datetime.now().astimezone():%Y%m%d_%H%M%S}"
         folder = self._folder.resolve() / name
-        assert self._server is not None  # ``switch`` has refused
-        begun = f"Records to {folder}"
         try:
-            await record(
-                self._server, folder, self._info, lambda: self._tell(True, begun)
-            )
+            await self._record_to(server, folder)
         except asyncio.CancelledError:
             self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
             # What was recorded until a connection was lost is complete.
             is_cut = isinstance(error, RecordingError)
             text = f"{folder} is not complete" if is_cut else f"Recorded in {folder}"
-            self._tell(False, text if self._state["on"] else "")
+            self._tell(False, text if self.state["on"] else "")
             self._viewers.broadcast({"op": "error", "text": f"recording: {error}"})
         finally:
             self._task = None
 
-    def _info(self, level: str) -> RecordingInfo:
-        """Return what a recording of a map says of its run."""
-        drawn = _lasting_name(self._map)
-        return RecordingInfo.of_config(self._config, level=level, drawn_map=drawn)
+    async def _record_to(self, server: tuple[str, int], folder: Path) -> None:
+        """Record until the task is cancelled; the recording is complete then as well.
+
+        Args:
+            server: Host and port of the server.
+            folder: Folder to create.
+
+        Raises:
+            ClientError: If the server is not there, does not let robots be watched, or
+                closes the connection.
+            RecordingError: If the recording cannot be written.
+        """
+        # Before the server sends anything, as this takes seconds; it imports the other.
+        module = "radarsim.addons.recording.recording_process"
+        await asyncio.to_thread(import_module, module)
+        from radarsim.addons.recording.recorders import WatchRecorder  # noqa: PLC0415
+        from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
+            RecordingProcess,
+        )
+
+        async with AsyncClient.connect(*server) as client:
+            client.session.reads_copies = False  # another process reads them
+            level = (await client.greeting()).level
+            # All robots with all echoes, whatever the pages look at.
+            await client.watch(echoes=True)
+            await asyncio.to_thread(create_folder, folder)
+            drawn = _lasting_name(self._map)
+            info = RecordingInfo.of_config(self._config, level=level, drawn_map=drawn)
+            process = await asyncio.to_thread(RecordingProcess, folder, info)
+            recorder = WatchRecorder(process.add)
+            try:
+                self._tell(True, f"Records to {folder}")
+                while not process.has_ended:
+                    with suppress(ClientTimeout):
+                        asked = map(recorder.take, await client.read(SILENCE))
+                        await client.send(b"".join(asked))
+            finally:
+                recorder.end()
+                if not await asyncio.to_thread(process.close):
+                    text = f"{folder} is not complete: is the disk full?"
+                    # also if it was cancelled, which would say that all is well
+                    raise RecordingError(f"{text} radarsim's terminal tells why")
 
     def _tell(self, on: bool, text: str) -> None:
-        self._state = {"op": "recording", "on": on, "text": text}
-        self._viewers.broadcast(self._state, "recording")
-
-
-async def record(
-    server: tuple[str, int],
-    folder: Path,
-    describe: Callable[[str], RecordingInfo],
-    on_begin: Callable[[], None],
-) -> None:
-    """Record until the task is cancelled; the recording is complete then as well.
-
-    Args:
-        server: Host and port of the server.
-        folder: Folder to create.
-        describe: Returns the conditions of the run on a level.
-        on_begin: Called when recording has begun.
-
-    Raises:
-        ClientError: If the server is not there, does not let robots be watched, or
-            closes the connection.
-        RecordingError: If the recording cannot be written.
-    """
-    # Before the server sends anything, as this takes seconds.
-    for name in ("recording_process", "recorders"):
-        module = f"radarsim.addons.recording.{name}"
-        await asyncio.to_thread(import_module, module)
-    from radarsim.addons.recording.recorders import WatchRecorder  # noqa: PLC0415
-    from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
-        RecordingProcess,
-    )
-
-    async with AsyncClient.connect(*server) as client:
-        client.session.reads_copies = False  # another process reads them
-        level = (await client.greeting()).level
-        # All robots with all echoes, whatever the pages look at.
-        await client.watch(echoes=True)
-        await asyncio.to_thread(create_folder, folder)
-        process = await asyncio.to_thread(RecordingProcess, folder, describe(level))
-        recorder = WatchRecorder(process.add)
-        try:
-            on_begin()
-            while not process.has_ended:
-                with suppress(ClientTimeout):
-                    asked = map(recorder.take, await client.read(SILENCE))
-                    await client.send(b"".join(asked))
-        finally:
-            recorder.end()
-            if not await asyncio.to_thread(process.close):
-                text = f"{folder} is not complete: is the disk full?"
-                # also if it was cancelled, which would say that all is well
-                raise RecordingError(f"{text} radarsim's terminal tells why")
+        self.state = {"op": "recording", "on": on, "text": text}
+        self._viewers.broadcast(self.state, "recording")
 
 
 def _lasting_name(map_: str | None) -> str:

@@ -241,14 +241,8 @@ _UNITS: Final = {
     "db": "dB",
     "dbsm": "dBsm",
 }
-_METRES: Final = (
-    "divergence_distance",
-    "max_range",
-    "min_range",
-    "range_noise",
-    "range_quantum",
-    "range_resolution",
-)
+# Last words of the names of settings in m.
+_METRES: Final = ("distance", "range", "noise", "quantum", "resolution")
 
 
 def make_offers(config: SimulationConfig) -> dict[str, Any]:
@@ -298,7 +292,7 @@ def _settings() -> Iterable[dict[str, Any]]:
         if slides:
             least, most, step = SLIDERS[key]
         words, _, last = key.rpartition("_")
-        unit = "m" if key in _METRES else _UNITS.get(last, "")
+        unit = "m" if last in _METRES else _UNITS.get(last, "")
         yield {
             "key": key,
             "label": _label(words if last in _UNITS else key),

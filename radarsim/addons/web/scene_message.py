@@ -32,10 +32,8 @@ class SceneMessages:
     def __init__(self, scene: Scene) -> None:
         """Describe a map."""
         plan = describe_plan(scene)
-        self.plan, self.triangles = (
-            encode_json(plan),
-            encode_json(describe_triangles(scene)),
-        )
+        self.plan = encode_json(plan)
+        self.triangles = encode_json(describe_triangles(scene))
         self.materials = describe_materials(scene)
         trial = scene.trial
         self.safety_distance = None if trial is None else trial.safety_distance

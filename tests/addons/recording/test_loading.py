@@ -101,6 +101,7 @@ def test_scanner_with_new_beams_goes_on_under_another_name(tmp_path: Path) -> No
     writer = BagWriter(tmp_path / "run", {"version": "1"})
     for tick, count in enumerate((3, 3, 5)):
         message = laser_scan(
+            "/R1/laser/scan",
             tick / 100,
             "R1/laser",
             np.arange(float(count)),
@@ -111,9 +112,7 @@ def test_scanner_with_new_beams_goes_on_under_another_name(tmp_path: Path) -> No
             scan_time=0.1,
         )
         data = encode(message)
-        writer.write(
-            BagMessage("/R1/laser/scan", message.type, data, tick * 10_000_000)
-        )
+        writer.write(BagMessage(message.topic, message.type, data, tick * 10_000_000))
     writer.close()
     scans = radarsim.load_recording(tmp_path / "run").scans
     shapes = {name: series.ranges.shape for name, series in scans.items()}
@@ -140,8 +139,8 @@ def test_other_messages_are_refused(tmp_path: Path) -> None:
 
     create_folder(tmp_path / "run")
     writer = BagWriter(tmp_path / "run", {"version": "1"})
-    message = string("no scan")
-    writer.write(BagMessage("/R1/laser/scan", message.type, encode(message), 0))
+    message = string("/R1/laser/scan", "no scan")
+    writer.write(BagMessage(message.topic, message.type, encode(message), 0))
     writer.close()
     with pytest.raises(RecordingError, match="expected topics of radarsim"):
         radarsim.load_recording(tmp_path / "run")

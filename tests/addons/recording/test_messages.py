@@ -17,7 +17,7 @@ from radarsim.addons.recording.cdr import (
     encode,
     typestore,
 )
-from radarsim.addons.recording.messages import RosMessage
+from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.recording.robot_topics import Legend, RobotTopics
 from radarsim.addons.ros.rosbridge import message_json
 from radarsim.client.robot_info import ScannerInfo
@@ -27,7 +27,7 @@ from radarsim.protocol.echoes import target_lines
 PointField: Any = typestore().types["sensor_msgs/msg/PointField"]
 
 
-def decoded(message: RosMessage) -> Any:
+def decoded(message: TopicMessage) -> Any:
     return typestore().deserialize_cdr(encode(message), message.type)
 
 
@@ -58,8 +58,9 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     beams, ranges = np.arange(count), np.linspace(3.0, 90.0, count)
     lines = target_lines(4.0, "Navtech", beams, ranges, -60.0 - ranges)
     told = [message for line in lines for message in topics.of_report(line)]
-    (topic, message, latched) = told[-1]
-    assert (len(told), topic, latched) == (2, "/R1/Navtech/targets", False)
+    message = told[-1]
+    assert (len(told), message.topic) == (2, "/R1/Navtech/targets")
+    assert not message.latched
     cloud = decoded(message)
     assert (cloud.header.frame_id, stamp_of(cloud.header)) == ("R1/Navtech", (4, 0))
     read = rows_of(cloud)
@@ -71,8 +72,8 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     np.testing.assert_allclose(np.hypot(read["x"], read["y"]), ranges, rtol=1e-6)
     # The same as a scan of the drivers of radars, which other nodes of ROS read.
     assert told[0].topic == "/R1/Navtech/radar_scan"
-    assert told[0].message.type == "radar_msgs/msg/RadarScan"
-    scan = decoded(told[0].message)
+    assert told[0].type == "radar_msgs/msg/RadarScan"
+    scan = decoded(told[0])
     assert (scan.header.frame_id, stamp_of(scan.header)) == ("R1/Navtech", (4, 0))
     returns = np.array(
         [
@@ -83,9 +84,9 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     columns = [ranges, expected, np.zeros(count), -60.0 - ranges]
     np.testing.assert_allclose(returns, np.column_stack(columns), rtol=1e-6, atol=1e-6)
     assert all(math.isnan(each.doppler_velocity) for each in scan.returns)
-    sent = json.loads(message_json(told[0].message))["returns"]
+    sent = json.loads(message_json(told[0]))["returns"]
     assert {each["doppler_velocity"] for each in sent} <= {None}
-    assert "float32 doppler_velocity" in definition_of(told[0].message.type)
+    assert "float32 doppler_velocity" in definition_of(told[0].type)
 
 
 @pytest.mark.parametrize("time", [math.nan, -1.0, math.inf])
@@ -96,7 +97,7 @@ def test_unknown_time_is_zero(time: float) -> None:
 
 @given(st.integers(0, 40))
 def test_torn_bytes_are_refused(cut: int) -> None:
-    whole = encode(messages.octets("take 1 2", b"1234"))
+    whole = encode(messages.octets("/a", "take 1 2", b"1234"))
     torn = whole[: min(cut, len(whole) - 1)]
     with pytest.raises(ValueError, match="expected"):
         decode("std_msgs/msg/UInt8MultiArray", torn, UInt8MultiArray)

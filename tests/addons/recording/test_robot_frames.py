@@ -75,7 +75,7 @@ class Run:
                 self._add(message)
 
     def _add(self, message: TopicMessage) -> None:
-        self.topics[message.topic].append(json.loads(message_json(message.message)))
+        self.topics[message.topic].append(json.loads(message_json(message)))
 
     def frames(self, parent: str, child: str) -> dict[float, Floats]:
         """Return matrices of a transform by their time stamps."""

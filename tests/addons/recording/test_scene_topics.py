@@ -106,7 +106,7 @@ def test_true_map_is_occupied_by_what_the_section_shows() -> None:
         "low", box=[1.0, 1.0, 0.2], material="concrete", position=[-2.0, 0.0, 0.1]
     )
     assert box > 0.2  # it is below the scanner
-    grid = decoded(true_map(scene).message)
+    grid = decoded(true_map(scene))
     cells = grid.data.reshape(grid.info.height, grid.info.width)
     size, corner = grid.info.resolution, grid.info.origin.position
     rows, columns = np.indices(cells.shape)
@@ -125,7 +125,7 @@ def test_true_map_is_occupied_by_what_the_section_shows() -> None:
 def test_map_of_a_wide_scene_has_larger_cells() -> None:
     vertices = np.array([[-400.0, -400, 0], [400, -400, 0], [400, 400, 3]])
     wide = Part("hill", load_map("empty_room").materials["concrete"], vertices, FACE)
-    grid = true_map(Scene("wide", "Wide", (wide,))).message.fields
+    grid = true_map(Scene("wide", "Wide", (wide,))).fields
     assert grid.info.resolution == pytest.approx(0.4)
     assert grid.data.size < 4.1e6
 
@@ -187,7 +187,7 @@ def test_model_of_an_unknown_class_has_what_the_server_tells() -> None:
     told = [message for _, message in converter.convert(event)]
     (found,) = (each for each in told if each.topic == "/R9/robot_description")
     assert found.latched
-    robot = ET.fromstring(found.message.fields.data)
+    robot = ET.fromstring(found.fields.data)
     sizes = [each.get("size") for each in robot.iter("box")]
     assert [str(size).split()[:2] for size in sizes] == [["1", "0.8"]]
     radii = [each.get("radius") for each in robot.iter("cylinder")]

@@ -19,7 +19,7 @@ from websockets.typing import Origin, Subprotocol
 
 from radarsim.addons.recording import messages
 from radarsim.addons.recording.cdr import encode, typestore
-from radarsim.addons.recording.messages import Fields, RosMessage, TopicMessage
+from radarsim.addons.recording.messages import Fields, TopicMessage
 from radarsim.addons.ros.board import Board
 from radarsim.addons.ros.foxglove import FoxgloveClient
 from radarsim.addons.testing import UsarsimServer
@@ -28,7 +28,7 @@ from radarsim.geometry import Pose3
 TIMEOUT = 240  # s that a busy machine may need
 SUPPORT = Path(__file__).parents[2] / "support"
 SDK = Subprotocol("foxglove.sdk.v1")
-POSE = messages.pose_stamped(1.5, "map", Pose3(1.0, 2.0, 3.0))
+POSE = messages.pose_stamped("/a", 1.5, "map", Pose3(1.0, 2.0, 3.0))
 foliage_server = pytest.mark.usarsim(map="foliage_room")
 PACKAGES = (
     *("@foxglove/ws-protocol@0.8.0", "@foxglove/rosmsg@5.0.5"),
@@ -39,7 +39,7 @@ PACKAGES = (
 def subscribed(topic: str = "/a") -> tuple[Board, FoxgloveClient]:
     """Return a board with a topic, and a client that has subscribed to it as 7."""
     board = Board(FoxgloveClient)
-    board.add(TopicMessage(topic, POSE), wanted=False)
+    board.add(POSE._replace(topic=topic), wanted=False)
     client = FoxgloveClient(board)
     client.receive(subscription(7, 1))
     client.waiting.clear()
@@ -92,17 +92,16 @@ def test_protocol_is_that_of_foxgloves_sdk() -> None:
     for each in told["channels"]:
         each["id"] = 1  # the sdk numbers all channels of a process
     assert second == told
-    board.add(TopicMessage("/clock", messages.clock(1.5)), wanted=False)
-    client.offer("/a", board.add(TopicMessage("/a", POSE), wanted=True), 0.0)
+    board.add(messages.clock(1.5), wanted=False)
+    client.offer("/a", board.add(POSE, wanted=True), 0.0)
     client.offer("/clock", b"", 0.0)
     assert list(client.waiting) == [expected, expected_time]
 
 
 def test_new_topics_and_latched_messages_are_told() -> None:
     board, client = subscribed()
-    latched = TopicMessage("/b", messages.string("first"), latched=True)
-    board.add(latched, wanted=False)
-    board.add(latched._replace(message=messages.string("last")), wanted=False)
+    for last in ("first", "last"):
+        board.add(messages.string("/b", last), wanted=False)
     client.announce("/b")
     (channel,) = json.loads(client.waiting.popleft())["channels"]
     assert (channel["id"], channel["topic"]) == (2, "/b")
@@ -171,9 +170,9 @@ def test_clients_drive_in_both_encodings_by_types_of_velocities() -> None:
     client = FoxgloveClient(board)
     header = Fields(stamp=Fields(sec=5, nanosec=7), frame_id="base_link")
     fields = Fields(header=header, twist=velocity(0.75, 1.0))
-    stamped = RosMessage("geometry_msgs/msg/TwistStamped", fields)
+    stamped = TopicMessage("/b", "geometry_msgs/msg/TwistStamped", fields)
     text = b'{"linear": {"x": 0.25}, "angular": {"z": 2}}'
-    plain = encode(RosMessage("geometry_msgs/msg/Twist", velocity(0.5, -1.0)))
+    plain = encode(TopicMessage("/b", "geometry_msgs/msg/Twist", velocity(0.5, -1.0)))
     for number, encoding, type_, data in (
         (3, "cdr", "geometry_msgs/msg/Twist", plain),
         (4, "json", "geometry_msgs/msg/Twist", text),
