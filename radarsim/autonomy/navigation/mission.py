@@ -92,6 +92,7 @@ def run_mission(
         give_up=mission.give_up,
         tolerance=mission.tolerance,
         footprint=footprint_for(info, mission),
+        heading=mission.heading,
     )
     controller = CONTROLLERS[mission.algorithm](mission.goals, settings)
     if mission.echoes:
