@@ -75,11 +75,22 @@ def read_pose(text: str) -> Pose2:
     return Pose2(x, y, math.radians(yaw_deg))
 
 
+def read_heading(text: str) -> float:
+    """Read an angle in degrees, counter-clockwise from x; return rad.
+
+    Raises:
+        ValueError: If it is not one finite number.
+    """
+    (degrees,) = read_numbers(text)
+    return math.radians(degrees)
+
+
 # Where the motion between scans is read from.
 MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
 Metres: TypeAlias = Annotated[float, Gt(0), Unit("m")]
 Seconds: TypeAlias = Annotated[float, Gt(0), Unit("s")]
 MapPose: TypeAlias = Annotated[Pose2, Form("X,Y,YAW_DEG", read_pose)]
+Heading: TypeAlias = Annotated[float, Form("DEG", read_heading)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +152,7 @@ class Mission(DrivePlan):
         algorithm: How to get around obstacles: as a bug, or by paths planned on what
             is seen.
         goals: Goal, map frame; several are reached in turn.
+        heading: Heading to turn to at the last goal, counter-clockwise from x.
         return_to_start: Drive back to where it started, after the last goal.
         bumpers: Number of bumpers.
         share: Share of a bumper's beams that press it.
@@ -157,6 +169,7 @@ class Mission(DrivePlan):
 
     algorithm: Algorithm
     goals: Annotated[tuple[PointXY, ...], Option(names=("--goal",))] = ()
+    heading: Heading | None = None  # rad
     return_to_start: bool = False
     bumpers: Annotated[int, Interval(ge=4, le=36), RARE] = 8
     share: Annotated[float, Interval(gt=0, le=1), RARE] = LEAST_SHARE

@@ -271,6 +271,18 @@ def test_start_in_a_bush_is_an_error_that_names_it(tmp_path: Path) -> None:
         assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err
 
 
+def test_robot_turns_to_a_heading_at_the_goal(tmp_path: Path) -> None:
+    trace = tmp_path / "run.csv"
+    run = radarsim(*NEAR, "empty_room", "--heading", "-120", "--trace", trace)
+    assert run.code == 0
+    assert "turning" in run.err
+    last = list(csv.DictReader(trace.read_text().splitlines()))[-1]
+    assert float(last["yaw"]) == pytest.approx(math.radians(-120), abs=0.05)
+    assert last["doing"] == "reached"
+    refused = radarsim(*NEAR, "empty_room", "--heading", "north")
+    assert (refused.code, "'north', expected DEG" in refused.err) == (2, True)
+
+
 def test_trace_overwrites_only_traces(tmp_path: Path) -> None:
     trace = tmp_path / "run.csv"
     trace.write_text("my,own,table\n1,2,3\n")

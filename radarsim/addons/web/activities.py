@@ -87,7 +87,8 @@ class Activities:
 
         if self.scene is not None:
             self._check_goal(self._robots.find_own(request.robot), request.goal)
-        self._begin("goto", request.robot, plan_drive(request, self._wanted_distance))
+        work = plan_drive(request, self._wanted_distance)
+        self._begin("goto", request.robot, work, str(request))
 
     def explore(self, request: Explore) -> None:
         """Explore, and show the map that is made for that.
@@ -181,8 +182,14 @@ class Activities:
                 f" {least:.2f} m"
             )
 
-    def _begin(self, kind: str, robot: str, work: Work) -> None:
+    def _begin(self, kind: str, robot: str, work: Work, text: str = "") -> None:
         """Begin a task, instead of the one that the robot is at.
+
+        Args:
+            kind: Of the task, such as ``goto``.
+            robot: Name of the robot.
+            work: What the task does.
+            text: What the task is, in words.
 
         Raises:
             BadRequest: If the robot cannot, or there are too many tasks.
@@ -198,14 +205,14 @@ class Activities:
         task = RobotClient(own, kind, self._count, self.clock)
         self.running[robot] = task
         self._threads += 1
-        self._tell_state(task, "running")
+        self._tell_state(task, "running", text)
         threading.Thread(target=self._run, args=(task, work), daemon=True).start()
 
     def _tell_threadsafe(self, message: dict[str, Any]) -> None:
         self._call(self._tell, message)
 
     def _tell_state(self, task: RobotClient, state: str, text: str = "") -> None:
-        """Tell how a task stands; ``text`` says how it ended."""
+        """Tell how a task stands; ``text`` says where it leads, or how it ended."""
         self._tell(
             {
                 "op": "task",

@@ -73,6 +73,7 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
     mission = Mission(
         algorithm=request.algorithm,
         goals=(request.goal,),
+        heading=request.heading,
         pose=HERE,
         safety_distance=safety_distance,
         time_limit=math.inf,
@@ -85,7 +86,8 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
         def tell_path() -> None:
             path = describe_path(request.robot, run_log.path)
             marks = {"hits": run_log.hit_points, "leaves": run_log.leave_points}
-            tell({**path, **marks, "goal": request.goal})
+            aim = {"goal": request.goal, "heading": request.heading}
+            tell({**path, **marks, **aim})
 
         def observe(step: NavigationStep) -> None:
             run_log.add(step)
@@ -100,7 +102,7 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
         if result.outcome != "reached":
             no_path = result.outcome == "no_path"
             raise RadarsimError("there is no path" if no_path else result.outcome)
-        return f"reached in {result.time:.0f} s, {result.path_length:.1f} m"
+        return f"{request}, in {result.time:.0f} s, {result.path_length:.1f} m"
 
     return drive
 
@@ -160,6 +162,7 @@ def describe_path(robot: str, path: Floats) -> dict[str, Any]:
         "hits": [],
         "leaves": [],
         "goal": None,
+        "heading": None,
     }
 
 

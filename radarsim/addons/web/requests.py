@@ -9,6 +9,7 @@ so that none is old. Names are those of the program; labels are for people.
 """
 
 import functools
+import math
 import operator
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
@@ -127,11 +128,19 @@ class Setting(Request):
 
 
 class Goto(Request):
-    """Drive to a goal, m, map frame."""
+    """Drive to a goal, m, and turn to a heading there, rad, map frame; None for any."""
 
     robot: RobotName
     algorithm: Algorithm
     goal: tuple[Coordinate, Coordinate]
+    heading: Coordinate | None = None
+
+    def __str__(self) -> str:
+        """Return the goal in words."""
+        text = f"drive to {self.goal[0]:.2f}, {self.goal[1]:.2f}"
+        if self.heading is not None:
+            text += f", facing {math.degrees(self.heading):.0f}\N{DEGREE SIGN}"
+        return text
 
 
 class Explore(Request):
@@ -233,6 +242,7 @@ SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
     "return_mode": (0, 0, 0),
 }
 FIRST_CLASS: Final = "P3AT_Compare360"  # a radar and a laser that see all around
+_LABELS: Final = {"tangentbug": "TangentBug", "planned": "Planned paths"}
 _UNITS: Final = {
     "deg": "°",
     "uu": "UU",
@@ -307,6 +317,8 @@ def _settings() -> Iterable[dict[str, Any]]:
 
 
 def _label(name: str) -> str:
-    """Return a name as words: ``side_offset`` is Side offset."""
+    """Return a name as words, as in the manual: ``side_offset`` is Side offset."""
+    if name in _LABELS:
+        return _LABELS[name]
     words = name.replace("_", " ")
     return words[:1].upper() + words[1:]

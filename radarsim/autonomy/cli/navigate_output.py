@@ -35,6 +35,7 @@ ACTIVITIES: Final = {
     Activity.ALIGNING: "following a boundary",
     Activity.FOLLOWING: "following a boundary",
     Activity.RETURNING: "returning to the leave point",
+    Activity.TURNING: "turning to the heading",
     Activity.REACHED: "goal reached",
     Activity.NO_PATH: "there is no path",
 }

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
@@ -20,7 +21,9 @@ from radarsim.autonomy.navigation.control import (
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.autonomy.plans import Mission
-from radarsim.geometry import Floats, Point, Pose2
+from radarsim.geometry import Floats, Point, Pose2, wrap_angle
+
+HEADING_TOLERANCE: Final = 0.05  # rad from the wanted heading at which it is reached
 
 
 class Activity(StrEnum):
@@ -30,6 +33,7 @@ class Activity(StrEnum):
     ALIGNING = "aligning"
     FOLLOWING = "following"
     RETURNING = "returning"
+    TURNING = "turning"  # at the last goal, to the wanted heading
     REACHED = "reached"
     NO_PATH = "no_path"
 
@@ -90,9 +94,11 @@ class Controller(ABC):
         pose = observation.pose
         driven = 0.0 if self._previous is None else pose.distance(self._previous)
         self._previous = pose
-        at_goal = self._settings.mission.tolerance
         # goals may lie within the tolerance of each other
-        while not self.is_done and self._goal_distance(pose) <= at_goal:
+        while not self.is_done and self._is_at_goal(pose):
+            if turn := self._turn_to_go(pose):
+                self.activity = Activity.TURNING
+                return self._settings.speed_limits.towards(turn, most=0.0)
             self.goals.pop(0)
             self._begin_goal(pose)
             self.activity = Activity.GOING if self.goals else Activity.REACHED
@@ -107,7 +113,7 @@ class Controller(ABC):
         """
         if self.is_done:
             return
-        if self.activity is not Activity.GOING:
+        if self.activity not in (Activity.GOING, Activity.TURNING):
             self.leave_points.append((pose.x, pose.y))
         self._begin_goal(pose)
         self.activity = Activity.GOING
@@ -122,6 +128,19 @@ class Controller(ABC):
                 nothing meets it.
         """
         return False
+
+    def _is_at_goal(self, pose: Pose2) -> bool:
+        # A turn on the spot is not broken off, though the pose drifts meanwhile.
+        is_turning = self.activity is Activity.TURNING
+        return is_turning or self._goal_distance(pose) <= self._settings.mission.tolerance
+
+    def _turn_to_go(self, pose: Pose2) -> float:
+        """Return how far the robot has still to turn at its last goal, rad."""
+        heading = self._settings.mission.heading
+        if heading is None or len(self.goals) > 1:
+            return 0.0
+        error = wrap_angle(heading - pose.yaw)
+        return error if abs(error) > HEADING_TOLERANCE else 0.0
 
     def _goal_distance(self, pose: Pose2) -> float:
         return distance(pose, *self.goals[0])

@@ -17,6 +17,7 @@ from radarsim.simulation.config import SimulationConfig
         {"op": "select", "robot": None},
         {"op": "spawn", "class": "USARBot.P3AT", "name": "a b", "start": "RobotStart1"},
         {"op": "stop", "robot": "R1"},
+        {"op": "goto", "robot": "R1", "algorithm": "bug1", "goal": [1, 2]},
     ],
 )
 def test_requests_are_read(message: dict[str, Any]) -> None:
@@ -62,6 +63,8 @@ def test_lists_are_the_programs_own() -> None:
     offers = make_offers(SimulationConfig())
     assert sorted(each["name"] for each in offers["classes"]) == [*robot_names()]
     assert [each["name"] for each in offers["algorithms"]] == [*Algorithm]
+    labels = [each["label"] for each in offers["algorithms"]]
+    assert labels == ["Bug1", "Bug2", "TangentBug", "Planned paths"]
     assert [each["name"] for each in offers["strategies"]] == [*StrategyName]
     keys = {each["key"] for each in offers["settings"]}
     assert keys == {*SensorSettings.model_fields} - {"medium", "ray_weights"}

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import math
 from typing import Any
 
 import pytest
@@ -18,16 +19,21 @@ BEHIND = [5.7, -0.9]  # m; behind the bushes, more than 2 m from everything
 async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
     async with open_page(commander) as page:
         name = await page.spawn("P3AT_Radar360", pose=[-8.0, 0.0, 0.0])
-        await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
+        goto = {"robot": name, "algorithm": "bug2", "goal": [-7.0, 0.0]}
+        await page.send("goto", **goto, heading=math.pi / 2)
         running = await page.hear("task", state="running")
         assert (running["robot"], running["kind"]) == (name, "goto")
+        assert running["text"] == "drive to -7.00, 0.00, facing 90\N{DEGREE SIGN}"
         ended = await page.hear("task", id=running["id"])
         assert ended["state"] == "done", ended["text"]
+        assert ended["text"].startswith(running["text"])
         frame = await page.see(lambda frame: frame.robot(name)["driver"] is None)
         assert frame.robot(name)["x"] > -7.4
+        await page.see(lambda frame: abs(frame.robot(name)["yaw"] - math.pi / 2) < 0.1)
     async with open_page(commander) as page:
         path = await page.hear("path", robot=name)  # a new browser is told as well
         assert path["goal"] == [-7.0, 0.0]
+        assert path["heading"] == pytest.approx(math.pi / 2)
         assert path["points"][0] == pytest.approx([-8.0, 0.0], abs=0.1)
         assert path["points"][-1][0] > -7.4
 

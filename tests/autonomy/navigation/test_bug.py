@@ -107,6 +107,36 @@ def test_robot_that_starts_at_the_goal_has_reached_it() -> None:
     assert robot.goals == []
 
 
+@ALL
+def test_robot_turns_to_the_heading_at_its_last_goal(algorithm: Algorithm) -> None:
+    world = flatland(at=Pose2(0.0, 0.0))
+    robot = navigator(algorithm, (1.5, 0.0), (3.0, 0.0), heading=-3.0)
+    yaws = []
+    while not robot.is_done:
+        world.move(robot.step(world.scan()))
+        if robot.activity is Activity.TURNING:
+            assert robot.goal == (3.0, 0.0)
+            yaws.append(world.pose.yaw)
+    assert world.pose.yaw == pytest.approx(-3.0, abs=0.05)
+    assert yaws == sorted(yaws, reverse=True)  # the short way round
+    assert math.hypot(world.pose.x - 3.0, world.pose.y) <= 0.1
+
+
+def test_turn_at_the_goal_goes_on_though_the_pose_drifts_or_changes() -> None:
+    world = flatland(at=Pose2(0.0, 0.0))
+    robot = navigator(Algorithm.BUG2, (0.5, 0.0), heading=math.pi / 2)
+    while robot.activity is not Activity.TURNING:
+        world.move(robot.step(world.scan()))
+    world.pose = Pose2(0.39, 0.0, world.pose.yaw)  # beyond the tolerance
+    assert robot.step(world.scan()).speed == 0
+    assert robot.activity is Activity.TURNING
+    robot.reconsider(world.pose, lambda scan: scan)
+    world.run(robot)
+    assert robot.goals == robot.leave_points == []
+    assert math.hypot(world.pose.x - 0.5, world.pose.y) <= 0.1
+    assert world.pose.yaw == pytest.approx(math.pi / 2, abs=0.05)
+
+
 def test_no_goal_is_refused() -> None:
     with pytest.raises(ValueError, match="no goals"):
         navigator(Algorithm.BUG1)

@@ -51,8 +51,9 @@ export class Clearance {
   }
 
   /** Draw the safety distance around a goal that is being picked, and what is in it. */
-  draw(pen, viewport, robot, goal) {
+  draw(pen, viewport, robot, [x, y]) {
     if (!robot?.safety) return;
+    const goal = [x, y];
     const problem = this.problem(robot, goal);
     const colour = problem ? theme.alarm : theme.goal;
     drawDistance(pen, viewport, goal, robot.safety, colour);

@@ -3,6 +3,7 @@
 import { swatch } from "./beam_panel.js";
 import { sensorName } from "./beams.js";
 import { byId, element, setText } from "./elements.js";
+import { layers } from "./layers.js";
 import { freeStarts } from "./starts.js";
 import { theme } from "./theme.js";
 
@@ -16,7 +17,7 @@ const drawnAt = new Map(); // when each mark was drawn last, ms, by its text
 export function updateLegend(world, view) {
   const map = world.maps.get(world.chosen);
   const now = performance.now();
-  const about = `${view} ${world.chosen}`;
+  const about = `${view} ${world.chosen} ${Object.values(layers)}`;
   if (about !== subject) drawnAt.clear();
   subject = about;
   const known = marksOf(world, view);
@@ -40,12 +41,12 @@ function marksOf(world, view) {
   const marks = [];
   const scans = world.robot?.scans ?? [];
   const traced = world.scan ?? scans[0]; // whose rays are drawn
-  if (traced && view !== "map") {
+  if (traced && view !== "map" && layers[`${traced.kind} rays`]) {
     const { beams, through, spent } = world.countBeams(traced);
     marks.push([`ray ${traced.kind}`, `${traced.kind} ray, fainter with less power`, beams]);
     if (view === "plan") {
       marks.push(
-        [`dot ${traced.kind}`, "reading behind what the ray passed", through],
+        [`dot ${traced.kind}`, "reading behind what the ray passed", layers[`${traced.kind} readings`] && through],
         [`hole ${traced.kind}`, "ray inside of it", through],
         [`cross ${traced.kind}`, "power used up", spent],
       );
@@ -54,11 +55,11 @@ function marksOf(world, view) {
   for (const [kind, sign] of [["radar", view === "space" ? "box" : "reading"], ["laser", "square"]]) {
     const reads = (scan) => {
       const { returned, spent } = world.countBeams(scan);
-      return scan.kind === kind && returned > (view === "plan" ? spent : 0);
+      return scan.kind === kind && returned > (view === "plan" && layers[`${kind} rays`] ? spent : 0);
     };
-    marks.push([sign, `${kind} reading`, scans.some(reads)]);
+    marks.push([sign, `${kind} reading`, layers[`${kind} readings`] && scans.some(reads)]);
   }
-  if (view === "map") marks.push(["true", "what is truly there", world.scene?.parts.length]);
+  if (view === "map") marks.push(["true", "what is truly there", layers.truth && world.scene?.parts.length]);
   if (view !== "space") {
     const path = world.paths.get(world.chosen);
     const goal = world.goal ?? (world.stateOfGoal(world.chosen) === "cancelled" ? null : path?.goal);
@@ -75,7 +76,7 @@ function marksOf(world, view) {
 
 function materialsOf(world) {
   const materials = new Map();
-  for (const part of world.scene?.parts ?? []) {
+  for (const part of (layers.truth && world.scene?.parts) || []) {
     if (part.outline.length) materials.set(part.material, part.colour);
   }
   return [...materials].map(([name, colour]) => [colour, name]);

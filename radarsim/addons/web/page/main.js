@@ -6,6 +6,7 @@ import { Drive, followStick } from "./drive.js";
 import { byId, isTyping, setText } from "./elements.js";
 import { Clearance } from "./clearance.js";
 import { decodeFrame } from "./frame.js";
+import { followLayers } from "./layers.js";
 import { updateLegend, writeFinding } from "./legend.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
@@ -175,7 +176,7 @@ function redraw() {
 function draw() {
   waiting = false;
   if (view === "space") space.draw();
-  else if (view !== "scans") plan.draw(view, picking);
+  else if (view !== "scans") plan.draw(view, picking, aimedAt());
   for (const polar of polars) polar.draw();
   for (const panel of [robots, settings, beam]) panel.update();
   updateMaterials(world);
@@ -233,15 +234,15 @@ function selectBeam(scanner, number) {
 }
 
 /** A click on the scene: a place that is picked, a goal, a start, or a beam. */
-function tap({ x, y, shift }) {
+function tap({ x, y, heading, shift }) {
   const start = view === "plan" && !picking ? startAt(world, viewport, x, y) : undefined;
   if (picking === "measure") {
     measure.tap(x, y);
     writeAim(measure.text || "Click the other end (Esc cancels).");
   } else if (shift || picking === "goal") {
-    if (goTo(x, y)) pick(null);
+    if (goTo(x, y, heading)) pick(null);
   } else {
-    if (picking === "robot") robots.setPlace(x, y);
+    if (picking === "robot") robots.setPlace(x, y, heading);
     else if (start) robots.spawnAt(start.name);
     else if (world.scan) selectBeam(world.scan.scanner, beamTowards(world.scan, x, y));
     pick(null);
@@ -250,7 +251,7 @@ function tap({ x, y, shift }) {
 }
 
 /** Send the selected robot to a goal; return false if it is too near to something. */
-function goTo(x, y) {
+function goTo(x, y, heading) {
   world.pointer = [x, y]; // of a finger, which does not hover
   const problem = clearance.problem(world.robot, [x, y]);
   if (problem) {
@@ -258,19 +259,28 @@ function goTo(x, y) {
     pick("goal");
     return false;
   }
-  tasks.go(x, y);
+  tasks.go(x, y, heading);
   return true;
 }
 
 function pick(what) {
   picking = what;
+  viewport.turning = what === "goal" || what === "robot";
+  viewport.pressed = viewport.aim = null;
   if (what !== "measure") measure.clear();
   byId("measure").setAttribute("aria-pressed", String(what === "measure"));
-  const words = { robot: "Click where the robot starts", goal: "Click the goal", measure: "Click two points to measure" };
+  if (what && view !== "plan" && (view !== "space" || what !== "goal")) show("plan");
+  const drag = view === "plan" ? ", or drag to set where it faces" : "";
+  const words = { robot: `Click where the robot starts${drag}`, goal: `Click the goal${drag}`, measure: "Click two points to measure" };
   writeAim(what ? `${words[what]} (Esc cancels).` : "");
   byId("stage").classList.toggle("picking", Boolean(what));
-  if (what && (view === "map" || what !== "goal") && view !== "plan") show("plan");
   redraw();
+}
+
+/** Return the place that is being picked, [x, y, heading], or null. */
+function aimedAt() {
+  const hovered = picking === "goal" && world.pointer ? [...world.pointer, tasks.heading] : null;
+  return viewport.aim ?? hovered;
 }
 
 function writeAim(text) {
@@ -337,6 +347,7 @@ const KEYS = {
   "4": () => show("scans"),
   p: () => time.toggle(),
   ".": () => time.step(),
+  l: () => byId("layers").toggleAttribute("open"),
   m: () => pick(picking === "measure" ? null : "measure"),
   "+": () => zoom(1),
   "=": () => zoom(1),
@@ -394,4 +405,5 @@ tasks.addEventListener("pick", () => pick("goal"));
 followStick(byId("stick"), drive);
 document.addEventListener("visibilitychange", tellWhetherSeen);
 followTheme(redraw);
+followLayers(redraw);
 for (const part of ["stage", "legend", "finding", "zoom"]) new ResizeObserver(fit).observe(byId(part));

@@ -3,10 +3,11 @@
 import { beamPoint, scanOf, sensorName } from "./beams.js";
 import { prepareCanvas } from "./elements.js";
 import { drawLabel } from "./label.js";
+import { layers } from "./layers.js";
 import { drawMarks, edgeColour } from "./marks.js";
 import { readingColour, Readings } from "./readings.js";
 import { drawRobot } from "./robot_mark.js";
-import { drawRuns } from "./run_marks.js";
+import { drawHeading, drawRuns } from "./run_marks.js";
 import { drawStarts, startAt } from "./starts.js";
 import { sensorColour, theme } from "./theme.js";
 
@@ -28,8 +29,11 @@ export class Plan {
     this.stillKey = "";
   }
 
-  /** Draw everything; `picking` is what a click gives a place to, or null. */
-  draw(view, picking) {
+  /**
+   * Draw everything; `picking` is what a click gives a place to, or null, and `aim` that
+   * place, [x, y, heading], or null.
+   */
+  draw(view, picking, aim) {
     const surface = prepareCanvas(this.canvas);
     this.viewport.measure();
     const { pen } = surface;
@@ -47,7 +51,8 @@ export class Plan {
     for (const one of this.world.frame.robots) drawRobot(pen, this.viewport, one, one === robot);
     const explained = this.world.explained();
     if (explained) this.drawBeam(pen, explained);
-    if (picking === "goal" && pointer) this.clearance.draw(pen, this.viewport, robot, pointer);
+    if (aim && picking !== "robot") this.clearance.draw(pen, this.viewport, robot, aim);
+    if (aim) drawHeading(pen, this.viewport, aim, theme.goal);
     this.measure.draw(pen, this.viewport, picking === "measure" ? pointer : null);
     this.drawScale(pen, surface);
   }
@@ -62,7 +67,7 @@ export class Plan {
   drawStill(surface, view) {
     const { width, height, density } = surface;
     const { scale, centre } = this.viewport;
-    const key = [width, height, density, scale, ...centre, view, theme.dark].join();
+    const key = [width, height, density, scale, ...centre, view, theme.dark, layers.truth].join();
     if (key !== this.stillKey) {
       this.stillKey = key;
       this.still.width = this.canvas.width;
@@ -70,7 +75,7 @@ export class Plan {
       const pen = this.still.getContext("2d");
       pen.setTransform(density, 0, 0, density, 0, 0);
       if (view === "plan") this.drawGrid(pen, width, height);
-      for (const shape of this.shapes) this.drawShape(pen, shape, density, view);
+      for (const shape of layers.truth ? this.shapes : []) this.drawShape(pen, shape, density, view);
     }
     surface.pen.drawImage(this.still, 0, 0, width, height);
   }
@@ -131,7 +136,9 @@ export class Plan {
   addReadings(density, robot, view) {
     const chosen = robot.name === this.world.chosen;
     for (const scan of robot.scans) {
-      const beams = chosen && view === "plan" ? this.world.beamsOf(scan) : null;
+      if (!layers[`${scan.kind} readings`]) continue;
+      const crossed = chosen && view === "plan" && layers[`${scan.kind} rays`];
+      const beams = crossed ? this.world.beamsOf(scan) : null;
       this.readings.add(this.viewport, scan, {
         colour: readingColour(robot, scan, chosen),
         size: chosen ? 3 : 2,
@@ -146,7 +153,7 @@ export class Plan {
   drawRays(pen) {
     const { robot } = this.world;
     const scan = this.world.scan ?? robot.scans[0];
-    if (!scan) return;
+    if (!scan || !layers[`${scan.kind} rays`]) return;
     const beams = this.world.beamsOf(scan);
     const colour = sensorColour(scan.kind);
     this.strokeRays(pen, scan, beams, false, colour);
@@ -191,7 +198,7 @@ export class Plan {
       }
       if (!beam.through) return;
       for (const hole of beam.holes) this.drawHole(pen, scan, number, hole);
-      this.drawDot(pen, scan, number, beam.range, colour);
+      if (layers[`${scan.kind} readings`]) this.drawDot(pen, scan, number, beam.range, colour);
     });
     pen.lineCap = "butt";
     pen.strokeStyle = colour;

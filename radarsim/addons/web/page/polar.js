@@ -7,7 +7,10 @@ import { drawMarks } from "./marks.js";
 import { sensorColour, theme } from "./theme.js";
 
 const RANGES = [2, 5, 10, 15, 20, 30, 50, 100, 200, 500]; // m, of the outermost ring
-const MARGIN = 22; // px
+const MARGIN = 14; // px
+const LEFT_OUT = 0.01; // share of the beams of a scan that may end beyond the outermost ring
+const KEPT = 3000; // ms for which the rings stay as wide as they had to be
+const outermost = new Map(); // by robot: {range, m; needed: when it had to be so wide, ms}
 
 export class Polar extends EventTarget {
   /** Show scans of a kind in a figure. Event: `beam` (detail: {scanner, beam}). */
@@ -27,21 +30,23 @@ export class Polar extends EventTarget {
   draw() {
     const { scan } = this;
     const { pen, width, height } = prepareCanvas(this.canvas);
-    this.write(scan);
+    const outer = scan ? outerRange(this.world.robot) : 0;
+    this.write(scan, outer);
     if (!scan || Math.min(width, height) < 3 * MARGIN) return; // it is hidden
-    this.layout = layOut(scan, width, height, outerRange(this.world.robot));
+    this.layout = layOut(scan, width, height, outer);
     this.drawRings(pen, scan);
     const outline = this.fillReadings(pen, scan);
     this.drawEchoes(pen, scan);
     pen.lineWidth = 1.5;
     pen.strokeStyle = sensorColour(scan.kind);
     pen.stroke(outline);
+    this.drawBeyond(pen, scan);
     if (scan === this.world.scan && this.world.beam !== null) this.drawBeam(pen, scan);
     this.drawRanges(pen, scan); // last, as readings would cover them
   }
 
   /** Write the caption: which sensor, and what becomes of its beams. */
-  write(scan) {
+  write(scan, outer) {
     const caption = this.figure.querySelector(".name");
     const what = this.figure.querySelector(".what");
     const title = scan ? sensorName(scan) : `no ${this.kind}`;
@@ -52,7 +57,9 @@ export class Polar extends EventTarget {
     }
     const { beams, spent, returned } = this.world.countBeams(scan);
     const lost = spent ? `, ${spent} spent` : "";
-    const text = `${returned} of ${beams} read${lost}`;
+    const beyond = scan.ranges.filter((range) => range > outer && Number.isFinite(range)).length;
+    const far = beyond ? `, ${beyond} beyond ${outer} m` : "";
+    const text = `${returned} of ${beams} read${lost}${far}`;
     setText(what, text);
     this.canvas.setAttribute("aria-label", `${title}: ${text}`);
   }
@@ -108,9 +115,9 @@ export class Polar extends EventTarget {
     scan.ranges.forEach((range, beam) => {
       const place = this.place(scan, beam, Math.min(range, scan.max, outer));
       area.lineTo(...place);
-      if (before && Number.isFinite(range)) outline.lineTo(...place);
+      if (before && range <= outer) outline.lineTo(...place);
       else outline.moveTo(...place);
-      before = Number.isFinite(range);
+      before = range <= outer;
     });
     area.closePath();
     pen.fillStyle = sensorColour(scan.kind);
@@ -118,6 +125,22 @@ export class Polar extends EventTarget {
     pen.fill(area);
     pen.globalAlpha = 1;
     return outline;
+  }
+
+  /** Mark beams that end beyond the outermost ring by triangles that point outward. */
+  drawBeyond(pen, scan) {
+    const { outer, scale } = this.layout;
+    pen.beginPath();
+    scan.ranges.forEach((range, beam) => {
+      if (!(range > outer && Number.isFinite(range))) return;
+      const aside = 4 / (outer * scale * scan.resolution); // 4 px, in beams
+      pen.moveTo(...this.place(scan, beam, outer + 10 / scale));
+      pen.lineTo(...this.place(scan, beam - aside, outer + 3 / scale));
+      pen.lineTo(...this.place(scan, beam + aside, outer + 3 / scale));
+      pen.closePath();
+    });
+    pen.fillStyle = sensorColour(scan.kind);
+    pen.fill();
   }
 
   drawEchoes(pen, scan) {
@@ -158,13 +181,25 @@ function ringStep(outer) {
   return outer / (outer % 4 && outer % 5 === 0 ? 5 : 4);
 }
 
-/** Return the range of the outermost ring, m: the same for all scans of a robot. */
-function outerRange(robot) {
-  let farthest = 1;
-  for (const { ranges } of robot.scans) {
-    for (const range of ranges) if (Number.isFinite(range) && range > farthest) farthest = range;
-  }
-  return RANGES.find((range) => range >= farthest) ?? farthest;
+/**
+ * Return the range of the outermost ring, m: the same for all scans of a robot.
+ *
+ * A single far beam does not change it, and it shrinks only after a while, as far beams
+ * come and go from scan to scan.
+ */
+export function outerRange(robot, now = performance.now()) {
+  const farthest = Math.max(1, ...robot.scans.map(({ ranges }) => mostRange(ranges)));
+  const range = RANGES.find((each) => each >= farthest) ?? farthest;
+  const before = outermost.get(robot.name);
+  if (before && range < before.range && now - before.needed < KEPT) return before.range;
+  outermost.set(robot.name, { range, needed: now });
+  return range;
+}
+
+/** Return the range within which beams return, m, but for one and the farthest per cent. */
+function mostRange(ranges) {
+  const sorted = ranges.filter(Number.isFinite).sort();
+  return sorted.at(-1 - Math.max(1, Math.floor(LEFT_OUT * sorted.length))) ?? sorted[0] ?? 0;
 }
 
 /** Return where the sensor is, px, and how many px a metre has. */

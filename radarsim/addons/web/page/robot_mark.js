@@ -1,6 +1,7 @@
 // A robot seen from above, with its name.
 
 import { drawLabel } from "./label.js";
+import { layers } from "./layers.js";
 import { theme } from "./theme.js";
 
 const SMALLEST = 18; // px that the hull is long, so that it is found at any zoom
@@ -17,6 +18,7 @@ export function drawRobot(pen, viewport, robot, chosen) {
   if (chosen) drawRing(pen, Math.hypot(half, side) + 5);
   drawHull(pen, half, side, robot.touch ? theme.alarm : (robot.colour ?? theme.robot));
   pen.restore();
+  if (!layers.names) return;
   pen.font = `${chosen ? 600 : 400} 12px system-ui, sans-serif`;
   const name = robot.touch ? `${robot.name} (touches)` : robot.name;
   pen.textAlign = "center";

@@ -36,12 +36,12 @@ export class RobotsPanel extends EventTarget {
   }
 
   /** Set the place where a robot is added, m and rad; without yaw it stays. */
-  setPlace(x, y, yaw = null) {
+  setPlace(x, y, yaw) {
     this.form.where.value = PLACE;
     this.showPlace();
     this.form.x.value = x.toFixed(2);
     this.form.y.value = y.toFixed(2);
-    if (yaw !== null) this.form.yaw.value = Math.round((yaw * 180) / Math.PI);
+    if (yaw !== undefined) this.form.yaw.value = Math.round((yaw * 180) / Math.PI);
   }
 
   spawn(event) {

@@ -5,6 +5,7 @@ import { drawLabel } from "./label.js";
 import { theme } from "./theme.js";
 
 const REACH = 13; // px from the middle of a goal to the ends of its cross
+const ARROW = 30; // px from there to the tip of its heading
 
 /** Draw the paths of all robots, and the goal that was clicked, with its safety distance. */
 export function drawRuns(pen, viewport, world) {
@@ -14,12 +15,12 @@ export function drawRuns(pen, viewport, world) {
     drawPath(pen, viewport, path, robot === world.chosen ? 2.5 : 1.2);
     drawPoints(pen, viewport, path.hits ?? [], "hit", "H");
     drawPoints(pen, viewport, path.leaves ?? [], "leave", "L");
-    if (path.goal) drawEndedGoal(pen, viewport, path.goal, world.stateOfGoal(robot));
+    if (path.goal) drawEndedGoal(pen, viewport, [...path.goal, path.heading], world.stateOfGoal(robot));
   }
   if (world.goal) drawGoal(pen, viewport, world.goal, theme.goal);
 }
 
-/** Return where the selected robot is on its way to, [x, y] m, or null. */
+/** Return where the selected robot is on its way to, [x, y, ...] m, or null. */
 function goalOf(world) {
   const goal = world.stateOfGoal(world.chosen) === "running" ? world.paths.get(world.chosen)?.goal : null;
   return world.goal ?? goal ?? null;
@@ -62,8 +63,8 @@ function drawPoints(pen, viewport, points, colour, letter) {
   });
 }
 
-function drawGoal(pen, viewport, [x, y], ring) {
-  const [left, top] = viewport.toScreen(x, y);
+function drawGoal(pen, viewport, goal, ring) {
+  const [left, top] = viewport.toScreen(...goal);
   for (const [width, colour] of [[6, theme.paper], [2.5, ring]]) {
     pen.lineWidth = width;
     pen.strokeStyle = colour;
@@ -75,4 +76,28 @@ function drawGoal(pen, viewport, [x, y], ring) {
     pen.lineTo(left, top + REACH);
     pen.stroke();
   }
+  drawHeading(pen, viewport, goal, ring);
+}
+
+/** Draw the heading of a place, [x, y, heading], as an arrow; none without a heading. */
+export function drawHeading(pen, viewport, [x, y, heading], colour) {
+  if (!Number.isFinite(heading)) return;
+  pen.save();
+  pen.translate(...viewport.toScreen(x, y));
+  pen.rotate(-heading);
+  pen.lineJoin = "round";
+  for (const [width, ink] of [[6, theme.paper], [2.5, colour]]) {
+    pen.lineWidth = width;
+    pen.strokeStyle = pen.fillStyle = ink;
+    pen.beginPath();
+    pen.moveTo(0, 0);
+    pen.lineTo(ARROW - 8, 0);
+    pen.moveTo(ARROW, 0);
+    pen.lineTo(ARROW - 10, 6);
+    pen.lineTo(ARROW - 10, -6);
+    pen.closePath();
+    pen.stroke();
+    pen.fill();
+  }
+  pen.restore();
 }

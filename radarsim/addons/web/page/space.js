@@ -3,6 +3,7 @@
 import { beamPoint } from "./beams.js";
 import { prepareCanvas } from "./elements.js";
 import { drawLabel } from "./label.js";
+import { layers } from "./layers.js";
 import { readingColour } from "./readings.js";
 import { freeStarts } from "./starts.js";
 import { sensorColour, theme } from "./theme.js";
@@ -109,6 +110,7 @@ export class Space extends EventTarget {
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.scene.background = new this.three.Color(theme.paper);
+    this.solids.visible = layers.truth;
     this.placeRobots();
     this.placeReadings();
     this.renderer.render(this.scene, this.camera);
@@ -127,8 +129,8 @@ export class Space extends EventTarget {
       drawLabel(pen, text, ((place.x + 1) / 2) * width, ((1 - place.y) / 2) * height);
     };
     const near = (start) => this.world.frame.robots.some((one) => Math.hypot(one.x - start.x, one.y - start.y) < NEAR);
-    for (const start of freeStarts(this.world)) write(near(start) ? "▲" : `▲ ${start.name}`, 400, start.x, start.y, 0);
-    for (const one of this.world.frame.robots) write(one.name, one === robot ? 600 : 400, one.x, one.y, 0.8);
+    for (const start of freeStarts(this.world)) write(near(start) || !layers.names ? "▲" : `▲ ${start.name}`, 400, start.x, start.y, 0);
+    for (const one of layers.names ? this.world.frame.robots : []) write(one.name, one === robot ? 600 : 400, one.x, one.y, 0.8);
     if (scan && beam !== null && beam < scan.count) {
       const range = scan.ranges[beam];
       const text = Number.isFinite(range) ? `${beam}: ${range.toFixed(2)} m` : `${beam}: –`;
@@ -183,6 +185,7 @@ export class Space extends EventTarget {
     const [ends, colours] = [[], []];
     for (const robot of this.world.frame.robots) {
       for (const scan of robot.scans) {
+        if (!layers[`${scan.kind} readings`]) continue;
         const { r, g, b } = new T.Color(readingColour(robot, scan, robot.name === this.world.chosen));
         const { points } = scan;
         for (let beam = 0; beam < scan.count; beam++) {
@@ -193,7 +196,8 @@ export class Space extends EventTarget {
       }
     }
     fill(T, this.points.geometry, ends, colours);
-    const rays = this.world.scan ? this.traceRays(this.world.scan) : { places: [], colours: [] };
+    const { scan } = this.world;
+    const rays = layers[`${scan?.kind} rays`] ? this.traceRays(scan) : { places: [], colours: [] };
     fill(T, this.lines.geometry, rays.places, rays.colours);
   }
 

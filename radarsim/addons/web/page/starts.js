@@ -1,6 +1,7 @@
 // The starts of the map: where they are, which are free, and which one is pointed at.
 
 import { drawLabel } from "./label.js";
+import { layers } from "./layers.js";
 import { theme } from "./theme.js";
 
 const TAKEN = 0.4; // m; a start with a robot that near is not free
@@ -32,7 +33,7 @@ export function drawStarts(pen, viewport, world, pointed) {
     drawArrow(pen, left, top, start.yaw, chosen);
     const away = (robot) => Math.hypot(robot.x - start.x, robot.y - start.y) * viewport.scale;
     const crowded = world.frame.robots.some((robot) => away(robot) < CROWD);
-    if (!chosen && (crowded || starts.length > MOST_NAMES)) continue;
+    if (!chosen && (!layers.names || crowded || starts.length > MOST_NAMES)) continue;
     pen.font = `${chosen ? 600 : 400} 12px system-ui, sans-serif`;
     drawLabel(pen, chosen ? `Add a robot at ${start.name}` : start.name, left, top - 17);
   }

@@ -32,8 +32,15 @@ export class TasksPanel extends EventTarget {
     setOptions(this.explore.strategy, strategies);
   }
 
-  /** Send the selected robot to a goal, m. */
-  go(x, y) {
+  /** The heading in the form, rad, or null. */
+  get heading() {
+    const degrees = this.goto.heading.valueAsNumber;
+    return Number.isNaN(degrees) ? null : (degrees * Math.PI) / 180;
+  }
+
+  /** Send the selected robot to a goal, m; a heading, rad, replaces that in the form. */
+  go(x, y, heading) {
+    if (heading !== undefined) this.goto.heading.value = Math.round((heading * 180) / Math.PI);
     this.goto.x.value = x.toFixed(2);
     this.goto.y.value = y.toFixed(2);
     const { chosen, robot } = this.world;
@@ -43,8 +50,9 @@ export class TasksPanel extends EventTarget {
       return;
     }
     setText(byId("error"), ""); // of a goal before
-    this.world.goal = [x, y];
-    this.link.send("goto", { robot: chosen, algorithm: this.goto.algorithm.value, goal: [x, y] });
+    this.world.goal = [x, y, this.heading];
+    const { algorithm } = this.goto;
+    this.link.send("goto", { robot: chosen, algorithm: algorithm.value, goal: [x, y], heading: this.heading });
   }
 
   /** Begin or end a map of what the selected sensor sees, or change its colours. */

@@ -6,7 +6,11 @@ const STEP = 1.3;
 const LIMITS = [2, 4000]; // px per metre
 
 export class Viewport extends EventTarget {
-  /** Events: `change`, `tap` (detail: {x, y, shift}, m) and `hover` (detail: [x, y] or null). */
+  /**
+   * Events: `change`, `tap` (detail: {x, y, shift, heading}, m and rad) and `hover`
+   * (detail: [x, y] or null). A tap has a heading if it was dragged while `turning` is
+   * true, or with Shift; other drags move the map.
+   */
   constructor(canvas, covered) {
     super();
     this.canvas = canvas;
@@ -17,6 +21,8 @@ export class Viewport extends EventTarget {
     this.measure();
     this.pointers = new Map();
     this.moved = 0;
+    this.turning = false;
+    this.aim = null; // [x, y, heading] while a place is dragged to a heading, m and rad
     canvas.addEventListener("pointerdown", (event) => this.press(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
     for (const end of ["pointerup", "pointercancel"]) {
@@ -84,7 +90,10 @@ export class Viewport extends EventTarget {
   press(event) {
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
-    if (this.pointers.size === 1) this.moved = 0;
+    this.aim = null;
+    if (this.pointers.size > 1) return;
+    this.moved = 0;
+    this.pressed = this.turning || event.shiftKey ? this.toWorld(event.offsetX, event.offsetY) : null;
   }
 
   hover(place) {
@@ -93,15 +102,21 @@ export class Viewport extends EventTarget {
 
   move(event) {
     const before = this.pointers.get(event.pointerId);
-    this.hover(this.toWorld(event.offsetX, event.offsetY));
-    if (!before) return;
+    const [x, y] = this.toWorld(event.offsetX, event.offsetY);
+    if (!before) {
+      this.hover([x, y]);
+      return;
+    }
     const now = [event.offsetX, event.offsetY];
     const step = [now[0] - before[0], now[1] - before[1]];
     this.moved += Math.hypot(...step);
     this.pointers.set(event.pointerId, now);
-    if (this.moved < STILL) return;
-    if (this.pointers.size === 2) this.pinch(event.pointerId, before, now);
-    else this.pan(step);
+    if (this.moved >= STILL) {
+      if (this.pointers.size === 2) this.pinch(event.pointerId, before, now);
+      else if (this.pressed) this.aim = [...this.pressed, Math.atan2(y - this.pressed[1], x - this.pressed[0])];
+      else this.pan(step);
+    }
+    this.hover([x, y]);
   }
 
   pan([right, down]) {
@@ -110,6 +125,7 @@ export class Viewport extends EventTarget {
   }
 
   pinch(id, before, now) {
+    this.pressed = this.aim = null;
     const [, other] = [...this.pointers].find(([key]) => key !== id);
     const apart = (point) => Math.hypot(point[0] - other[0], point[1] - other[1]);
     this.zoom(apart(now) / Math.max(apart(before), 1), ...other);
@@ -117,10 +133,12 @@ export class Viewport extends EventTarget {
 
   release(event) {
     const held = this.pointers.delete(event.pointerId);
+    const { aim } = this;
+    this.aim = null;
     if (!held || event.type === "pointercancel" || this.pointers.size) return;
-    if (this.moved >= STILL) return;
-    const [x, y] = this.toWorld(event.offsetX, event.offsetY);
-    this.dispatchEvent(new CustomEvent("tap", { detail: { x, y, shift: event.shiftKey } }));
+    if (this.moved >= STILL && !aim) return;
+    const [x, y, heading] = aim ?? this.toWorld(event.offsetX, event.offsetY);
+    this.dispatchEvent(new CustomEvent("tap", { detail: { x, y, heading, shift: event.shiftKey } }));
   }
 
   wheel(event) {

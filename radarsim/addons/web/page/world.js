@@ -20,7 +20,7 @@ export class World {
     this.held = null; // what `explained` returned when it was held
     this.time = { refusal: "", paused: false, speed: 1, start: 0, end: null };
     this.pointer = null; // [x, y] where the pointer is in the plan, m
-    this.goal = null; // [x, y] of a goal that was clicked, until its task tells it
+    this.goal = null; // [x, y, heading] of a goal that was clicked, until its task tells it
     this.described = new Map(); // beams of the selected robot by scanner
     this.colours = new Map(); // by material
   }

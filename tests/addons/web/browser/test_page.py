@@ -41,10 +41,10 @@ def test_plan_and_scans_are_painted_once_a_robot_is_added(
         lambda: "R1: radar sees through with" in commander.text("finding"),
         "for what it sees",
     )
-    for canvas in ("#plan", "#radar canvas"):
+    for canvas, least in (("#plan", 5000), ("#radar canvas", 1000)):
         commander.until(
-            lambda canvas=canvas: (  # type: ignore[misc]
-                commander.page.locator(canvas).evaluate(PAINTED) > 5000
+            lambda canvas=canvas, least=least: (  # type: ignore[misc]
+                commander.page.locator(canvas).evaluate(PAINTED) > least
             ),
             f"for {canvas}",
         )

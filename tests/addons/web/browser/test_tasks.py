@@ -31,6 +31,36 @@ def test_a_shift_click_drives_the_robot_there_by_bug2(
     assert place.y == pytest.approx(GOAL[1], abs=0.5)
 
 
+def test_a_drag_from_the_goal_gives_the_heading(
+    commander: CommanderPage, truth: Truth
+) -> None:
+    commander.add_robot("Turner", kind="P3AT_Compare360", place=(-8, 0, 0))
+    heading = commander.page.locator("#goto [name=heading]")
+    assert heading.input_value() == ""
+    commander.page.click("#goal-pick")
+    canvas = commander.page.locator("#plan").bounding_box()
+    assert canvas is not None
+    left, top = commander.point(*GOAL)
+    left, top = left + canvas["x"], top + canvas["y"]
+    commander.page.mouse.move(left, top)
+    commander.page.mouse.down()
+    commander.page.mouse.move(left, top + 20)
+    commander.page.mouse.move(left, top + 60)  # to the south
+    commander.page.mouse.up()
+    assert heading.input_value() == "-90"
+    commander.until(lambda: "done" in commander.text("tasks"), "for the goal")
+    assert "facing -90°" in commander.text("tasks")
+    place = truth.last("Turner")
+    assert (place.x, place.y) == pytest.approx(GOAL, abs=0.5)
+    assert commander.robot("Turner")["yaw"] == pytest.approx(-math.pi / 2, abs=0.1)
+    commander.until(lambda: commander.paths["Turner"]["heading"] is not None)
+    assert commander.paths["Turner"]["heading"] == pytest.approx(-math.pi / 2)
+    # Without a heading in the form the robot ends as it arrives.
+    heading.fill("")
+    commander.page.click("#goto button.main")
+    commander.until(lambda: commander.paths["Turner"]["heading"] is None)
+
+
 BLOCKED_MAP = """
 version: 1
 level: DM-Blocked

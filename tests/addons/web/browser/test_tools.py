@@ -1,5 +1,6 @@
 """What one does in the plan: add a robot, pick a goal, explain a beam, measure."""
 
+import functools
 import io
 import json
 import math
@@ -102,6 +103,86 @@ def test_ten_robots_have_colours_of_their_own(commander: CommanderPage) -> None:
     red, green, blue = (int(colours[0][i : i + 2], 16) for i in (1, 3, 5))
     near = np.abs(pixels.astype(int) - (red, green, blue)).max(axis=1) < 40
     assert near.sum() > 100
+
+
+COUNT = """([canvas, colour]) => {
+  const pen = canvas.getContext("2d");
+  const { data } = pen.getImageData(0, 0, canvas.width, canvas.height);
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    count += colour.every((part, k) => Math.abs(data[i + k] - part) < 20);
+  }
+  return count;
+}"""
+LAYERS = {  # a colour of each, and how many pixels have it at least
+    ("Rays", "radar"): ((0xDD, 0xD7, 0xFB), 4000),
+    ("Readings", "laser"): ((0xFE, 0x5A, 0x0B), 300),
+    ("Other", "true scene"): ((0xBE, 0xD0, 0x8B), 4000),
+}
+
+
+def test_layers_are_switched_off_and_stay_off(commander: CommanderPage) -> None:
+    commander.add_robot("R1", kind="P3AT_Compare360", place=(-8, 0, 0))
+    page = commander.page
+    plan = page.locator("#plan").element_handle()
+    page.keyboard.press("Escape")
+    page.click("#zoom-fit")  # so that keys act on the scene
+    page.keyboard.press("l")
+    boxes = [
+        page.get_by_role("group", name=group).get_by_label(name)
+        for group, name in LAYERS
+    ]
+    for box, (colour, least) in zip(boxes, LAYERS.values(), strict=True):
+        count = functools.partial(page.evaluate, COUNT, [plan, colour])
+        commander.until(lambda: count() > least, "for a layer")  # noqa: B023
+        box.focus()
+        page.keyboard.press("Space")
+        commander.until(lambda: count() < least / 10, "for its end")  # noqa: B023
+    commander.until(lambda: "foliage" not in commander.text("legend"), "for the legend")
+    assert "radar reading" in commander.text("legend")
+    assert "laser reading" not in commander.text("legend")
+    assert "ray" not in commander.text("legend")
+    page.reload()
+    commander.until(lambda: commander.text("driven") == "R1", "for the page")
+    assert page.locator("#layers input:not(:checked)").count() == 3
+    page.click("[data-view=space]")
+    page.wait_for_selector("#space[data-engine]")
+    commander.until(lambda: "reading" in commander.text("legend"), "for the 3D view")
+    assert "ray" not in commander.text("legend")
+
+
+SCALES = """() => import("/static/polar.js").then(({ outerRange }) => {
+  const robot = (name, ...ranges) => {
+    return { name, scans: [{ ranges: Float32Array.from(ranges) }] };
+  };
+  const near = Array(179).fill(8);
+  return [
+    outerRange(robot("R", 29, 8, ...near), 0),
+    outerRange(robot("R", 29, 29, ...near), 0),
+    outerRange(robot("R", 8, 8, ...near), 2000),
+    outerRange(robot("R", 8, 8, ...near), 4000),
+    outerRange(robot("S"), 0),
+    outerRange(robot("T", Infinity, 4), 0),
+  ];
+})"""
+
+
+def test_one_far_beam_does_not_change_the_scale_of_scans(
+    commander: CommanderPage,
+) -> None:
+    assert commander.page.evaluate(SCALES) == [10, 30, 30, 10, 2, 5]
+
+
+def test_plan_has_the_height_that_it_needs(commander: CommanderPage) -> None:
+    box = commander.page.locator("#plan").bounding_box()
+    assert box is not None
+    west, south, east, north = commander.bounds
+    (left, top), (right, bottom) = (
+        commander.point(west, north),
+        commander.point(east, south),
+    )
+    assert right - left == pytest.approx(box["width"] - 28, abs=1)  # all the width
+    assert 0 < top < bottom < box["height"]
 
 
 @pytest.mark.parametrize(
