@@ -406,32 +406,24 @@ async def serve(
     Raises:
         ServerError: If it cannot listen.
     """
+
+    async def run() -> None:
+        log_refused_accepts(log)
+        # What is there now stays. To look through it takes the garbage collector some
+        # 90 ms, by which scans would be late.
+        gc.collect()
+        gc.freeze()
+        await server.start(address, port)
+        for companion in companions:
+            await companion.start(address)
+        announce(server.address)
+        await server.wait_failed()
+
     with exit_code_of_signal() as exit_code:
-        running = _run(server, address, port, announce, companions)
         try:
-            code: int = await first_of(running, exit_code)
+            code: int = await first_of(run(), exit_code)
             return code
         finally:
             for companion in companions:
                 await companion.stop()
             await server.stop()
-
-
-async def _run(
-    server: Server,
-    address: str,
-    port: int,
-    announce: Callable[[tuple[str, int]], None],
-    companions: Sequence[Companion],
-) -> None:
-    """Start a server, and wait until it fails; arguments and errors as above."""
-    log_refused_accepts(log)
-    # What is there now stays. To look through it takes the garbage collector some
-    # 90 ms, by which scans would be late.
-    gc.collect()
-    gc.freeze()
-    await server.start(address, port)
-    for companion in companions:
-        await companion.start(address)
-    announce(server.address)
-    await server.wait_failed()
