@@ -10,7 +10,6 @@ from typing import Any, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict
 
-from radarsim.errors import PresetError, expected_one_of
 from radarsim.yaml_reader import parse_plain
 
 Folder: TypeAlias = Literal["sensors", "items", "materials", "robots"]
@@ -52,8 +51,3 @@ def read_preset(folder: Folder, name: str) -> Any:
     """Read the file of a preset that exists."""
     text = preset_path(folder, name).read_text(encoding="utf-8")
     return parse_plain(text)
-
-
-def unknown_preset(label: str, name: str, known: tuple[str, ...]) -> PresetError:
-    """Create the error for a name that no preset has."""
-    return PresetError(f"{label} {expected_one_of(name, known)}")

@@ -26,7 +26,6 @@ from radarsim.presets import (
     Confidence,
     preset_names,
     preset_path,
-    unknown_preset,
 )
 from radarsim.yaml_reader import read_yaml
 
@@ -135,15 +134,11 @@ class Item(BaseModel):
     dialect: DialectName | None = None
 
     @model_validator(mode="after")
-    def _scanners_name_a_sensor(self) -> Self:
+    def _has_the_parts_of_its_type(self) -> Self:
         if (self.type == "RangeScanner") != (self.sensor is not None):
             raise ValueError(
                 "expected a sensor for a range scanner, and for no other item"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _packages_have_links(self) -> Self:
         if (self.type == "MisPkg") != bool(self.links):
             raise ValueError("expected links for a MisPkg, and for no other item")
         if self.parent is not None and self.type != "Camera":
@@ -354,7 +349,7 @@ def load_robot(class_name: str) -> RobotModel:
     for name in robot_names():
         if name.casefold() == class_name.casefold():
             return read_robot(preset_path("robots", name))
-    raise unknown_preset("robot class", class_name, robot_names())
+    raise PresetError(f"robot class {expected_one_of(class_name, robot_names())}")
 
 
 def read_robot(path: Path, seen: tuple[Path, ...] = ()) -> RobotModel:
