@@ -308,7 +308,6 @@ class MovePackage:
         return tuple(texts)
 
 
-@dataclass(frozen=True, slots=True)
 class Act(MovePackage):
     """The same on servers for UDK."""
 
@@ -435,14 +434,12 @@ class _ItemQuery(KeyedCommand):
     robot: Annotated[str | None, "Robot", *TEXT] = None
 
 
-@dataclass(frozen=True)
 class GetGeo(_ItemQuery):
     """Ask where items are mounted, or for the dimensions of the robot."""
 
     verb: ClassVar[str] = "GETGEO"
 
 
-@dataclass(frozen=True)
 class GetConf(_ItemQuery):
     """Ask for the settings of items or of the robot."""
 

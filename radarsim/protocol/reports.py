@@ -11,14 +11,16 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from math import isnan, nan
-from typing import Annotated, ClassVar, Final, Self, TypeAlias, get_args
+from typing import Annotated, ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
+from radarsim.protocol.echoes import EchoLine as EchoLine
+from radarsim.protocol.echoes import RadarTargets as RadarTargets
+from radarsim.protocol.echoes import TargetEchoes as TargetEchoes
 from radarsim.protocol.fields import (
     BodyAngles,
     Field,
@@ -33,32 +35,28 @@ from radarsim.protocol.fields import (
     Pose,
     Rows,
     Segment,
-    SensorReport,
     Series,
     Split,
     Text,
     WheelPose,
     Whole,
 )
-from radarsim.protocol.geo_conf import (
-    AerialConf,
-    AerialGeo,
-    CameraConf,
-    CameraLimits,
-    EncoderConf,
-    IntervalConf,
-    ItemConf,
-    ItemGeo,
-    NameConf,
-    RobotConf,
-    RobotGeo,
-    ScannerConf,
-    SonarConf,
-    TouchConf,
-    decode_conf,
-    decode_geo,
-    is_aerial,
-)
+from radarsim.protocol.fields import SensorReport as SensorReport
+from radarsim.protocol.geo_conf import AerialConf as AerialConf
+from radarsim.protocol.geo_conf import AerialGeo as AerialGeo
+from radarsim.protocol.geo_conf import CameraConf as CameraConf
+from radarsim.protocol.geo_conf import CameraLimits as CameraLimits
+from radarsim.protocol.geo_conf import EncoderConf as EncoderConf
+from radarsim.protocol.geo_conf import IntervalConf as IntervalConf
+from radarsim.protocol.geo_conf import ItemConf as ItemConf
+from radarsim.protocol.geo_conf import ItemGeo as ItemGeo
+from radarsim.protocol.geo_conf import NameConf as NameConf
+from radarsim.protocol.geo_conf import RobotConf as RobotConf
+from radarsim.protocol.geo_conf import RobotGeo as RobotGeo
+from radarsim.protocol.geo_conf import ScannerConf as ScannerConf
+from radarsim.protocol.geo_conf import SonarConf as SonarConf
+from radarsim.protocol.geo_conf import TouchConf as TouchConf
+from radarsim.protocol.geo_conf import decode_conf, decode_geo, is_aerial
 from radarsim.protocol.line_template import (
     FLIPPED,
     WHOLE,
@@ -78,82 +76,20 @@ from radarsim.protocol.message import (
     parse_triple,
     wrapped_pose,
 )
-from radarsim.protocol.packages import PackageConf, PackageGeo, PackageState
-from radarsim.protocol.rescue import (
-    GasDensity,
-    HumanMotion,
-    RfidTags,
-    Sound,
-    VictimParts,
-)
-from radarsim.protocol.watch import (
-    ClockTick,
-    CommandError,
-    RobotJoined,
-    RobotLeft,
-    Watching,
-    is_seen,
-    see_head,
-    split_seen,
-)
-
-__all__ = [
-    "Acceleration",
-    "AerialConf",
-    "AerialGeo",
-    "AerialStatus",
-    "Altitude",
-    "CameraConf",
-    "CameraLimits",
-    "ClockTick",
-    "CommandError",
-    "Compass",
-    "CrateStates",
-    "EchoLine",
-    "Encoder",
-    "EncoderConf",
-    "GasDensity",
-    "Gps",
-    "Greeting",
-    "GroundTruth",
-    "HumanMotion",
-    "Imu",
-    "Ins",
-    "IntervalConf",
-    "ItemConf",
-    "ItemGeo",
-    "MissionTime",
-    "NameConf",
-    "Odometry",
-    "PackageConf",
-    "PackageGeo",
-    "PackageState",
-    "ProperAcceleration",
-    "RadarTargets",
-    "RangeScan",
-    "Report",
-    "RfidTags",
-    "RobotConf",
-    "RobotGeo",
-    "RobotJoined",
-    "RobotLeft",
-    "ScannerConf",
-    "SensorReport",
-    "Sonar",
-    "SonarConf",
-    "Sound",
-    "StartPoses",
-    "Status",
-    "Tachometer",
-    "TargetEchoes",
-    "Touch",
-    "TouchConf",
-    "VictimParts",
-    "WatchedLine",
-    "Watching",
-    "decode_report",
-    "to_bytes",
-]
+from radarsim.protocol.packages import PackageConf as PackageConf
+from radarsim.protocol.packages import PackageGeo as PackageGeo
+from radarsim.protocol.packages import PackageState as PackageState
+from radarsim.protocol.rescue import GasDensity as GasDensity
+from radarsim.protocol.rescue import HumanMotion as HumanMotion
+from radarsim.protocol.rescue import RfidTags as RfidTags
+from radarsim.protocol.rescue import Sound as Sound
+from radarsim.protocol.rescue import VictimParts as VictimParts
+from radarsim.protocol.watch import ClockTick as ClockTick
+from radarsim.protocol.watch import CommandError as CommandError
+from radarsim.protocol.watch import RobotJoined as RobotJoined
+from radarsim.protocol.watch import RobotLeft as RobotLeft
+from radarsim.protocol.watch import Watching as Watching
+from radarsim.protocol.watch import is_seen, see_head, split_seen
 
 MOST_KEPT: Final = 4096  # templates of scans; a robot has a few
 _KEPT: Final[dict[Hashable, tuple[bytes, Sequence[float]]]] = {}
@@ -300,7 +236,6 @@ class Status(LineReport):
     ] = None
 
 
-@dataclass(frozen=True, slots=True)
 class AerialStatus(Status):
     """The state of a robot that flies, which has no steering."""
 
@@ -623,30 +558,6 @@ class WatchedLine:
         return f"{see_head(self.robot).decode('ascii')}{self.line}"
 
 
-SensorReading: TypeAlias = (
-    RangeScan
-    | EchoLine
-    | RadarTargets
-    | GroundTruth
-    | Ins
-    | Odometry
-    | Tachometer
-    | Encoder
-    | Touch
-    | Acceleration
-    | ProperAcceleration
-    | Imu
-    | Altitude
-    | Compass
-    | MissionTime
-    | Sonar
-    | Gps
-    | RfidTags
-    | VictimParts
-    | HumanMotion
-    | Sound
-    | GasDensity
-)
 Report: TypeAlias = LineReport | StartPoses | CrateStates | WatchedLine
 
 # By a key that no report after it has.
@@ -655,8 +566,13 @@ _INFOS: Final = (
     *(("Joined", RobotJoined), ("Level", Greeting), ("Left", RobotLeft)),
     ("Error", CommandError),
 )
-_SENSOR_REPORTS: Final[dict[str, type[SensorReading]]] = {
-    report.sensor_type.lower(): report for report in get_args(SensorReading)
+# All that this module defines or imports, by their types on the wire.
+_SENSOR_REPORTS: Final[dict[str, type[SensorReport]]] = {
+    each.sensor_type.lower(): each
+    for each in list(globals().values())
+    if isinstance(each, type)
+    and issubclass(each, SensorReport)
+    and hasattr(each, "sensor_type")
 }
 
 
