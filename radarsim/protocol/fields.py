@@ -25,6 +25,7 @@ from typing import (
     Self,
     TypeAlias,
     TypeVar,
+    dataclass_transform,
     get_type_hints,
 )
 
@@ -346,8 +347,12 @@ def fields_of(report: type) -> Sequence[tuple[str, Field[Any]]]:
     return found
 
 
+@dataclass_transform(frozen_default=True)
 class LineReport:
     """A report whose line follows from the fields of its attributes.
+
+    Every subclass is a frozen dataclass; the others compare by identity that say
+    ``eq=False``, such as those with arrays.
 
     Attributes:
         verb: First word of the line.
@@ -357,11 +362,12 @@ class LineReport:
             name before them.
     """
 
-    __slots__ = ()
-
     verb: ClassVar[str]
     layouts: ClassVar[Layouts] = {}
     item_keys: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, *, eq: bool = True) -> None:
+        dataclass(frozen=True, eq=eq)(cls)
 
     @classmethod
     def decode(cls, message: Message) -> Self:
@@ -430,8 +436,7 @@ class LineReport:
         return [name for name, _ in found]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorReport(LineReport):
+class SensorReport(LineReport, eq=False):
     """One reading.
 
     Attributes:
@@ -464,8 +469,7 @@ class SensorReport(LineReport):
         return time + LineReport.sources(self, dialect)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ItemReport(SensorReport):
+class ItemReport(SensorReport, eq=False):
     """One reading of one item.
 
     Attributes:

@@ -6,7 +6,7 @@ missing; such a number is NaN.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import degrees, nan, pi, radians
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 
@@ -37,7 +37,6 @@ _ACKERMANN: Final = "AckermanSteered"  # as servers and clients spell it
 _MAX_STEERING: Final = ("MaxFrontSteer", "MaxRearSteer")
 
 
-@dataclass(frozen=True, slots=True)
 class RobotGeo(LineReport):
     """The dimensions of the robot.
 
@@ -72,7 +71,6 @@ class RobotGeo(LineReport):
         return LineReport.segments(report, dialect)
 
 
-@dataclass(frozen=True, slots=True)
 class AerialGeo(RobotGeo):
     """The dimensions of a robot that flies.
 
@@ -93,7 +91,6 @@ class AerialGeo(RobotGeo):
         return LineReport.segments(self, dialect)
 
 
-@dataclass(frozen=True, slots=True)
 class ItemGeo(LineReport):
     """The mounts of items.
 
@@ -165,7 +162,6 @@ class Steering(Field[tuple[float, float] | None]):
         return [Segment(self.key, _ACKERMANN), *angles]
 
 
-@dataclass(frozen=True, slots=True)
 class RobotConf(LineReport):
     """The performance of the robot.
 
@@ -194,7 +190,6 @@ class RobotConf(LineReport):
     max_steering: Annotated[tuple[float, float] | None, Steering("SteeringType")] = None
 
 
-@dataclass(frozen=True, slots=True)
 class AerialConf(RobotConf):
     """The performance of a robot that flies; its speed is that ahead, m/s."""
 
@@ -206,7 +201,6 @@ class AerialConf(RobotConf):
     max_torque: Annotated[float, Number("MaxTorque", "robot", default=nan)] = nan
 
 
-@dataclass(frozen=True, slots=True)
 class ItemConf(LineReport):
     """The settings of items of one type.
 
@@ -315,7 +309,6 @@ _PIXEL_KEYS: Final = (
 _FOV_KEYS: Final = ("CameraDefFov", "CameraMinFov", "CameraMaxFov", "CameraFov")
 
 
-@dataclass(frozen=True, slots=True)
 class CameraConf(LineReport):
     """The settings of cameras.
 
@@ -377,7 +370,6 @@ class ItemNames(Field[tuple[str, ...]]):
         return [Segment(self.key, reduce_text(name)) for name in value]
 
 
-@dataclass(frozen=True, slots=True)
 class NameConf(LineReport):
     """The names of items without settings."""
 

@@ -97,7 +97,6 @@ _SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
 LONGEST_LINE: Final = 4095  # bytes with its end; clients read into buffers of 4096
 
 
-@dataclass(frozen=True, slots=True)
 class Greeting(LineReport):
     """The first line on a connection; ``level`` is the name of the map."""
 
@@ -208,7 +207,6 @@ class Headlight(Field[bool]):
         return (Segment(self.key, str(value)), intensity)
 
 
-@dataclass(frozen=True, slots=True)
 class Status(LineReport):
     """The state of a robot.
 
@@ -295,8 +293,7 @@ class CrateStates:
         return f"STA{''.join(fields)}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RangeScan(ItemReport):
+class RangeScan(ItemReport, eq=False):
     """One scan of a laser or radar.
 
     Attributes:
@@ -336,7 +333,6 @@ class RangeScan(ItemReport):
         return template, (self.time, *fan), self.ranges
 
 
-@dataclass(frozen=True, slots=True)
 class GroundTruth(ItemReport):
     """The true pose of the robot's body in the world."""
 
@@ -345,7 +341,6 @@ class GroundTruth(ItemReport):
     pose: Annotated[Pose3, Pose("truth")]
 
 
-@dataclass(frozen=True, slots=True)
 class Ins(ItemReport):
     """The pose in the world that the inertial navigation system estimates."""
 
@@ -354,7 +349,6 @@ class Ins(ItemReport):
     pose: Annotated[Pose3, Pose("ins")]
 
 
-@dataclass(frozen=True, slots=True)
 class Odometry(ItemReport):
     """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
 
@@ -363,7 +357,6 @@ class Odometry(ItemReport):
     pose: Annotated[Pose2, WheelPose("Pose", "plain")]
 
 
-@dataclass(frozen=True, slots=True)
 class Tachometer(ItemReport):
     """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
 
@@ -373,7 +366,6 @@ class Tachometer(ItemReport):
     positions: Annotated[tuple[float, ...], Numbers("Pos", "plain")]
 
 
-@dataclass(frozen=True, slots=True)
 class Encoder(SensorReport):
     """Name and tick count of each wheel encoder."""
 
@@ -383,7 +375,6 @@ class Encoder(SensorReport):
     ticks: Annotated[tuple[tuple[str, int], ...], Rows(Text("Name"), Whole("Tick"))]
 
 
-@dataclass(frozen=True, slots=True)
 class Touch(ItemReport):
     """Whether something touches the robot."""
 
@@ -393,7 +384,6 @@ class Touch(ItemReport):
     touched: Annotated[bool, Flag("Touch")]
 
 
-@dataclass(frozen=True, slots=True)
 class Acceleration(ItemReport):
     """How the velocity changes, m/s2, along the axes of the sensor."""
 
@@ -402,7 +392,6 @@ class Acceleration(ItemReport):
     acceleration: Annotated[Triple, Point("Acceleration", "robot")]
 
 
-@dataclass(frozen=True, slots=True)
 class ProperAcceleration(ItemReport):
     """How the velocity changes, with gravity, m/s2, along the axes of the sensor."""
 
@@ -411,7 +400,6 @@ class ProperAcceleration(ItemReport):
     acceleration: Annotated[Triple, Point("ProperAcceleration", "robot")]
 
 
-@dataclass(frozen=True, slots=True)
 class Imu(ItemReport):
     """What an inertial measurement unit reads.
 
@@ -430,7 +418,6 @@ class Imu(ItemReport):
     angles: Annotated[Triple, BodyAngles("Rotation", "robot")]
 
 
-@dataclass(frozen=True, slots=True)
 class Altitude(ItemReport):
     """The height of the robot above its spawn, and above the sea, m."""
 
@@ -451,7 +438,6 @@ class CompassAngle(FormattedField[float]):
         return (Segment(self.key, text, (value,)),)
 
 
-@dataclass(frozen=True, slots=True)
 class Compass(ItemReport):
     """The heading of the robot from the x axis of the map, the north, rad."""
 
@@ -460,7 +446,6 @@ class Compass(ItemReport):
     heading: Annotated[float, CompassAngle("MagneticAngle", "plain")]
 
 
-@dataclass(frozen=True, slots=True)
 class MissionTime(ItemReport):
     """The whole minutes since the spawn of the robot."""
 
@@ -469,7 +454,6 @@ class MissionTime(ItemReport):
     minutes: Annotated[int, Whole("Minutes")]
 
 
-@dataclass(frozen=True, slots=True)
 class Sonar(SensorReport):
     """The ranges of sonars.
 
@@ -510,7 +494,6 @@ class GlobePosition(Field[tuple[float, float] | None]):
         return (*written, Segment("Fix", "1"))
 
 
-@dataclass(frozen=True, slots=True)
 class Gps(ItemReport):
     """A position on the globe.
 
