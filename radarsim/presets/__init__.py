@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from radarsim.yaml_reader import parse_plain
 
@@ -18,7 +18,7 @@ Confidence: TypeAlias = Literal["verified", "nominal", "estimate", "choice"]
 _PACKAGE: Final = Path(__file__).parent
 
 
-class SourcedValue(BaseModel):
+class SourcedValue(BaseModel, extra="forbid", frozen=True):
     """A value with its origin.
 
     Attributes:
@@ -28,8 +28,6 @@ class SourcedValue(BaseModel):
             recalled from a data sheet, ``estimate`` if it is an engineering judgement,
             ``choice`` if this project decided it.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     value: Any
     source: str

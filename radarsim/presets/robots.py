@@ -13,7 +13,6 @@ from typing import Annotated, Any, Final, Literal, Self, TypeAlias, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     ValidationError,
     model_validator,
@@ -46,7 +45,7 @@ def _known_type(value: str) -> str:
     return value
 
 
-class Source(BaseModel):
+class Source(BaseModel, frozen=True, extra="forbid"):
     """Where some keys of a class come from.
 
     Attributes:
@@ -55,14 +54,12 @@ class Source(BaseModel):
         confidence: See ``SourcedValue``.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     of: tuple[str, ...]
     source: str
     confidence: Confidence
 
 
-class Link(BaseModel):
+class Link(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A link of a mission package, which turns about a joint.
 
     Attributes:
@@ -74,8 +71,6 @@ class Link(BaseModel):
         position: Place of its joint in the frame of the link before, m.
         rotation_deg: Roll, pitch and yaw of its joint there.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str = ""
     min_angle: float = 1.0
@@ -102,7 +97,7 @@ class Link(BaseModel):
         return self.mount.compose(Pose3(0.0, 0.0, 0.0, yaw=-angle))
 
 
-class Item(BaseModel):
+class Item(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """An item mounted on a robot: a sensor, a mission package or the battery.
 
     Attributes:
@@ -119,8 +114,6 @@ class Item(BaseModel):
         interval: Time between two readings, s; None for the interval of the dialect.
         dialect: The only dialect in which the item is mounted; None for both.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     type: Annotated[str, AfterValidator(_known_type)]
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -155,7 +148,7 @@ def _pose(position: Vector, rotation_deg: Vector) -> Pose3:
     return Pose3(*position, *map(math.radians, rotation_deg))
 
 
-class Steering(BaseModel):
+class Steering(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """The axles of a robot that steers as a car does (Ackermann).
 
     Attributes:
@@ -165,14 +158,12 @@ class Steering(BaseModel):
             behind the origin.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     max_front_deg: Annotated[float, Field(ge=0, lt=90)]
     max_rear_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0
     rear_axle: float | None = None
 
 
-class Flight(BaseModel):
+class Flight(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """How a robot flies: it hovers, and moves in all directions.
 
     Attributes:
@@ -185,8 +176,6 @@ class Flight(BaseModel):
         tilt_rate_deg: How fast it leans, degrees a second.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     max_linear: Length
     max_lateral: Length
     max_altitude: Length
@@ -195,12 +184,10 @@ class Flight(BaseModel):
     tilt_rate_deg: Length = 90.0
 
 
-_WHEEL_KEYS: Final = (
-    *("wheel_radius", "wheel_separation", "wheel_base", "track", "wheels"),
-)
+_WHEEL_KEYS: Final = "wheel_radius", "wheel_separation", "wheel_base", "track", "wheels"
 
 
-class RobotModel(BaseModel):
+class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A robot class.
 
     The origin of the body frame is in the middle of the hull, ``origin_height`` above
@@ -234,8 +221,6 @@ class RobotModel(BaseModel):
             ``compat``, s; None for the intervals of the dialect.
         items: The items that it carries, in mounting order.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
     about: str = ""

@@ -4,7 +4,7 @@ import re
 from functools import cache
 from typing import Final, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from radarsim import plugins
 from radarsim.errors import PresetError, expected_one_of
@@ -20,7 +20,7 @@ _NEXT_SETTING: Final = re.compile(r"[\s,]+(?=[A-Za-z_]\w*\s*=)")
 _Settings = TypeVar("_Settings", bound=BaseModel)
 
 
-class SensorPreset(BaseModel):
+class SensorPreset(BaseModel, extra="forbid", frozen=True):
     """The file of a preset of a scanner or of another item that casts rays.
 
     Attributes:
@@ -29,8 +29,6 @@ class SensorPreset(BaseModel):
         settings: Settings by name; the others have their default.
         fmcw: Settings of its FMCW radar likewise; empty if it measures ranges only.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     about: str
     title: str = ""
