@@ -56,7 +56,7 @@ class Option:
     is_argument: bool = False
     metavar: str = ""
     is_rare: bool = False
-    words: str = ""
+    words: Literal["", "maps", "sensors", "robots"] = ""
     needs: tuple[str, ...] = ()
     is_config_file: bool = False
     may_be_infinite: bool = False

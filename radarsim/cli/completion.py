@@ -3,9 +3,9 @@
 Nothing heavy is imported: a shell asks whenever Tab is pressed.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import click
 import click.shell_completion
@@ -32,34 +32,19 @@ def complete_map(incomplete: str) -> Iterator[str]:
             yield from _beginning(incomplete, [str(path)])
 
 
-def complete_sensor(incomplete: str) -> Iterator[str]:
-    """Yield names of presets of sensors."""
+def complete_words(
+    kind: Literal["maps", "sensors", "robots"], incomplete: str
+) -> Iterator[str]:
+    """Return the words of a kind that begin so: maps, sensors or robots."""
+    if kind == "maps":
+        return complete_map(incomplete)
     from radarsim.presets import preset_names
 
-    return _beginning(incomplete, preset_names("sensors"))
-
-
-def complete_robot(incomplete: str) -> Iterator[str]:
-    """Yield names of robot classes."""
-    from radarsim.presets import preset_names
-
-    return _beginning(incomplete, preset_names("robots"))
+    return _beginning(incomplete, preset_names(kind))
 
 
 def _beginning(incomplete: str, names: Iterable[str]) -> Iterator[str]:
     return (name for name in sorted(names) if name.startswith(incomplete))
-
-
-_WORDS: Final[dict[str, Callable[[str], Iterable[str]]]] = {
-    "maps": complete_map,
-    "sensors": complete_sensor,
-    "robots": complete_robot,
-}
-
-
-def complete_words(kind: str, incomplete: str) -> Iterable[str]:
-    """Return the words of a kind that begin so: maps, sensors or robots."""
-    return _WORDS[kind](incomplete)
 
 
 def completion_options() -> list[click.Parameter]:

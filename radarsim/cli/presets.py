@@ -44,9 +44,9 @@ def sensors(names: _Names = (), *, as_json: Json = False) -> None:
         names: Names to list; all by default.
         as_json: Print JSON, for programs.
     """
-    from radarsim.presets.sensors import item_presets, sensor_presets
+    from radarsim.presets.sensors import sensor_presets
 
-    presets = {**sensor_presets(), **item_presets()}
+    presets = {**sensor_presets(), **sensor_presets("items")}
     _print("sensor", names, presets, _sensor_overview, _sensor_details, as_json)
 
 

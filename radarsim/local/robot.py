@@ -7,7 +7,6 @@ and its readings are read from the lines that it is sent. So both have the same 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -68,8 +67,7 @@ Frame: TypeAlias = Literal["scanner", "robot", "map", "ins", "odometry"]
 CENTRE: Final = Pose2(0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalScan(RangeScan):
+class LocalScan(RangeScan, eq=False):
     """A scan as clients read it, and where it was taken.
 
     Attributes:

@@ -8,9 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
-from radarsim.errors import PresetError, expected_one_of
 from radarsim.yaml_reader import parse_plain
 
 Folder: TypeAlias = Literal["sensors", "items", "materials", "robots"]
@@ -19,7 +18,7 @@ Confidence: TypeAlias = Literal["verified", "nominal", "estimate", "choice"]
 _PACKAGE: Final = Path(__file__).parent
 
 
-class SourcedValue(BaseModel):
+class SourcedValue(BaseModel, extra="forbid", frozen=True):
     """A value with its origin.
 
     Attributes:
@@ -29,8 +28,6 @@ class SourcedValue(BaseModel):
             recalled from a data sheet, ``estimate`` if it is an engineering judgement,
             ``choice`` if this project decided it.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     value: Any
     source: str
@@ -52,8 +49,3 @@ def read_preset(folder: Folder, name: str) -> Any:
     """Read the file of a preset that exists."""
     text = preset_path(folder, name).read_text(encoding="utf-8")
     return parse_plain(text)
-
-
-def unknown_preset(label: str, name: str, known: tuple[str, ...]) -> PresetError:
-    """Create the error for a name that no preset has."""
-    return PresetError(f"{label} {expected_one_of(name, known)}")

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 # Revision of the model of FMCW radars; another one makes other spectra of the same run.
 RADAR_MODEL: Final = 3
@@ -14,7 +14,7 @@ MAX_FAN_RAYS: Final = 500_000  # of a turn, before refinement
 Decibels = Annotated[float, Field(ge=-300, le=300, allow_inf_nan=False)]
 
 
-class FmcwSettings(BaseModel):
+class FmcwSettings(BaseModel, extra="forbid", frozen=True):
     """What a turning FMCW radar sends, receives and stores.
 
     Attributes:
@@ -57,8 +57,6 @@ class FmcwSettings(BaseModel):
         rays_across: Rays in each step of azimuth.
         rays_up: Rays between the lower and the upper edge of the beam.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     carrier_ghz: Annotated[float, Field(ge=1, le=1000)]
     bandwidth_mhz: Annotated[float, Field(ge=1, le=100_000)]

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Final, Literal, Self, TypeAlias, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     ValidationError,
     model_validator,
@@ -26,7 +25,6 @@ from radarsim.presets import (
     Confidence,
     preset_names,
     preset_path,
-    unknown_preset,
 )
 from radarsim.yaml_reader import read_yaml
 
@@ -47,7 +45,7 @@ def _known_type(value: str) -> str:
     return value
 
 
-class Source(BaseModel):
+class Source(BaseModel, frozen=True, extra="forbid"):
     """Where some keys of a class come from.
 
     Attributes:
@@ -56,14 +54,12 @@ class Source(BaseModel):
         confidence: See ``SourcedValue``.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     of: tuple[str, ...]
     source: str
     confidence: Confidence
 
 
-class Link(BaseModel):
+class Link(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A link of a mission package, which turns about a joint.
 
     Attributes:
@@ -75,8 +71,6 @@ class Link(BaseModel):
         position: Place of its joint in the frame of the link before, m.
         rotation_deg: Roll, pitch and yaw of its joint there.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str = ""
     min_angle: float = 1.0
@@ -103,7 +97,7 @@ class Link(BaseModel):
         return self.mount.compose(Pose3(0.0, 0.0, 0.0, yaw=-angle))
 
 
-class Item(BaseModel):
+class Item(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """An item mounted on a robot: a sensor, a mission package or the battery.
 
     Attributes:
@@ -121,8 +115,6 @@ class Item(BaseModel):
         dialect: The only dialect in which the item is mounted; None for both.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     type: Annotated[str, AfterValidator(_known_type)]
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
     position: Vector = (0.0, 0.0, 0.0)
@@ -135,15 +127,11 @@ class Item(BaseModel):
     dialect: DialectName | None = None
 
     @model_validator(mode="after")
-    def _scanners_name_a_sensor(self) -> Self:
+    def _has_the_parts_of_its_type(self) -> Self:
         if (self.type == "RangeScanner") != (self.sensor is not None):
             raise ValueError(
                 "expected a sensor for a range scanner, and for no other item"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _packages_have_links(self) -> Self:
         if (self.type == "MisPkg") != bool(self.links):
             raise ValueError("expected links for a MisPkg, and for no other item")
         if self.parent is not None and self.type != "Camera":
@@ -160,7 +148,7 @@ def _pose(position: Vector, rotation_deg: Vector) -> Pose3:
     return Pose3(*position, *map(math.radians, rotation_deg))
 
 
-class Steering(BaseModel):
+class Steering(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """The axles of a robot that steers as a car does (Ackermann).
 
     Attributes:
@@ -170,14 +158,12 @@ class Steering(BaseModel):
             behind the origin.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     max_front_deg: Annotated[float, Field(ge=0, lt=90)]
     max_rear_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0
     rear_axle: float | None = None
 
 
-class Flight(BaseModel):
+class Flight(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """How a robot flies: it hovers, and moves in all directions.
 
     Attributes:
@@ -190,8 +176,6 @@ class Flight(BaseModel):
         tilt_rate_deg: How fast it leans, degrees a second.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     max_linear: Length
     max_lateral: Length
     max_altitude: Length
@@ -200,12 +184,10 @@ class Flight(BaseModel):
     tilt_rate_deg: Length = 90.0
 
 
-_WHEEL_KEYS: Final = (
-    *("wheel_radius", "wheel_separation", "wheel_base", "track", "wheels"),
-)
+_WHEEL_KEYS: Final = "wheel_radius", "wheel_separation", "wheel_base", "track", "wheels"
 
 
-class RobotModel(BaseModel):
+class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A robot class.
 
     The origin of the body frame is in the middle of the hull, ``origin_height`` above
@@ -239,8 +221,6 @@ class RobotModel(BaseModel):
             ``compat``, s; None for the intervals of the dialect.
         items: The items that it carries, in mounting order.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
     about: str = ""
@@ -354,7 +334,7 @@ def load_robot(class_name: str) -> RobotModel:
     for name in robot_names():
         if name.casefold() == class_name.casefold():
             return read_robot(preset_path("robots", name))
-    raise unknown_preset("robot class", class_name, robot_names())
+    raise PresetError(f"robot class {expected_one_of(class_name, robot_names())}")
 
 
 def read_robot(path: Path, seen: tuple[Path, ...] = ()) -> RobotModel:

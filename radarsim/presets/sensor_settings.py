@@ -21,7 +21,7 @@ scale of units.
 import math
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 BANDS_GHZ: Final = (24, 77, 94)  # the radar bands for which materials have numbers
 
@@ -45,7 +45,7 @@ def _check_quantum(value: float) -> float:
     return value
 
 
-class SensorSettings(BaseModel):
+class SensorSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a scanner.
 
     Attributes:
@@ -112,8 +112,6 @@ class SensorSettings(BaseModel):
             none.
         range_quantum: Step to which ranges are rounded, m; 0 for no rounding.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     medium: Literal["radar", "laser"]
     fov_deg: Angle
@@ -270,7 +268,7 @@ class SensorSettings(BaseModel):
             )
 
 
-class CameraSettings(BaseModel):
+class CameraSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a camera.
 
     Attributes:
@@ -278,8 +276,6 @@ class CameraSettings(BaseModel):
         min_fov_deg: Smallest one to which clients can zoom, degrees.
         max_fov_deg: Largest one, degrees.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     fov_deg: FieldOfView
     min_fov_deg: FieldOfView

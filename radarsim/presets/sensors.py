@@ -4,16 +4,11 @@ import re
 from functools import cache
 from typing import Final, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from radarsim import plugins
-from radarsim.errors import PresetError
-from radarsim.presets import (
-    SourcedValue,
-    preset_names,
-    read_preset,
-    unknown_preset,
-)
+from radarsim.errors import PresetError, expected_one_of
+from radarsim.presets import Folder, SourcedValue, preset_names, read_preset
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.validation import describe_settings
@@ -25,7 +20,7 @@ _NEXT_SETTING: Final = re.compile(r"[\s,]+(?=[A-Za-z_]\w*\s*=)")
 _Settings = TypeVar("_Settings", bound=BaseModel)
 
 
-class SensorPreset(BaseModel):
+class SensorPreset(BaseModel, extra="forbid", frozen=True):
     """The file of a preset of a scanner or of another item that casts rays.
 
     Attributes:
@@ -35,8 +30,6 @@ class SensorPreset(BaseModel):
         fmcw: Settings of its FMCW radar likewise; empty if it measures ranges only.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     about: str
     title: str = ""
     settings: dict[str, SourcedValue]
@@ -44,20 +37,16 @@ class SensorPreset(BaseModel):
 
 
 @cache
-def sensor_presets() -> dict[str, SensorPreset]:
-    """Read the presets of all scanners, by name, in alphabetical order."""
-    return {
-        name: SensorPreset.model_validate(read_preset("sensors", name))
-        for name in preset_names("sensors")
-    }
+def sensor_presets(folder: Folder = "sensors") -> dict[str, SensorPreset]:
+    """Read presets by name, in alphabetical order.
 
-
-@cache
-def item_presets() -> dict[str, SensorPreset]:
-    """Read the presets of items besides scanners, named after the item's type."""
+    Args:
+        folder: ``sensors`` for those of scanners, or ``items`` for those of others,
+            which are named after the types of the items.
+    """
     return {
-        name: SensorPreset.model_validate(read_preset("items", name))
-        for name in preset_names("items")
+        name: SensorPreset.model_validate(read_preset(folder, name))
+        for name in preset_names(folder)
     }
 
 
@@ -113,8 +102,8 @@ def item_settings(
         PresetError: As ``load_settings``.
     """
     name = item_type.lower()
-    preset = item_presets()[name].settings if name in item_presets() else {}
-    return _validate(name, model, preset, settings)
+    preset = sensor_presets("items").get(name)
+    return _validate(name, model, preset.settings if preset else {}, settings)
 
 
 def has_fmcw(name: str) -> bool:
@@ -124,7 +113,7 @@ def has_fmcw(name: str) -> bool:
 
 def _scanner_preset(name: str) -> SensorPreset:
     if name not in sensor_presets():
-        raise unknown_preset("sensor", name, preset_names("sensors"))
+        raise PresetError(f"sensor {expected_one_of(name, sensor_presets())}")
     return sensor_presets()[name]
 
 

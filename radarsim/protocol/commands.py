@@ -22,6 +22,7 @@ from typing import (
     Final,
     Self,
     TypeAlias,
+    dataclass_transform,
     get_type_hints,
 )
 
@@ -164,14 +165,20 @@ def _fields_of(command: type) -> Sequence[tuple[str, str, Read, Write, bool]]:
     return _FIELDS[command]
 
 
+@dataclass_transform(frozen_default=True)
 class KeyedCommand:
     """A command whose line follows from the annotations of its attributes.
+
+    Every subclass is a frozen dataclass.
 
     Attributes:
         verb: First word of the line.
     """
 
     verb: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
@@ -203,7 +210,6 @@ class KeyedCommand:
         return [None if each is None else write(each) for each, write in attributes]
 
 
-@dataclass(frozen=True)
 class Init(KeyedCommand):
     """Spawn a robot.
 
@@ -308,7 +314,6 @@ class MovePackage:
         return tuple(texts)
 
 
-@dataclass(frozen=True, slots=True)
 class Act(MovePackage):
     """The same on servers for UDK."""
 
@@ -349,7 +354,6 @@ class MultiDrive:
         return tuple(format_number(order.value) for order in self.orders)
 
 
-@dataclass(frozen=True)
 class Drive(KeyedCommand):
     """Set wheel speeds and lamps; None leaves them as they are.
 
@@ -412,14 +416,12 @@ class Drive(KeyedCommand):
         return command
 
 
-@dataclass(frozen=True)
 class GetStartPoses(KeyedCommand):
     """Ask for the start poses of the map."""
 
     verb: ClassVar[str] = "GETSTARTPOSES"
 
 
-@dataclass(frozen=True)
 class _ItemQuery(KeyedCommand):
     """A question about the robot or its items.
 
@@ -435,21 +437,18 @@ class _ItemQuery(KeyedCommand):
     robot: Annotated[str | None, "Robot", *TEXT] = None
 
 
-@dataclass(frozen=True)
 class GetGeo(_ItemQuery):
     """Ask where items are mounted, or for the dimensions of the robot."""
 
     verb: ClassVar[str] = "GETGEO"
 
 
-@dataclass(frozen=True)
 class GetConf(_ItemQuery):
     """Ask for the settings of items or of the robot."""
 
     verb: ClassVar[str] = "GETCONF"
 
 
-@dataclass(frozen=True)
 class SetItem(KeyedCommand):
     """Send an opcode to items of one type.
 
@@ -482,7 +481,6 @@ class SetItem(KeyedCommand):
         return command
 
 
-@dataclass(frozen=True)
 class ShowCamera(KeyedCommand):
     """Choose whose camera the viewers of pictures on a machine see.
 
@@ -539,7 +537,6 @@ class SetViewports:
         return ("Viewports", config, *self.cameras)
 
 
-@dataclass(frozen=True)
 class Trace(KeyedCommand):
     """Leave a trail that cameras see, as servers for UT2004 draw one.
 
@@ -572,7 +569,6 @@ def _parse_scale(text: str) -> Triple:
     return scale if any(scale) else CUBE  # as the original
 
 
-@dataclass(frozen=True)
 class Control(KeyedCommand):
     """Create, move, remove or list crates.
 
@@ -621,7 +617,6 @@ class Control(KeyedCommand):
         return tuple(low), tuple(high)
 
 
-@dataclass(frozen=True)
 class Watch(KeyedCommand):
     """Watch robots from now on, instead of those watched before.
 

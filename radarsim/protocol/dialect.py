@@ -26,10 +26,13 @@ MAX_WHEEL_SPEEDS: Final[dict[DriveUnit, float]] = {"rad_per_s": 8.17, "rev_per_s
 # conversion factor: a field of view of 180 degrees is 32767 of them.
 ROTATION_UNIT = 1 / 10430.378  # rad
 
+# Decimals, rounded to the nearest.
+_TWO, _FOUR, _SIX = NumberFormat(2), NumberFormat(4), NumberFormat(6)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dialect:
-    """Texts, number formats, rates and limits of one dialect.
+    """Texts, number formats, rates and limits of one dialect; by default ``COMPAT``.
 
     A dialect equals only itself, so that it is found quickly as a key.
 
@@ -73,37 +76,38 @@ class Dialect:
     """
 
     name: str
-    time: NumberFormat
-    ranges: NumberFormat
-    angle: NumberFormat
-    truth: NumberFormat
-    ins: NumberFormat
-    plain: NumberFormat
-    start_pose: NumberFormat
-    mount: NumberFormat
-    robot: NumberFormat
-    mass: NumberFormat
-    no_steering: str
-    dimensions_are_wheels: bool
-    joins_mounts: bool
-    joined: frozenset[str]
-    timeless: frozenset[str]
-    ins_angles_positive: bool
-    has_actuators: bool
-    cameras_in_degrees: bool
-    turns_in_degrees: bool
-    accepts_any_case_true: bool
-    image_type: ImageType
-    drive_unit: DriveUnit
-    battery_start: float
-    battery_runs_out: bool
-    scan_interval: float
-    hokuyo_scan_interval: float
-    ins_interval: float
-    tachometer_interval: float
-    sonar_interval: float
-    gps_interval: float
-    laser_max_range: float | None
+    time: NumberFormat = _TWO
+    ranges: NumberFormat = _TWO
+    angle: NumberFormat = _SIX  # four decimals would skew a scan by half a degree
+    truth: NumberFormat = _FOUR
+    ins: NumberFormat = _FOUR
+    plain: NumberFormat = _FOUR
+    start_pose: NumberFormat = _TWO
+    mount: NumberFormat = _FOUR
+    robot: NumberFormat = _FOUR
+    mass: NumberFormat = _FOUR
+    no_steering: str = "0.0000"
+    dimensions_are_wheels: bool = False
+    joins_mounts: bool = True
+    # One client stops reading at a segment of its own for a touch sensor.
+    joined: frozenset[str] = frozenset(("Touch", "Sonar"))
+    timeless: frozenset[str] = frozenset()
+    ins_angles_positive: bool = False
+    has_actuators: bool = False
+    cameras_in_degrees: bool = False
+    turns_in_degrees: bool = False
+    accepts_any_case_true: bool = True
+    image_type: ImageType = ImageType.JPEG_GOOD
+    drive_unit: DriveUnit = "rad_per_s"
+    battery_start: float = 3600.0
+    battery_runs_out: bool = False  # a client that reads 0 pauses its robot permanently
+    scan_interval: float = 0.1  # one client drops every second 100 ms, by its own clock
+    hokuyo_scan_interval: float = 0.1
+    ins_interval: float = 0.1
+    tachometer_interval: float = 0.1
+    sonar_interval: float = 0.2
+    gps_interval: float = 0.2
+    laser_max_range: float | None = None
 
     def of_generation(self, generation: Generation) -> "Dialect":
         """Return the dialect in which robots of a generation of servers report."""
@@ -128,41 +132,7 @@ class Dialect:
         return self.hokuyo_scan_interval if sensor == "hokuyo" else self.scan_interval
 
 
-COMPAT = Dialect(
-    name="compat",
-    time=NumberFormat(2),
-    ranges=NumberFormat(2),
-    angle=NumberFormat(6),  # four decimals would skew a scan by half a degree
-    truth=NumberFormat(4),
-    ins=NumberFormat(4),
-    plain=NumberFormat(4),
-    start_pose=NumberFormat(2),
-    mount=NumberFormat(4),
-    robot=NumberFormat(4),
-    mass=NumberFormat(4),
-    no_steering="0.0000",
-    dimensions_are_wheels=False,
-    joins_mounts=True,
-    # One client stops reading at a segment of its own for a touch sensor.
-    joined=frozenset(("Touch", "Sonar")),
-    timeless=frozenset(),
-    ins_angles_positive=False,
-    has_actuators=False,
-    cameras_in_degrees=False,
-    turns_in_degrees=False,
-    accepts_any_case_true=True,
-    image_type=ImageType.JPEG_GOOD,
-    drive_unit="rad_per_s",
-    battery_start=3600.0,
-    battery_runs_out=False,  # a client that reads 0 pauses its robot permanently
-    scan_interval=0.1,  # one client drops every second 100 ms, by its own clock
-    hokuyo_scan_interval=0.1,
-    ins_interval=0.1,
-    tachometer_interval=0.1,
-    sonar_interval=0.2,
-    gps_interval=0.2,
-    laser_max_range=None,
-)
+COMPAT = Dialect(name="compat")
 
 # What clients that were written for the servers of UT2004 expect of their robots: they
 # read the fields of these lines by position.
@@ -202,7 +172,6 @@ UDK = Dialect(
     hokuyo_scan_interval=0.3,
     ins_interval=0.2,
     tachometer_interval=0.2,
-    sonar_interval=0.2,
     gps_interval=0.1,
     laser_max_range=20.0,
 )

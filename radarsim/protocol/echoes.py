@@ -134,7 +134,6 @@ class SeenEchoes(Field[TargetEchoes | None]):
         return (*value.properties(dialect), Segment(self.key, text, series=series))
 
 
-@dataclass(frozen=True, slots=True)
 class EchoLine(ItemReport):
     """Echoes of one scan, as many as fit into a line.
 
@@ -182,8 +181,7 @@ def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
     return head + b" ".join(echoes) + _END
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RadarTargets(ItemReport):
+class RadarTargets(ItemReport, eq=False):
     """Targets of one turn of a radar, as many as fit into a line.
 
     Attributes:

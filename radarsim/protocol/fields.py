@@ -25,6 +25,7 @@ from typing import (
     Self,
     TypeAlias,
     TypeVar,
+    dataclass_transform,
     get_type_hints,
 )
 
@@ -206,14 +207,11 @@ class Flag(Field[bool]):
         return (Segment(self.key, TRUTH, (value,)),)
 
 
-class Extent(FormattedField[Triple]):
+class Extent(Numbers):
     """Three lengths, the same in the axes of the wire."""
 
     def read(self, message: Message) -> Triple:
         return message.parse(self.key, parse_triple)
-
-    def write(self, value: Triple, dialect: Dialect) -> Sequence[Segment]:
-        return (Segment(self.key, marks(self.format(dialect), 3), value),)
 
 
 class Point(FormattedField[Triple]):
@@ -334,20 +332,22 @@ _FIELDS: Final[dict[type, Sequence[tuple[str, Field[Any]]]]] = {}
 
 def fields_of(report: type) -> Sequence[tuple[str, Field[Any]]]:
     """Return the attributes of a report that have fields, in their order."""
-    found = _FIELDS.get(report)
-    if found is None:
+    if report not in _FIELDS:
         hints = get_type_hints(report, include_extras=True)
         annotated = [
             (each.name, getattr(hints[each.name], "__metadata__", ()))
             for each in fields(report)
         ]
-        found = tuple((name, metadata[0]) for name, metadata in annotated if metadata)
-        _FIELDS[report] = found
-    return found
+        _FIELDS[report] = [(name, data[0]) for name, data in annotated if data]
+    return _FIELDS[report]
 
 
+@dataclass_transform(frozen_default=True)
 class LineReport:
     """A report whose line follows from the fields of its attributes.
+
+    Every subclass is a frozen dataclass. One with arrays is declared with ``eq=False``,
+    and compares by identity.
 
     Attributes:
         verb: First word of the line.
@@ -357,11 +357,12 @@ class LineReport:
             name before them.
     """
 
-    __slots__ = ()
-
     verb: ClassVar[str]
     layouts: ClassVar[Layouts] = {}
     item_keys: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, *, eq: bool = True) -> None:
+        dataclass(frozen=True, eq=eq)(cls)
 
     @classmethod
     def decode(cls, message: Message) -> Self:
@@ -430,8 +431,7 @@ class LineReport:
         return [name for name, _ in found]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorReport(LineReport):
+class SensorReport(LineReport, eq=False):
     """One reading.
 
     Attributes:
@@ -464,8 +464,7 @@ class SensorReport(LineReport):
         return time + LineReport.sources(self, dialect)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ItemReport(SensorReport):
+class ItemReport(SensorReport, eq=False):
     """One reading of one item.
 
     Attributes:

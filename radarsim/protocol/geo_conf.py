@@ -6,7 +6,7 @@ missing; such a number is NaN.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import degrees, nan, pi, radians
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 
@@ -37,7 +37,6 @@ _ACKERMANN: Final = "AckermanSteered"  # as servers and clients spell it
 _MAX_STEERING: Final = ("MaxFrontSteer", "MaxRearSteer")
 
 
-@dataclass(frozen=True, slots=True)
 class RobotGeo(LineReport):
     """The dimensions of the robot.
 
@@ -72,7 +71,6 @@ class RobotGeo(LineReport):
         return LineReport.segments(report, dialect)
 
 
-@dataclass(frozen=True, slots=True)
 class AerialGeo(RobotGeo):
     """The dimensions of a robot that flies.
 
@@ -93,7 +91,6 @@ class AerialGeo(RobotGeo):
         return LineReport.segments(self, dialect)
 
 
-@dataclass(frozen=True, slots=True)
 class ItemGeo(LineReport):
     """The mounts of items.
 
@@ -165,7 +162,6 @@ class Steering(Field[tuple[float, float] | None]):
         return [Segment(self.key, _ACKERMANN), *angles]
 
 
-@dataclass(frozen=True, slots=True)
 class RobotConf(LineReport):
     """The performance of the robot.
 
@@ -194,7 +190,6 @@ class RobotConf(LineReport):
     max_steering: Annotated[tuple[float, float] | None, Steering("SteeringType")] = None
 
 
-@dataclass(frozen=True, slots=True)
 class AerialConf(RobotConf):
     """The performance of a robot that flies; its speed is that ahead, m/s."""
 
@@ -206,98 +201,87 @@ class AerialConf(RobotConf):
     max_torque: Annotated[float, Number("MaxTorque", "robot", default=nan)] = nan
 
 
-@dataclass(frozen=True, slots=True)
 class ItemConf(LineReport):
     """The settings of items of one type.
 
     Attributes:
         type: Type of the items in the spelling of the request.
-        items: Name and settings of each item.
+        items: Name and settings of each item, as of ``rows``.
+        rows: How they are written and read.
     """
 
     verb: ClassVar[str] = "CONF"
+    rows: ClassVar[Rows]
 
-    type: Annotated[str, RequiredText("Type")]
+    type: str
     items: tuple[tuple[Any, ...], ...]
 
+    @classmethod
+    def _read(cls, message: Message) -> list[Any]:
+        return [message.require("Type"), cls.rows.read(message)]
 
-@dataclass(frozen=True, slots=True)
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        segments = self.rows.write(self.items, dialect)
+        return [Segment("Type", reduce_text(self.type)), *segments]
+
+
 class ScannerConf(ItemConf):
     """The settings of scanners.
 
-    Attributes:
-        items: Name, maximum and minimum range, m, resolution and field of view, rad.
+    Of each its name, maximum and minimum range, m, resolution and field of view, rad.
     """
 
-    items: Annotated[
-        tuple[tuple[str, float, float, float, float], ...],
-        Rows(
-            Text("Name"),
-            Number("MaxRange", "robot"),
-            Number("MinRange", "robot", default=0.0),
-            Number("Resolution", "angle", default=nan),
-            Number("Fov", "angle", default=nan),
-            layouts={
-                "udk": "{Name} {MaxRange} {MinRange} {Resolution} {Fov}"
-                " {Panning True} {Tilting False}",
-            },
-        ),
-    ]
+    rows = Rows(
+        Text("Name"),
+        Number("MaxRange", "robot"),
+        Number("MinRange", "robot", default=0.0),
+        Number("Resolution", "angle", default=nan),
+        Number("Fov", "angle", default=nan),
+        layouts={
+            "udk": "{Name} {MaxRange} {MinRange} {Resolution} {Fov}"
+            " {Panning True} {Tilting False}",
+        },
+    )
 
 
-@dataclass(frozen=True, slots=True)
 class SonarConf(ItemConf):
     """The settings of sonars.
 
-    Attributes:
-        items: Name, maximum and minimum range, m, angle of the cone, rad, and interval,
-            s, which is NaN if it is not reported.
+    Of each its name, maximum and minimum range, m, angle of the cone, rad, and
+    interval, s, which is NaN if it is not reported.
     """
 
-    items: Annotated[
-        tuple[tuple[str, float, float, float, float], ...],
-        Rows(
-            Text("Name"),
-            Number("MaxRange", "robot"),
-            Number("MinRange", "robot", default=0.0),
-            Number("BeamAngle", "angle"),
-            Number("ScanInterval", "robot", default=nan),
-            layouts={
-                "compat": "{Name} {MaxRange} {MinRange} {BeamAngle}",
-                # The original's numbers, which have no effect there.
-                "udk": "{Name} {MaxRange} {MinRange} {ScanInterval} {beamAngle}"
-                " {maxAngleOfIncidence 0.1745} {tracesPerCone 16} {numberOfCones 10}",
-            },
-        ),
-    ]
+    rows = Rows(
+        Text("Name"),
+        Number("MaxRange", "robot"),
+        Number("MinRange", "robot", default=0.0),
+        Number("BeamAngle", "angle"),
+        Number("ScanInterval", "robot", default=nan),
+        layouts={
+            "compat": "{Name} {MaxRange} {MinRange} {BeamAngle}",
+            # The original's numbers, which have no effect there.
+            "udk": "{Name} {MaxRange} {MinRange} {ScanInterval} {beamAngle}"
+            " {maxAngleOfIncidence 0.1745} {tracesPerCone 16} {numberOfCones 10}",
+        },
+    )
 
 
-@dataclass(frozen=True, slots=True)
 class IntervalConf(ItemConf):
-    """The intervals of items, s."""
+    """The names of items, and their intervals, s."""
 
-    items: Annotated[
-        tuple[tuple[str, float], ...],
-        Rows(Text("Name"), Number("ScanInterval", "plain")),
-    ]
+    rows = Rows(Text("Name"), Number("ScanInterval", "plain"))
 
 
-@dataclass(frozen=True, slots=True)
 class TouchConf(ItemConf):
-    """The diameters of touch sensors, m."""
+    """The names of touch sensors, and their diameters, m."""
 
-    items: Annotated[
-        tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Diameter", "robot"))
-    ]
+    rows = Rows(Text("Name"), Number("Diameter", "robot"))
 
 
-@dataclass(frozen=True, slots=True)
 class EncoderConf(ItemConf):
-    """The angles of one tick of encoders, rad."""
+    """The names of encoders, and the angles of one tick, rad."""
 
-    items: Annotated[
-        tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Resolution", "angle"))
-    ]
+    rows = Rows(Text("Name"), Number("Resolution", "angle"))
 
 
 class CameraLimits(NamedTuple):
@@ -325,7 +309,6 @@ _PIXEL_KEYS: Final = (
 _FOV_KEYS: Final = ("CameraDefFov", "CameraMinFov", "CameraMaxFov", "CameraFov")
 
 
-@dataclass(frozen=True, slots=True)
 class CameraConf(LineReport):
     """The settings of cameras.
 
@@ -387,7 +370,6 @@ class ItemNames(Field[tuple[str, ...]]):
         return [Segment(self.key, reduce_text(name)) for name in value]
 
 
-@dataclass(frozen=True, slots=True)
 class NameConf(LineReport):
     """The names of items without settings."""
 

@@ -6,7 +6,6 @@ each from the key ``Link`` on.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import nan
 from typing import Annotated, ClassVar, Final, NamedTuple, Self
 
@@ -80,7 +79,6 @@ class LinkStates(Field[tuple[tuple[float, float], ...]]):
         return segments
 
 
-@dataclass(frozen=True, slots=True)
 class PackageState(LineReport):
     """The state of a mission package.
 
@@ -116,7 +114,6 @@ class LinkLimits(NamedTuple):
     max_angle: float
 
 
-@dataclass(frozen=True, slots=True)
 class PackageConf(LineReport):
     """What the links of mission packages can do.
 
@@ -180,7 +177,6 @@ def _read_limits(link: Message) -> LinkLimits:
     )
 
 
-@dataclass(frozen=True, slots=True)
 class PackageGeo(LineReport):
     """Where the links of mission packages are.
 

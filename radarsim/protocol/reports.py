@@ -11,14 +11,16 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from math import isnan, nan
-from typing import Annotated, ClassVar, Final, Self, TypeAlias, get_args
+from typing import Annotated, ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
+from radarsim.protocol.echoes import EchoLine as EchoLine
+from radarsim.protocol.echoes import RadarTargets as RadarTargets
+from radarsim.protocol.echoes import TargetEchoes as TargetEchoes
 from radarsim.protocol.fields import (
     BodyAngles,
     Field,
@@ -33,32 +35,28 @@ from radarsim.protocol.fields import (
     Pose,
     Rows,
     Segment,
-    SensorReport,
     Series,
     Split,
     Text,
     WheelPose,
     Whole,
 )
-from radarsim.protocol.geo_conf import (
-    AerialConf,
-    AerialGeo,
-    CameraConf,
-    CameraLimits,
-    EncoderConf,
-    IntervalConf,
-    ItemConf,
-    ItemGeo,
-    NameConf,
-    RobotConf,
-    RobotGeo,
-    ScannerConf,
-    SonarConf,
-    TouchConf,
-    decode_conf,
-    decode_geo,
-    is_aerial,
-)
+from radarsim.protocol.fields import SensorReport as SensorReport
+from radarsim.protocol.geo_conf import AerialConf as AerialConf
+from radarsim.protocol.geo_conf import AerialGeo as AerialGeo
+from radarsim.protocol.geo_conf import CameraConf as CameraConf
+from radarsim.protocol.geo_conf import CameraLimits as CameraLimits
+from radarsim.protocol.geo_conf import EncoderConf as EncoderConf
+from radarsim.protocol.geo_conf import IntervalConf as IntervalConf
+from radarsim.protocol.geo_conf import ItemConf as ItemConf
+from radarsim.protocol.geo_conf import ItemGeo as ItemGeo
+from radarsim.protocol.geo_conf import NameConf as NameConf
+from radarsim.protocol.geo_conf import RobotConf as RobotConf
+from radarsim.protocol.geo_conf import RobotGeo as RobotGeo
+from radarsim.protocol.geo_conf import ScannerConf as ScannerConf
+from radarsim.protocol.geo_conf import SonarConf as SonarConf
+from radarsim.protocol.geo_conf import TouchConf as TouchConf
+from radarsim.protocol.geo_conf import decode_conf, decode_geo, is_aerial
 from radarsim.protocol.line_template import (
     FLIPPED,
     WHOLE,
@@ -78,82 +76,20 @@ from radarsim.protocol.message import (
     parse_triple,
     wrapped_pose,
 )
-from radarsim.protocol.packages import PackageConf, PackageGeo, PackageState
-from radarsim.protocol.rescue import (
-    GasDensity,
-    HumanMotion,
-    RfidTags,
-    Sound,
-    VictimParts,
-)
-from radarsim.protocol.watch import (
-    ClockTick,
-    CommandError,
-    RobotJoined,
-    RobotLeft,
-    Watching,
-    is_seen,
-    see_head,
-    split_seen,
-)
-
-__all__ = [
-    "Acceleration",
-    "AerialConf",
-    "AerialGeo",
-    "AerialStatus",
-    "Altitude",
-    "CameraConf",
-    "CameraLimits",
-    "ClockTick",
-    "CommandError",
-    "Compass",
-    "CrateStates",
-    "EchoLine",
-    "Encoder",
-    "EncoderConf",
-    "GasDensity",
-    "Gps",
-    "Greeting",
-    "GroundTruth",
-    "HumanMotion",
-    "Imu",
-    "Ins",
-    "IntervalConf",
-    "ItemConf",
-    "ItemGeo",
-    "MissionTime",
-    "NameConf",
-    "Odometry",
-    "PackageConf",
-    "PackageGeo",
-    "PackageState",
-    "ProperAcceleration",
-    "RadarTargets",
-    "RangeScan",
-    "Report",
-    "RfidTags",
-    "RobotConf",
-    "RobotGeo",
-    "RobotJoined",
-    "RobotLeft",
-    "ScannerConf",
-    "SensorReport",
-    "Sonar",
-    "SonarConf",
-    "Sound",
-    "StartPoses",
-    "Status",
-    "Tachometer",
-    "TargetEchoes",
-    "Touch",
-    "TouchConf",
-    "VictimParts",
-    "WatchedLine",
-    "Watching",
-    "decode_report",
-    "to_bytes",
-]
+from radarsim.protocol.packages import PackageConf as PackageConf
+from radarsim.protocol.packages import PackageGeo as PackageGeo
+from radarsim.protocol.packages import PackageState as PackageState
+from radarsim.protocol.rescue import GasDensity as GasDensity
+from radarsim.protocol.rescue import HumanMotion as HumanMotion
+from radarsim.protocol.rescue import RfidTags as RfidTags
+from radarsim.protocol.rescue import Sound as Sound
+from radarsim.protocol.rescue import VictimParts as VictimParts
+from radarsim.protocol.watch import ClockTick as ClockTick
+from radarsim.protocol.watch import CommandError as CommandError
+from radarsim.protocol.watch import RobotJoined as RobotJoined
+from radarsim.protocol.watch import RobotLeft as RobotLeft
+from radarsim.protocol.watch import Watching as Watching
+from radarsim.protocol.watch import is_seen, see_head, split_seen
 
 MOST_KEPT: Final = 4096  # templates of scans; a robot has a few
 _KEPT: Final[dict[Hashable, tuple[bytes, Sequence[float]]]] = {}
@@ -161,7 +97,6 @@ _SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
 LONGEST_LINE: Final = 4095  # bytes with its end; clients read into buffers of 4096
 
 
-@dataclass(frozen=True, slots=True)
 class Greeting(LineReport):
     """The first line on a connection; ``level`` is the name of the map."""
 
@@ -272,7 +207,6 @@ class Headlight(Field[bool]):
         return (Segment(self.key, str(value)), intensity)
 
 
-@dataclass(frozen=True, slots=True)
 class Status(LineReport):
     """The state of a robot.
 
@@ -300,7 +234,6 @@ class Status(LineReport):
     ] = None
 
 
-@dataclass(frozen=True, slots=True)
 class AerialStatus(Status):
     """The state of a robot that flies, which has no steering."""
 
@@ -360,8 +293,7 @@ class CrateStates:
         return f"STA{''.join(fields)}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RangeScan(ItemReport):
+class RangeScan(ItemReport, eq=False):
     """One scan of a laser or radar.
 
     Attributes:
@@ -401,7 +333,6 @@ class RangeScan(ItemReport):
         return template, (self.time, *fan), self.ranges
 
 
-@dataclass(frozen=True, slots=True)
 class GroundTruth(ItemReport):
     """The true pose of the robot's body in the world."""
 
@@ -410,7 +341,6 @@ class GroundTruth(ItemReport):
     pose: Annotated[Pose3, Pose("truth")]
 
 
-@dataclass(frozen=True, slots=True)
 class Ins(ItemReport):
     """The pose in the world that the inertial navigation system estimates."""
 
@@ -419,7 +349,6 @@ class Ins(ItemReport):
     pose: Annotated[Pose3, Pose("ins")]
 
 
-@dataclass(frozen=True, slots=True)
 class Odometry(ItemReport):
     """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
 
@@ -428,7 +357,6 @@ class Odometry(ItemReport):
     pose: Annotated[Pose2, WheelPose("Pose", "plain")]
 
 
-@dataclass(frozen=True, slots=True)
 class Tachometer(ItemReport):
     """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
 
@@ -438,7 +366,6 @@ class Tachometer(ItemReport):
     positions: Annotated[tuple[float, ...], Numbers("Pos", "plain")]
 
 
-@dataclass(frozen=True, slots=True)
 class Encoder(SensorReport):
     """Name and tick count of each wheel encoder."""
 
@@ -448,7 +375,6 @@ class Encoder(SensorReport):
     ticks: Annotated[tuple[tuple[str, int], ...], Rows(Text("Name"), Whole("Tick"))]
 
 
-@dataclass(frozen=True, slots=True)
 class Touch(ItemReport):
     """Whether something touches the robot."""
 
@@ -458,7 +384,6 @@ class Touch(ItemReport):
     touched: Annotated[bool, Flag("Touch")]
 
 
-@dataclass(frozen=True, slots=True)
 class Acceleration(ItemReport):
     """How the velocity changes, m/s2, along the axes of the sensor."""
 
@@ -467,7 +392,6 @@ class Acceleration(ItemReport):
     acceleration: Annotated[Triple, Point("Acceleration", "robot")]
 
 
-@dataclass(frozen=True, slots=True)
 class ProperAcceleration(ItemReport):
     """How the velocity changes, with gravity, m/s2, along the axes of the sensor."""
 
@@ -476,7 +400,6 @@ class ProperAcceleration(ItemReport):
     acceleration: Annotated[Triple, Point("ProperAcceleration", "robot")]
 
 
-@dataclass(frozen=True, slots=True)
 class Imu(ItemReport):
     """What an inertial measurement unit reads.
 
@@ -495,7 +418,6 @@ class Imu(ItemReport):
     angles: Annotated[Triple, BodyAngles("Rotation", "robot")]
 
 
-@dataclass(frozen=True, slots=True)
 class Altitude(ItemReport):
     """The height of the robot above its spawn, and above the sea, m."""
 
@@ -516,7 +438,6 @@ class CompassAngle(FormattedField[float]):
         return (Segment(self.key, text, (value,)),)
 
 
-@dataclass(frozen=True, slots=True)
 class Compass(ItemReport):
     """The heading of the robot from the x axis of the map, the north, rad."""
 
@@ -525,7 +446,6 @@ class Compass(ItemReport):
     heading: Annotated[float, CompassAngle("MagneticAngle", "plain")]
 
 
-@dataclass(frozen=True, slots=True)
 class MissionTime(ItemReport):
     """The whole minutes since the spawn of the robot."""
 
@@ -534,7 +454,6 @@ class MissionTime(ItemReport):
     minutes: Annotated[int, Whole("Minutes")]
 
 
-@dataclass(frozen=True, slots=True)
 class Sonar(SensorReport):
     """The ranges of sonars.
 
@@ -575,7 +494,6 @@ class GlobePosition(Field[tuple[float, float] | None]):
         return (*written, Segment("Fix", "1"))
 
 
-@dataclass(frozen=True, slots=True)
 class Gps(ItemReport):
     """A position on the globe.
 
@@ -623,30 +541,6 @@ class WatchedLine:
         return f"{see_head(self.robot).decode('ascii')}{self.line}"
 
 
-SensorReading: TypeAlias = (
-    RangeScan
-    | EchoLine
-    | RadarTargets
-    | GroundTruth
-    | Ins
-    | Odometry
-    | Tachometer
-    | Encoder
-    | Touch
-    | Acceleration
-    | ProperAcceleration
-    | Imu
-    | Altitude
-    | Compass
-    | MissionTime
-    | Sonar
-    | Gps
-    | RfidTags
-    | VictimParts
-    | HumanMotion
-    | Sound
-    | GasDensity
-)
 Report: TypeAlias = LineReport | StartPoses | CrateStates | WatchedLine
 
 # By a key that no report after it has.
@@ -655,8 +549,13 @@ _INFOS: Final = (
     *(("Joined", RobotJoined), ("Level", Greeting), ("Left", RobotLeft)),
     ("Error", CommandError),
 )
-_SENSOR_REPORTS: Final[dict[str, type[SensorReading]]] = {
-    report.sensor_type.lower(): report for report in get_args(SensorReading)
+# All that this module defines or imports, by their types on the wire.
+_SENSOR_REPORTS: Final[dict[str, type[SensorReport]]] = {
+    each.sensor_type.lower(): each
+    for each in list(globals().values())
+    if isinstance(each, type)
+    and issubclass(each, SensorReport)
+    and hasattr(each, "sensor_type")
 }
 
 

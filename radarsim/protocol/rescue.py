@@ -5,7 +5,6 @@ of clients of servers for UT2004, the only servers that have these sensors.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, NamedTuple
 
 from radarsim.protocol.dialect import Dialect
@@ -65,7 +64,6 @@ class Sightings(Field[tuple[Sighting, ...]]):
         return written or self._nothing
 
 
-@dataclass(frozen=True, slots=True)
 class RfidTags(ItemReport):
     """The tags that a reader reads, with their numbers as labels."""
 
@@ -74,7 +72,6 @@ class RfidTags(ItemReport):
     tags: Annotated[tuple[Sighting, ...], Sightings("ID")]
 
 
-@dataclass(frozen=True, slots=True)
 class VictimParts(ItemReport):
     """The parts of bodies that a sensor sees, such as ``Head``."""
 
@@ -97,7 +94,6 @@ class Probability(Field[float]):
         return (Segment(self.key, f" {marks(dialect.robot)}", (value,)),)
 
 
-@dataclass(frozen=True, slots=True)
 class HumanMotion(ItemReport):
     """How likely it is that somebody moves in front of a sensor."""
 
@@ -106,7 +102,6 @@ class HumanMotion(ItemReport):
     probability: Annotated[float, Probability("Prob")]
 
 
-@dataclass(frozen=True, slots=True)
 class Sound(ItemReport):
     """How loud it is at a microphone, dB, and how long the loudest sound lasts, s."""
 
@@ -116,7 +111,6 @@ class Sound(ItemReport):
     duration: Annotated[float, Number("Duration", "robot")]
 
 
-@dataclass(frozen=True, slots=True)
 class GasDensity(ItemReport):
     """The share of a gas in the air, %."""
 

@@ -104,7 +104,6 @@ class Choice(Field[RobotChoice]):
         return (Segment(self.key, reduce_text(str(value))),)
 
 
-@dataclass(frozen=True, slots=True)
 class Watching(LineReport):
     """The answer to a command to watch robots.
 
@@ -119,7 +118,6 @@ class Watching(LineReport):
     echoes: Annotated[RobotChoice, Choice("Echoes")] = NO_ROBOTS
 
 
-@dataclass(frozen=True, slots=True)
 class RobotJoined(LineReport):
     """A robot is there.
 
@@ -134,7 +132,6 @@ class RobotJoined(LineReport):
     class_name: Annotated[str, PrintableText("ClassName")]
 
 
-@dataclass(frozen=True, slots=True)
 class RobotLeft(LineReport):
     """A robot is there no more.
 
@@ -147,7 +144,6 @@ class RobotLeft(LineReport):
     robot: Annotated[str, PrintableText("Left")]
 
 
-@dataclass(frozen=True, slots=True)
 class ClockTick(LineReport):
     """The simulated time of a tick.
 
@@ -160,7 +156,6 @@ class ClockTick(LineReport):
     time: Annotated[float, Number("Clock", "time")]
 
 
-@dataclass(frozen=True, slots=True)
 class CommandError(LineReport):
     """A command had no effect; only those that no old client sends are answered so.
 

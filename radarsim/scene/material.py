@@ -16,13 +16,8 @@ import numpy as np
 from annotated_types import Ge, Le
 from pydantic import BaseModel, ConfigDict, PlainValidator, Strict, TypeAdapter
 
-from radarsim.errors import PresetError
-from radarsim.presets import (
-    SourcedValue,
-    preset_names,
-    read_preset,
-    unknown_preset,
-)
+from radarsim.errors import PresetError, expected_one_of
+from radarsim.presets import SourcedValue, preset_names, read_preset
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.validation import short_repr
 
@@ -249,7 +244,7 @@ def library_entry(name: str) -> LibraryEntry:
         PresetError: If there is no such material.
     """
     if name not in library_names():
-        raise unknown_preset("material", name, library_names())
+        raise PresetError(f"material {expected_one_of(name, library_names())}")
     return LibraryEntry.model_validate(read_preset("materials", name))
 
 

@@ -141,26 +141,17 @@ class ImageServer(PeerServer):
         self.requested = asyncio.Event()
         self._simulation, self._pictures = simulation, pictures
         self._connected = 0
-        self._drawing: asyncio.Task[None] | None = None
 
     def _accept(self) -> Viewer:
         self._connected += 1
         return Viewer(self, self._connected)
 
-    async def start(self, address: str = "127.0.0.1") -> None:
-        """Listen, and draw pictures for viewers that wait."""
-        await super().start(address)
-        self._drawing = asyncio.create_task(self._draw_forever())
-
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
         await super().stop()
-        if self._drawing is not None:
-            self._drawing.cancel()
-            await asyncio.wait({self._drawing})
         await self._pictures.stop()
 
-    async def _draw_forever(self) -> None:
+    async def _work(self) -> None:
         """Draw while viewers wait; close the port if that is not possible any more."""
         loop = asyncio.get_running_loop()
         await self._pictures.start()

@@ -90,9 +90,10 @@ class PeerServer(ABC):
         self.refusals = RefusalLog(kind)
         self._port = port
         self._listener: asyncio.Server | None = None
+        self._working: asyncio.Task[None] | None = None
 
     async def start(self, address: str = "127.0.0.1") -> None:
-        """Listen for peers.
+        """Listen for peers, and do what the server does besides.
 
         Args:
             address: Address to listen on.
@@ -102,6 +103,7 @@ class PeerServer(ABC):
                 machine.
         """
         self._listener, self.address = await listen(self._accept, address, self._port)
+        self._working = asyncio.create_task(self._work())
 
     @property
     def addresses(self) -> list[str]:
@@ -113,10 +115,16 @@ class PeerServer(ABC):
     def _accept(self) -> PeerConnection:
         """Return the protocol of a new connection."""
 
+    async def _work(self) -> None:  # noqa: B027 - not all servers do more
+        """Do what the server does besides, until it is cancelled."""
+
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
         self._close()
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
+        if self._working is not None:
+            self._working.cancel()
+            await asyncio.wait({self._working})
 
     def _close(self) -> None:
         if self._listener is not None:

@@ -131,7 +131,6 @@ class Server(PeerServer):
         self.held: set[Connection] = set()
         self.turns = ReadTurns()
         self._after_tick = after_tick
-        self._ticking: asyncio.Task[None] | None = None
         self._ticks = 0
 
     async def start(self, address: str = "127.0.0.1", port: int = 3000) -> None:
@@ -147,14 +146,6 @@ class Server(PeerServer):
         """
         self._port = port
         await super().start(address)
-        self._ticking = asyncio.create_task(self._tick_forever())
-
-    async def stop(self) -> None:
-        """Close the port and all connections at once; never raises."""
-        await super().stop()
-        if self._ticking is not None:
-            self._ticking.cancel()
-            await asyncio.wait({self._ticking})
 
     def _accept(self) -> Connection:
         return Connection(self)
@@ -165,10 +156,11 @@ class Server(PeerServer):
         Raises:
             Exception: The error that stopped simulated time.
         """
-        if self._ticking is not None:
-            await asyncio.shield(self._ticking)
+        if self._working is not None:
+            await asyncio.shield(self._working)
 
-    async def _tick_forever(self) -> None:
+    async def _work(self) -> None:
+        """Let simulated time pass, tick by tick."""
         loop = asyncio.get_running_loop()
         due = next_log = loop.time()
         lost = 0.0
@@ -406,32 +398,24 @@ async def serve(
     Raises:
         ServerError: If it cannot listen.
     """
+
+    async def run() -> None:
+        log_refused_accepts(log)
+        # What is there now stays. To look through it takes the garbage collector some
+        # 90 ms, by which scans would be late.
+        gc.collect()
+        gc.freeze()
+        await server.start(address, port)
+        for companion in companions:
+            await companion.start(address)
+        announce(server.address)
+        await server.wait_failed()
+
     with exit_code_of_signal() as exit_code:
-        running = _run(server, address, port, announce, companions)
         try:
-            code: int = await first_of(running, exit_code)
+            code: int = await first_of(run(), exit_code)
             return code
         finally:
             for companion in companions:
                 await companion.stop()
             await server.stop()
-
-
-async def _run(
-    server: Server,
-    address: str,
-    port: int,
-    announce: Callable[[tuple[str, int]], None],
-    companions: Sequence[Companion],
-) -> None:
-    """Start a server, and wait until it fails; arguments and errors as above."""
-    log_refused_accepts(log)
-    # What is there now stays. To look through it takes the garbage collector some
-    # 90 ms, by which scans would be late.
-    gc.collect()
-    gc.freeze()
-    await server.start(address, port)
-    for companion in companions:
-        await companion.start(address)
-    announce(server.address)
-    await server.wait_failed()

@@ -22,13 +22,14 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
+from radarsim.errors import join_address
 from radarsim.listening import log_refused_accepts, raise_file_limit
 
 log = logging.getLogger("radarsim.server")
 
 ANY_ADDRESS: Final = ("0.0.0.0", "::")  # compared, not bound
 HTTP_PORT: Final = 80
-LOOPBACK: Final = ("127.0.0.1", "localhost", "[::1]")
+LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 HEADERS: Final[Mapping[str, str]] = {
     # Files of another version would not understand this program.
     "Cache-Control": "no-cache",
@@ -56,8 +57,8 @@ class AllowedHosts:
             port: Port that it listens on.
         """
         self._any_address = address in ANY_ADDRESS
-        names = (*LOOPBACK, _in_url(address).lower())
-        self._hosts = {f"{name}:{port}" for name in names}
+        names = (*LOOPBACK, address.lower())
+        self._hosts = {join_address(name, port) for name in names}
         self._port = port
 
     def admit(self, headers: Headers, *, needs_origin: bool) -> bool:
@@ -126,11 +127,6 @@ def _is_address(name: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _in_url(address: str) -> str:
-    """Return an address as it stands in URLs, where brackets hold colons together."""
-    return f"[{address}]" if ":" in address else address
 
 
 MOST_CONNECTIONS: Final = 200

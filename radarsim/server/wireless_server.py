@@ -86,21 +86,15 @@ class WirelessServer(QuestionServer):
         self._simulation = simulation
         self._relays: dict[tuple[str, str, int], RelayPort] = {}
         self._seen: set[str] = set()  # names of robots that were there
-        self._looking: asyncio.TimerHandle | None = None
 
     def _accept(self) -> WirelessClient:
         return WirelessClient(self)
 
-    async def start(self, address: str = "127.0.0.1") -> None:
-        """Listen, and look where the robots are from now on."""
-        await super().start(address)
-        self._look()
-
-    async def stop(self) -> None:
-        """Close the port and all connections at once; never raises."""
-        if self._looking is not None:
-            self._looking.cancel()
-        await super().stop()
+    async def _work(self) -> None:
+        """Look where the robots are, again and again."""
+        while True:
+            self._look()
+            await asyncio.sleep(LOOK_INTERVAL / max(1, len(self._relays)))
 
     def strength(self, one: str, other: str) -> float | None:
         """Return the strength of the signal, dBm; None if a robot is not there."""
@@ -163,7 +157,7 @@ class WirelessServer(QuestionServer):
         return {v.robot.name: v for v in self._simulation.vehicles if v.alive}
 
     def _look(self) -> None:
-        """Open or close a relay port by what is heard now, and look at the next later.
+        """Open or close a relay port by what is heard now; each time the next one.
 
         Robots that have gone are closed.
         """
@@ -181,9 +175,6 @@ class WirelessServer(QuestionServer):
                 relay.open()
             else:
                 relay.close()
-        loop = asyncio.get_running_loop()
-        interval = LOOK_INTERVAL / max(1, len(self._relays))
-        self._looking = loop.call_later(interval, self._look)
 
 
 class WirelessClient(QuestionClient):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarsim import plugins
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import RobotModel
-from radarsim.presets.sensors import item_presets, sensor_presets
+from radarsim.presets.sensors import sensor_presets
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.reports import RangeScan
 from radarsim.raycast.rays import Boxes, EventKind, Rays, Traces
@@ -430,7 +430,7 @@ class Simulation:
     def _prepare_spawns(self) -> None:
         """Read presets, and measure walls around the first starts, before a spawn."""
         sensor_presets()
-        item_presets()
+        sensor_presets("items")
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)
         for floor in islice(floors or [0.0], MOST_READY_FLOORS):
             self._fleet.prepare(self._obstacles(floor))

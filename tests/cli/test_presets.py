@@ -10,7 +10,7 @@ import pytest
 from commands import run_in_process as radarsim
 
 from radarsim.presets.robots import robot_names
-from radarsim.presets.sensors import item_presets, sensor_presets
+from radarsim.presets.sensors import sensor_presets
 from radarsim.scene.material import library_names
 
 HUMMER = ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV")
@@ -20,7 +20,7 @@ HUMMER = ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV")
     ("command", "names", "rows"),
     [
         (
-            *("sensors", [*sensor_presets(), *item_presets()]),
+            *("sensors", [*sensor_presets(), *sensor_presets("items")]),
             {"thesis": ["thesis radar 360 359 1 80"]},
         ),
         ("robots", robot_names(), {"Hummer": HUMMER, "Talon": ["skid"]}),

@@ -53,7 +53,7 @@ async def test_calls_at_once_get_each_what_they_wait_for(
     async with connected(usarsim_server) as client:
         await client.spawn("P3AT", start="RobotStart1")
 
-        async def times(kind: type[reports.SensorReading]) -> list[float]:
+        async def times(kind: type[reports.SensorReport]) -> list[float]:
             return [(await client.wait_for(kind)).time for _ in range(10)]
 
         async def change(value: float) -> None:

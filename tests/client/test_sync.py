@@ -81,7 +81,7 @@ def test_threads_get_each_what_they_wait_for(usarsim_server: UsarsimServer) -> N
     ):
         client.spawn("P3AT", start="RobotStart1")
 
-        def times(kind: type[reports.SensorReading]) -> list[float]:
+        def times(kind: type[reports.SensorReport]) -> list[float]:
             return [client.wait_for(kind).time for _ in range(10)]
 
         series = [

@@ -6,7 +6,6 @@ from radarsim.errors import PresetError
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import (
     SensorPreset,
-    item_presets,
     item_settings,
     load_settings,
     sensor_presets,
@@ -181,7 +180,7 @@ def test_numbers_of_the_sonar_are_those_of_the_original_server() -> None:
 
 
 def test_every_number_has_a_source() -> None:
-    assert list(item_presets()) == [
+    assert list(sensor_presets("items")) == [
         "camera",
         "co2sensor",
         "gps",
@@ -191,7 +190,7 @@ def test_every_number_has_a_source() -> None:
         "sound",
         "victsensor",
     ]
-    for preset in item_presets().values():
+    for preset in sensor_presets("items").values():
         assert preset.about
         assert all(number.source for number in preset.settings.values())
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import pytest
@@ -13,7 +12,7 @@ from radarsim.errors import PresetError
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import Item, load_robot
 from radarsim.protocol.dialect import UDK
-from radarsim.protocol.fields import Number, SensorReport, Text
+from radarsim.protocol.fields import ItemReport, Number
 from radarsim.raycast.rays import Traces
 from radarsim.scene.scene import Scene
 from radarsim.sensors import sensor
@@ -22,13 +21,11 @@ from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 
 
-@dataclass(frozen=True, slots=True)
-class Temperature(SensorReport):
+class Temperature(ItemReport):
     """The temperature at a thermometer, degrees Celsius."""
 
     sensor_type: ClassVar[str] = "Thermometer"
 
-    name: Annotated[str, Text("Name")]
     celsius: Annotated[float, Number("Celsius", "robot")]
 
 

@@ -73,6 +73,19 @@ class Program(Peer):
                     return await self.connect_to(port)
                 await asyncio.sleep(0.005)
 
+    async def connect_until_refused(self, port: int) -> None:
+        """Try until nobody listens any more."""
+        async with asyncio.timeout(DEADLINE):
+            with suppress(ConnectionRefusedError):
+                while True:
+                    # Reset if the port is closed before it has accepted.
+                    with suppress(ConnectionResetError):
+                        # Closed each time: many at once would use up open files.
+                        _, writer = await asyncio.open_connection("127.0.0.1", port)
+                        writer.close()
+                        await writer.wait_closed()
+                    await asyncio.sleep(0.005)
+
     async def next_call(self) -> Streams:
         async with asyncio.timeout(DEADLINE):
             return await self.calls.get()
@@ -390,11 +403,7 @@ async def test_who_never_reads_holds_no_link(
     writer.write(bytes(30_000_000))
     if limit == "CLOSE_GRACE":
         move(simulation, "R2", FAR)
-        port = await one.port_of("R2")
-        async with asyncio.timeout(DEADLINE):
-            with suppress(ConnectionRefusedError):
-                while True:  # until the link is being closed
-                    await one.connect_to(port)
+        await one.connect_until_refused(await one.port_of("R2"))
         move(simulation, "R2", NEAR)
     async with asyncio.timeout(DEADLINE):
         while two.calls.empty():  # while the old link counts, a new one is refused

@@ -73,6 +73,18 @@ def test_requested_echoes_come_before_each_scan(foliage_room: Scene) -> None:
         ]
 
 
+def test_requested_targets_come_before_each_scan_of_a_detector(
+    empty_room: Scene,
+) -> None:
+    client = spawn_client(empty_room, INIT.replace(b"P3AT", b"P3AT_Navtech"))
+    targets_on = ECHOES_ON.replace(b"ECHOES", b"TARGETS")
+    assert client.send(targets_on.replace(b"lms200", b"Navtech")) == []
+    lines = [each for each in receive_lines(client, 60) if b"{Name Navtech}" in each]
+    types = re.findall(rb"{Type (\w+)}", b"".join(lines))
+    assert len(types) > 1
+    assert types == [b"RadarTargets"] * (len(types) - 1) + [b"RangeScanner"]
+
+
 @DIALECTS
 def test_echo_lines_have_the_time_of_the_scan_and_are_numbered(
     foliage_room: Scene, dialect: Dialect
