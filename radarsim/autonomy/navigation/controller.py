@@ -131,8 +131,9 @@ class Controller(ABC):
 
     def _is_at_goal(self, pose: Pose2) -> bool:
         # A turn on the spot is not broken off, though the pose drifts meanwhile.
-        is_turning = self.activity is Activity.TURNING
-        return is_turning or self._goal_distance(pose) <= self._settings.mission.tolerance
+        if self.activity is Activity.TURNING:
+            return True
+        return self._goal_distance(pose) <= self._settings.mission.tolerance
 
     def _turn_to_go(self, pose: Pose2) -> float:
         """Return how far the robot has still to turn at its last goal, rad."""
