@@ -438,24 +438,19 @@ def follow(
         raise click.BadParameter(text, param_hint="--watch")
     watcher = RobotWatcher(server, robot, echoes=plan.echoes)
     watcher.on_wait = lambda: print_message(f"waiting for the robot {robot[:80]!r}")
-    follower = WatchMapper(
-        motion_source=plan.motion_source,
-        resolution=plan.resolution,
-        map_range=plan.map_range,
-        scanner=plan.scanner,
-    )
+    follower = WatchMapper(plan)
     files.check()
     start_log(logging.WARNING, "%(message)s")
     set_exit_code_of_sigterm(0)  # it has no end of its own
     result = MappingResult(
-        None, follower.motion_source, trip=follower.trip, outcome="watched"
+        None, plan.motion_source, trip=follower.trip, outcome="watched"
     )
     film = filmed(files.options, map_camera(result, follower))
     with raise_on_signals(), recording, film as update_film:
         follower.on_data = recording.follow(robot)
         with map_progress(follower, recording, update_film) as note:
             follower.on_scan = lambda: note("listening")
-            code = follower.watch(watcher, echoes=plan.echoes)
+            code = follower.watch(watcher)
         result.mapper = follower.mapper
         files.write(result)
         if follower.error and not result.error:
