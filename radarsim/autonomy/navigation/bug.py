@@ -28,7 +28,6 @@ from radarsim.autonomy.navigation.boundary_memory import (
     LEAST_CIRCUIT,
     FollowedBoundary,
     Landmark,
-    Trail,
 )
 from radarsim.autonomy.navigation.bumpers import BAND
 from radarsim.autonomy.navigation.control import STOP, Twist, distance
@@ -77,7 +76,7 @@ class BoundaryPolicy(ABC):
         """Create the policy at a hit point.
 
         Args:
-            boundary: The boundary that was hit, with a trail.
+            boundary: The boundary that was hit, with a landmark there.
             goal: m, map frame.
         """
         self.boundary, self._goal = boundary, goal
@@ -356,8 +355,7 @@ class Bug(BoundaryController):
         boundary, obstacle = self._boundary, self._goal_bearing(pose)
         boundary.reach(observation, obstacle, goal)
         direction = boundary.follower.direction(observation, obstacle)
-        reach = boundary.follower.target_distance
-        boundary.trail = Trail(Landmark(pose, direction, max_offset=reach))
+        boundary.add_landmark(pose, direction, 0.0)
         if settings.mission.algorithm is Algorithm.BUG1:
             self._policy = Bug1Policy(boundary, goal)
         else:
