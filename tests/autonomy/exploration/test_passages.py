@@ -9,8 +9,9 @@ from flat_world import ANGLES, box, look, ranges_of
 from office_map import office_map
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.exploration.coverage import frontier_strategy
 from radarsim.autonomy.exploration.path_follower import ExplorationSettings
-from radarsim.autonomy.exploration.strategies import find_unexplored
+from radarsim.autonomy.exploration.revisit import Revisit
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -52,7 +53,8 @@ def test_maps_and_planned_paths_lead_through_the_same_doors(
     assert bool(len(path)) == is_wide
 
     settings = ExplorationSettings(bumpers=Bumpers(safety_distance=SAFETY))
-    _, cut_off = find_unexplored(seen, map_, settings, HERE)
+    strategy = Revisit(settings, frontier_strategy(settings), fills=False)
+    _, cut_off = strategy.find_unexplored(seen, map_)
     assert bool(cut_off) != is_wide
     assert all(0.3 < x < 6.0 for x, _ in cut_off)
 
