@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -398,7 +398,7 @@ def explore(
     with raise_on_signals(), recording, film as update_film:
         try:
             with map_progress(source, recording, update_film) as note:
-                run.run(address, note)
+                run.run(note, partial(recording.connect, *address))
         finally:
             # an interrupt of the judge, which takes seconds, must not cost the map
             try:

@@ -68,7 +68,7 @@ def test_an_office_is_explored_as_far_as_its_doors_let_the_robot(
     path.write_text(office_map(door))
     plan = ExplorationPlan(safety_distance=SAFETY)
     run = MappingRun(plan, Host(load_map(path)))
-    run.run(("", 0))
+    run.run()
     run.judge()
     told = json.loads(run.result.to_json())
     assert told["outcome"] == "explored"
@@ -85,7 +85,7 @@ def test_the_map_of_an_office_is_true_to_centimetres(tmp_path: Path, seed: int) 
     path.write_text(office_map(1.2))
     plan = ExplorationPlan(safety_distance=SAFETY)
     run = MappingRun(plan, Host(load_map(path), seed=seed), seed=seed)
-    run.run(("", 0))
+    run.run()
     run.judge()
     told = run.result.to_dict()
     assert told["judge"]["reachable_coverage"] > 0.95
