@@ -146,13 +146,18 @@ class FollowedBoundary:
         """Whether the robot is beside it."""
         return self._nearest is not None
 
-    def reach(self, observation: Observation, bearing: float, goal: Point) -> None:
-        """Begin beside it, where a bumper is pressed towards a bearing, rad."""
-        self.hit_place = self.follower.hit_point(observation, bearing)
+    def reach(self, observation: Observation, bearing: float, goal: Point) -> float:
+        """Begin beside it, where a bumper is pressed towards a bearing, rad.
+
+        Returns:
+            The direction along it, rad, map frame.
+        """
+        self.hit_place, along = self.follower.hit(observation, bearing)
         self._nearest = self.hit_place
         self.reached_at = observation.time
         # Known before it is looked at: else any place would be nearer to the goal.
         self.goal_distance = math.dist(self.hit_place, goal)
+        return along
 
     def look(self, observation: Observation, goal: Point) -> Observation:
         """Return a scan without the beams that end on other obstacles.

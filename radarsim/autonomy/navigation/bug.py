@@ -352,9 +352,8 @@ class Bug(BoundaryController):
         is_literal = settings.bumpers.rule is Rule.THESIS
         kind = BumperWallFollower if is_literal else WallFollower
         self._begin_boundary(kind, wall_on_left=self._wall_on_left)
-        boundary, obstacle = self._boundary, self._goal_bearing(pose)
-        boundary.reach(observation, obstacle, goal)
-        direction = boundary.follower.direction(observation, obstacle)
+        boundary = self._boundary
+        direction = boundary.reach(observation, self._goal_bearing(pose), goal)
         boundary.add_landmark(pose, direction, 0.0)
         if settings.mission.algorithm is Algorithm.BUG1:
             self._policy = Bug1Policy(boundary, goal)
