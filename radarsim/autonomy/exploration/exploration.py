@@ -160,8 +160,11 @@ class Exploration:
                 self.outcome = Outcome.EXPLORED if is_done else Outcome.TIME_LIMIT
                 if isinstance(strategy, Revisit):
                     if is_done:
-                        left = strategy.find_unexplored(observation, grid)
-                        self._note_unexplored(*left)
+                        # a place in each piece of floor that is left
+                        places = strategy.find_unexplored(observation, grid)
+                        if places[0] or self.unreached:
+                            self.outcome = Outcome.INCOMPLETE
+                        self.unreached = (*places[0], *places[1], *self.unreached)
                     self.mapper.finish()
                     strategy.forget_moved(self.mapper.grid)
                 return
@@ -170,9 +173,3 @@ class Exploration:
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)
-
-    def _note_unexplored(self, frontiers: list[Point], cut_off: list[Point]) -> None:
-        """Add a place in each piece of floor that is left when the strategy is done."""
-        if frontiers or self.unreached:
-            self.outcome = Outcome.INCOMPLETE
-        self.unreached = (*frontiers, *cut_off, *self.unreached)
