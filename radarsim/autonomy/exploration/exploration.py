@@ -160,11 +160,10 @@ class Exploration:
                 self.outcome = Outcome.EXPLORED if is_done else Outcome.TIME_LIMIT
                 if isinstance(strategy, Revisit):
                     if is_done:
-                        # a place in each piece of floor that is left
-                        places = strategy.find_unexplored(observation, grid)
-                        if places[0] or self.unreached:
+                        frontiers, cut_off = strategy.find_unexplored(observation, grid)
+                        if frontiers or self.unreached:
                             self.outcome = Outcome.INCOMPLETE
-                        self.unreached = (*places[0], *places[1], *self.unreached)
+                        self.unreached = (*frontiers, *cut_off, *self.unreached)
                     self.mapper.finish()
                     strategy.forget_moved(self.mapper.grid)
                 return

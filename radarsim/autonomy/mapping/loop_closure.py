@@ -103,10 +103,6 @@ class KeyframeMap:
         self._swept = 0.0  # station
         self._next_attempt = 0.0  # station from which on it looks for a loop again
 
-    def __len__(self) -> int:
-        """Return the number of keyframes."""
-        return len(self.keyframes)
-
     def add(self, keyframe: Keyframe) -> None:
         """Add a keyframe to the local map, and leave those behind that are far away."""
         self.keyframes.append(keyframe)

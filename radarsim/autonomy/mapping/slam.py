@@ -227,7 +227,7 @@ class Slam:
     def _next_pose(
         self, points: ScanPoints, prior: Pose2 | None, guessed: float
     ) -> Pose2:
-        can_match = len(points.places) >= MIN_POINTS and len(self.map) > 0
+        can_match = len(points.places) >= MIN_POINTS and len(self.map.keyframes) > 0
         has_source = self.motion_source != "none"
         # A motion needs the poses of two scans; without it the pose is searched for.
         if prior is None or self._prior is None or not has_source:
@@ -287,7 +287,7 @@ class Slam:
         return self._fit.pose
 
     def _is_keyframe(self) -> bool:
-        if len(self.map) < FIRST_KEYFRAMES:
+        if len(self.map.keyframes) < FIRST_KEYFRAMES:
             return True
         return self.pose.is_apart(self.map.keyframes[-1].pose, *KEYFRAME_STEP)
 
@@ -297,7 +297,7 @@ class Slam:
             return
         self._anchorings += 1
         # A loop has tied the map to its start already.
-        if self.closures or len(self.map) <= FIRST_KEYFRAMES:
+        if self.closures or len(self.map.keyframes) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self.map, FIRST_KEYFRAMES)
         if correction is None:
