@@ -175,12 +175,8 @@ class NavigationRun:
 
         monitor = self.monitor
         client = connect() if monitor is None else monitor.open_client()
-        try:
-            with client:
-                self.result = run_mission(client, self.mission, observe)
-        except (KeyboardInterrupt, SystemExit):
-            self.error = INTERRUPTED
-            raise
+        with client:
+            self.result = run_mission(client, self.mission, observe)
         if self.outcome == "failed":
             distance = self.run_log.rows[-1].goal_distance
             limit = f"within {self.mission.time_limit:g} s"

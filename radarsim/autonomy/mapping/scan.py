@@ -77,7 +77,9 @@ class BeamHits(NamedTuple):
 
     def chosen(self, rows: NDArray[np.bool_]) -> "BeamHits":
         """Return some of the rows."""
-        return BeamHits(*(column[rows] for column in self))
+        return BeamHits(
+            self.beams[rows], self.near[rows], self.far[rows], self.layer[rows]
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
