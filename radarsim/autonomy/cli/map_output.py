@@ -6,6 +6,7 @@ A run explores, or follows what another client drives.
 from __future__ import annotations
 
 import logging
+import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -268,8 +269,8 @@ def map_camera(result: MappingResult, source: Source) -> Callable[[], Pixels]:
         assert mapper is not None
         view, frames, hidden = film(mapper)
         text = f"{trip.time:.1f} s, {trip.length:.1f} m"
-        share = None if hidden is None else hidden.coverage(mapper.grid)
-        if share is not None:
+        share = math.nan if hidden is None else hidden.coverage(mapper.grid)
+        if math.isfinite(share):
             text = f"{_hidden_text(share, view.outlines)}, {text}"
         path = mapper.trajectory.rows()
         return frames.draw(replace(view, grid=mapper.grid, path=path, subtitle=text))

@@ -91,14 +91,9 @@ class AreaCurve:
         if trip.time < self._due and not last:
             return
         self._due = trip.time + INTERVAL - 1e-9  # times are sums
-        cells = int(grid.sensed_cells().sum())
-        share = None if self.floor is None else self.floor.coverage(grid)
-        sample = Sample(
-            trip.time,
-            trip.length,
-            cells * grid.frame.resolution**2,
-            math.nan if share is None else share,
-        )
+        area = int(grid.sensed_cells().sum()) * grid.frame.resolution**2
+        share = math.nan if self.floor is None else self.floor.coverage(grid)
+        sample = Sample(trip.time, trip.length, area, share)
         for each in SHARES:
             if sample.reachable >= each and self.reached[f"{each:g}"] is None:
                 time, length = round(sample.time, 2), round(sample.path_length, 2)
