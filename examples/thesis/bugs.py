@@ -35,7 +35,7 @@ def drive(map_: str, algorithm: Algorithm) -> NavigationRun:
         time_limit=600.0,
     )
     run = NavigationRun(mission, Host(scene, seed=SEED))
-    run.execute(("", 0))  # no address, as the server is in this process
+    run.execute()
     return run
 
 

@@ -60,7 +60,7 @@ def explore(sensor: str, waypoints: tuple[Point, ...] = WAYPOINTS) -> Mapped:
     plan = ExplorationPlan(waypoints=waypoints, robot_class=robot, start=START)
     config = SimulationConfig(item_settings={item.name: dict(settings)})
     run = MappingRun(plan, Host(scene, config=config, seed=SEED), seed=SEED)
-    run.run(("", 0))  # no address, as the server is in this process
+    run.run()
     run.judge()
     mapper, score = run.result.mapper, run.result.score
     assert mapper is not None

@@ -5,7 +5,6 @@ robot's own client is sent. Where mapping is slower than the robot scans, copies
 left unread, and the server drops the oldest.
 """
 
-import math
 import time
 from collections import deque
 from collections.abc import Callable, Generator
@@ -15,7 +14,7 @@ from typing import Final, Literal, TypeAlias
 from radarsim.autonomy.exploration.exploration import NOISE
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.navigation.runner import TripMeter
-from radarsim.autonomy.plans import MotionSource
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.client import ScannerInfo
 from radarsim.client import session as questions
 from radarsim.client.robot_info import ScannerDescriptions, same_name
@@ -152,7 +151,6 @@ class WatchMapper:
 
     Attributes:
         mapper: The mapper; None before the scanner is known.
-        motion_source: Where the motion between scans is read from.
         trip: Time and path length so far.
         error: Why there is no map, or only a part of it; empty if there is one.
         on_data: Called with what the robot's client would have sent and was sent, for a
@@ -160,52 +158,38 @@ class WatchMapper:
         on_scan: Called after every scan that is on the map.
     """
 
-    def __init__(
-        self,
-        *,
-        motion_source: MotionSource,
-        resolution: float,
-        map_range: float = math.inf,
-        scanner: str | None = None,
-    ) -> None:
+    def __init__(self, plan: ExplorationPlan) -> None:
         """Create a mapper that waits for a robot.
 
         Args:
-            motion_source: Where the motion between scans is read from.
-            resolution: Side of a cell, m.
-            map_range: Range of the scanner that is mapped, m.
-            scanner: Name of the scanner to map with; the first that scans by default.
+            plan: The scanner, by default the first that scans, whether it lists its
+                echoes, for which scans wait, the source of its motion, and the map's
+                cells.
         """
         self.mapper: Mapper | None = None
         self.trip = TripMeter(noise=NOISE)
         self.error = ""
         self.on_data: DataCallback = lambda *_: None
         self.on_scan: Callable[[], None] = lambda: None
-        self.motion_source: MotionSource = motion_source
-        self._resolution = resolution
-        self._map_range = map_range
-        self._scanner = scanner
+        self._plan = plan
         self._descriptions = ScannerDescriptions()
         self._first_scan: RangeScan | None = None
         # Poses come before the first scan, and a map needs the one that belongs to it.
         self._early = deque[Report](maxlen=MOST_EARLY)
-        self._echo_wait = 0.0
 
-    def watch(self, watcher: RobotWatcher, *, echoes: bool) -> int:
+    def watch(self, watcher: RobotWatcher) -> int:
         """Map what a robot reports, until it leaves or a signal raises SystemExit.
 
         Args:
             watcher: Watches the robot.
-            echoes: Whether its scanners list their echoes, for which scans wait.
 
         Returns:
             The exit code: 0 if the robot has left, that of the signal, or 1 if it
             cannot be watched. ``error`` tells whether there is a map.
         """
-        self._echo_wait = ECHO_WAIT if echoes else 0.0
         code = 0
         try:
-            self._follow(watcher, echoes)
+            self._follow(watcher)
         except ClientError as error:
             self.error, code = str(error), 1
         except SystemExit as end:
@@ -215,7 +199,8 @@ class WatchMapper:
         self.error = self.error or self._missing()
         return code
 
-    def _follow(self, watcher: RobotWatcher, echoes: bool) -> None:
+    def _follow(self, watcher: RobotWatcher) -> None:
+        echoes = self._plan.echoes
         with closing(watcher.copies()) as batches:
             for copies in batches:
                 # As if its client had asked, for recordings.
@@ -234,8 +219,9 @@ class WatchMapper:
             return
         self._descriptions.add(report)
         self._early.append(report)
+        plan = self._plan
         if isinstance(report, RangeScan) and (
-            self._scanner is None or same_name(report.name, self._scanner)
+            plan.scanner is None or same_name(report.name, plan.scanner)
         ):
             self._first_scan = self._first_scan or report
         info = self._scanner_info()
@@ -243,10 +229,10 @@ class WatchMapper:
             return
         self.mapper = Mapper(
             info,
-            motion_source=self.motion_source,
-            resolution=self._resolution,
-            map_range=self._map_range,
-            echo_wait=self._echo_wait,
+            motion_source=plan.motion_source,
+            resolution=plan.resolution,
+            map_range=plan.map_range,
+            echo_wait=ECHO_WAIT * plan.echoes,
             # for servers whose time stamps are missing or stand still
             clock=time.monotonic,
         )

@@ -7,6 +7,7 @@ from typing import cast
 
 import pytest
 
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient
 from radarsim.errors import ClientError
@@ -83,14 +84,14 @@ async def watch(address: tuple[str, int], patience: float = 0.3) -> Recorder:
 async def test_robot_is_mapped_until_it_leaves(
     foliage_room: Scene, echoes: bool
 ) -> None:
-    follower = WatchMapper(motion_source="ins", resolution=0.1)
+    follower = WatchMapper(ExplorationPlan(resolution=0.1, echoes=echoes))
     sent: list[tuple[str, bytes]] = []
     follower.on_data = lambda side, data: sent.append((side, data))
     waits: list[None] = []
     async with served(foliage_room) as address:
         watcher = RobotWatcher(address, "r1", echoes=echoes, patience=0.3)
         watcher.on_wait = lambda: waits.append(None)
-        watching = asyncio.to_thread(follower.watch, watcher, echoes=echoes)
+        watching = asyncio.to_thread(follower.watch, watcher)
         following = asyncio.ensure_future(watching)
         async with await AsyncClient.connect(*address) as other:
             await other.spawn("P3AT", name="R2", start="RobotStart2")

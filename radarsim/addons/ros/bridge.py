@@ -36,6 +36,7 @@ from radarsim.addons.recording.robot_topics import (
     topic_name,
 )
 from radarsim.addons.ros.cli import TopicOptions
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client.robot_info import same_name
@@ -142,9 +143,10 @@ async def publish_map(
         ValueError: If the name cannot be sent.
     """
     loop = asyncio.get_running_loop()
+    plan = ExplorationPlan(resolution=MAP_RESOLUTION, echoes=echoes)
     while True:
         # A robot that comes again can stand anywhere: it gets a new map.
-        follower = WatchMapper(motion_source="ins", resolution=MAP_RESOLUTION)
+        follower = WatchMapper(plan)
         due = -math.inf
 
         def publish_now(follower: WatchMapper = follower) -> None:
@@ -161,7 +163,7 @@ async def publish_map(
         follower.on_scan = publish_now
         watcher = RobotWatcher(server, robot, echoes=echoes)
         # Whatever is mapped when the bridge ends, its end does not wait for the thread.
-        if await in_daemon_thread(follower.watch, watcher, echoes=echoes):
+        if await in_daemon_thread(follower.watch, watcher):
             raise ClientError(follower.error)
 
 

@@ -102,7 +102,6 @@ def map_(
         check_robot(plan.robot_class, served)
         start_log(logging.WARNING, MESSAGE_FORM)
         run = MappingRun(plan, served, seed=where.seed)
-        run.connect = recording.connect
         explore(run, written, recording, address, as_json=as_json)
         return int(bool(run.result.error))
 

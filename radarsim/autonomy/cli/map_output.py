@@ -6,11 +6,12 @@ A run explores, or follows what another client drives.
 from __future__ import annotations
 
 import logging
+import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -268,8 +269,8 @@ def map_camera(result: MappingResult, source: Source) -> Callable[[], Pixels]:
         assert mapper is not None
         view, frames, hidden = film(mapper)
         text = f"{trip.time:.1f} s, {trip.length:.1f} m"
-        share = None if hidden is None else hidden.coverage(mapper.grid)
-        if share is not None:
+        share = math.nan if hidden is None else hidden.coverage(mapper.grid)
+        if math.isfinite(share):
             text = f"{_hidden_text(share, view.outlines)}, {text}"
         path = mapper.trajectory.rows()
         return frames.draw(replace(view, grid=mapper.grid, path=path, subtitle=text))
@@ -398,7 +399,7 @@ def explore(
     with raise_on_signals(), recording, film as update_film:
         try:
             with map_progress(source, recording, update_film) as note:
-                run.run(address, note)
+                run.run(note, partial(recording.connect, *address))
         finally:
             # an interrupt of the judge, which takes seconds, must not cost the map
             try:
@@ -438,24 +439,19 @@ def follow(
         raise click.BadParameter(text, param_hint="--watch")
     watcher = RobotWatcher(server, robot, echoes=plan.echoes)
     watcher.on_wait = lambda: print_message(f"waiting for the robot {robot[:80]!r}")
-    follower = WatchMapper(
-        motion_source=plan.motion_source,
-        resolution=plan.resolution,
-        map_range=plan.map_range,
-        scanner=plan.scanner,
-    )
+    follower = WatchMapper(plan)
     files.check()
     start_log(logging.WARNING, "%(message)s")
     set_exit_code_of_sigterm(0)  # it has no end of its own
     result = MappingResult(
-        None, follower.motion_source, trip=follower.trip, outcome="watched"
+        None, plan.motion_source, trip=follower.trip, outcome="watched"
     )
     film = filmed(files.options, map_camera(result, follower))
     with raise_on_signals(), recording, film as update_film:
         follower.on_data = recording.follow(robot)
         with map_progress(follower, recording, update_film) as note:
             follower.on_scan = lambda: note("listening")
-            code = follower.watch(watcher, echoes=plan.echoes)
+            code = follower.watch(watcher)
         result.mapper = follower.mapper
         files.write(result)
         if follower.error and not result.error:

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -118,7 +119,6 @@ def navigate(
     check_robot(mission.robot_class, served)
     scene = None if served is None else served.simulation.scene
     run = NavigationRun(complete_mission(mission, scene), served)
-    run.connect = recording.connect
     start_log(logging.WARNING, MESSAGE_FORM)
     # Left in reverse: the line of progress goes before the result is printed.
     with (
@@ -129,7 +129,8 @@ def navigate(
         filmed(files, run_camera(run)) as update_film,
         run_progress(run.run_log, update_film) as observe,
     ):
-        run.execute(where.connect or LOCAL_SERVER, observe)
+        address = where.connect or LOCAL_SERVER
+        run.execute(observe, partial(recording.connect, *address))
     if run.error:
         print_message(run.error)
     return EXIT_CODES.get(run.outcome, 1)
@@ -168,7 +169,6 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
     """Print the result of a run, also of an interrupted one; else failures as JSON."""
-    from radarsim.autonomy.cli.navigate_output import as_json as result_as_json
     from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 
@@ -178,11 +178,11 @@ def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
         failed = isinstance(error, Exception)
         run.error = run.error or (str(error) if failed else INTERRUPTED)
         if as_json:
-            print_lines([result_as_json(run)])
+            print_lines([run.to_json()])
         elif not failed and run.run_log.rows:
             print_lines(as_text(run))
         raise
-    print_lines([result_as_json(run)] if as_json else as_text(run))
+    print_lines([run.to_json()] if as_json else as_text(run))
 
 
 def _is_trace(path: Path) -> bool:

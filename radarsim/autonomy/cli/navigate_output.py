@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -104,11 +103,6 @@ def describe_status(run_log: RunLog) -> str:
             row.pressed,
         )
     ).rstrip()
-
-
-def as_json(run: NavigationRun) -> str:
-    """Return the summary of a run as one line of JSON."""
-    return json.dumps(run.to_dict(), allow_nan=False)
 
 
 def as_text(run: NavigationRun) -> list[str]:

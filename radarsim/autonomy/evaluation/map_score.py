@@ -227,10 +227,10 @@ class FloorPart:
         rows, columns = np.nonzero(floor[part])
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
-    def coverage(self, grid: OccupancyGrid) -> float | None:
-        """Return the share of it that is sensed; None if there is no such floor."""
+    def coverage(self, grid: OccupancyGrid) -> float:
+        """Return the share of it that is sensed; nan if there is no such floor."""
         if not len(self._rows):
-            return None
+            return math.nan
         rows, columns = self._rows - grid.frame.row, self._columns - grid.frame.column
         inside = (rows >= 0) & (rows < grid.frame.rows)
         inside &= (columns >= 0) & (columns < grid.frame.columns)

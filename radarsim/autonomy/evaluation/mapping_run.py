@@ -91,14 +91,9 @@ class AreaCurve:
         if trip.time < self._due and not last:
             return
         self._due = trip.time + INTERVAL - 1e-9  # times are sums
-        cells = int(grid.sensed_cells().sum())
-        share = None if self.floor is None else self.floor.coverage(grid)
-        sample = Sample(
-            trip.time,
-            trip.length,
-            cells * grid.frame.resolution**2,
-            math.nan if share is None else share,
-        )
+        area = int(grid.sensed_cells().sum()) * grid.frame.resolution**2
+        share = math.nan if self.floor is None else self.floor.coverage(grid)
+        sample = Sample(trip.time, trip.length, area, share)
         for each in SHARES:
             if sample.reachable >= each and self.reached[f"{each:g}"] is None:
                 time, length = round(sample.time, 2), round(sample.path_length, 2)
@@ -242,7 +237,6 @@ class MappingRun:
     Attributes:
         exploration: The exploration.
         result: Result of the run so far; complete once ``run`` has returned or raised.
-        connect: Connects to a server that is not in this process, at a host and port.
     """
 
     def __init__(
@@ -260,19 +254,18 @@ class MappingRun:
         self.result = MappingResult(name, plan.motion_source)
         self.result.robot_class = plan.robot_class
         self.result.scene = None if host is None else host.simulation.scene
-        self.connect: Callable[[str, int], Client] = Client.connect
         self._host = host
 
     def run(
         self,
-        address: tuple[str, int],
         observe: Callable[[str], None] = lambda _: None,
+        connect: Callable[[], Client] = Client.connect,
     ) -> None:
         """Connect, explore, and complete the result, however the run ends.
 
         Args:
-            address: Host and port of the server, unless it is in this process.
             observe: Called at every scan with what the strategy is doing, in one word.
+            connect: Connects to the server, unless it is in this process.
 
         Raises:
             ClientError: If the server does not send what is needed.
@@ -286,7 +279,7 @@ class MappingRun:
             observe(activity)
 
         try:
-            with self._open_client(address) as client:
+            with self._open_client(connect) as client:
                 exploration.run(client, note)
         except BaseException as error:
             is_failure = isinstance(error, Exception)
@@ -322,9 +315,9 @@ class MappingRun:
             curve.floor = FloorPart("reachable", mapper, scene, robot_class, start)
         curve.add(trip, mapper.grid, last=last)
 
-    def _open_client(self, address: tuple[str, int]) -> Client:
+    def _open_client(self, connect: Callable[[], Client]) -> Client:
         if self._host is None:
-            return self.connect(*address)
+            return connect()
         self.result.monitor = GroundTruthMonitor(self._host)
         return self.result.monitor.open_client()
 

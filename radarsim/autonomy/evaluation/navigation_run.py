@@ -3,6 +3,7 @@
 The true path, collisions and distances of the robot are those of the simulation.
 """
 
+import json
 import math
 from collections.abc import Callable
 from typing import Any, Final
@@ -113,7 +114,6 @@ class NavigationRun:
         run_log: One row for each scan so far.
         result: None until the run ends, and after one that broke off.
         error: What went wrong; empty if nothing did.
-        connect: Connects to a server that is not in this process, at a host and port.
     """
 
     def __init__(self, mission: Mission, host: Host | None) -> None:
@@ -123,7 +123,6 @@ class NavigationRun:
         self.run_log = RunLog()
         self.result: Result | None = None
         self.error = ""
-        self.connect: Callable[[str, int], Client] = Client.connect
 
     @property
     def scene(self) -> Scene | None:
@@ -157,14 +156,14 @@ class NavigationRun:
 
     def execute(
         self,
-        address: tuple[str, int],
         on_scan: Callable[[Row], None] = lambda _: None,
+        connect: Callable[[], Client] = Client.connect,
     ) -> None:
         """Connect, and drive until the mission ends; set ``result`` and ``error``.
 
         Args:
-            address: Host and port of the server, unless it runs in this process.
             on_scan: Called after every scan with its row of the log.
+            connect: Connects to the server, unless it runs in this process.
 
         Raises:
             ClientError: If the server does not send what is needed.
@@ -175,13 +174,9 @@ class NavigationRun:
             on_scan(self.run_log.add(step))
 
         monitor = self.monitor
-        client = self.connect(*address) if monitor is None else monitor.open_client()
-        try:
-            with client:
-                self.result = run_mission(client, self.mission, observe)
-        except (KeyboardInterrupt, SystemExit):
-            self.error = INTERRUPTED
-            raise
+        client = connect() if monitor is None else monitor.open_client()
+        with client:
+            self.result = run_mission(client, self.mission, observe)
         if self.outcome == "failed":
             distance = self.run_log.rows[-1].goal_distance
             limit = f"within {self.mission.time_limit:g} s"
@@ -235,7 +230,6 @@ class NavigationRun:
             for number, leg in enumerate(legs, 1)
         ]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the summary for JSON: lengths to 1 mm, times to 1 ms."""
-        values: dict[str, Any] = rounded(self.summary(), 3)
-        return values
+    def to_json(self) -> str:
+        """Return the summary as one line of JSON: lengths to 1 mm, times to 1 ms."""
+        return json.dumps(rounded(self.summary(), 3), allow_nan=False)

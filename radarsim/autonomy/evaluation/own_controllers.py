@@ -7,7 +7,6 @@ shares of 0 and 1. Means have Student's t interval.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
-from scipy import special
+from scipy import stats
 
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
@@ -75,11 +74,9 @@ def share(successes: int, count: int) -> Estimate:
     p = successes / count
     if count < 2:
         return Estimate(p, p, p, count)
-    z = float(special.ndtri((1 + CONFIDENCE) / 2))
-    scale = 1 + z**2 / count
-    centre = (p + z**2 / (2 * count)) / scale
-    half = z / scale * math.sqrt(p * (1 - p) / count + z**2 / (4 * count**2))
-    return Estimate(p, max(centre - half, 0.0), min(centre + half, 1.0), count)
+    test = stats.binomtest(successes, count)
+    interval = test.proportion_ci(CONFIDENCE, method="wilson")
+    return Estimate(p, float(interval.low), float(interval.high), count)
 
 
 def mean(values: Sequence[float]) -> Estimate:
@@ -94,9 +91,8 @@ def mean(values: Sequence[float]) -> Estimate:
         # The value itself: the mean of equal values can differ from them in the last
         # digit.
         return Estimate(values[0], values[0], values[0], count)
-    error = float(np.std(values, ddof=1)) / math.sqrt(count)
-    half = float(special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
-    return Estimate(value, value - half, value + half, count)
+    low, high = stats.t.interval(CONFIDENCE, count - 1, value, stats.sem(values))
+    return Estimate(value, float(low), float(high), count)
 
 
 class _TimeIsUp(Exception):

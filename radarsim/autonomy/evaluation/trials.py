@@ -120,7 +120,7 @@ def run_plan(
         return _drive(plan, host)
     run, note = MappingRun(plan, host, seed=seed), ""
     try:
-        run.run(("", 0))
+        run.run()
     except (ClientError, MappingError, NavigationError) as error:
         note = str(error)
     run.judge()

@@ -12,7 +12,7 @@ from radarsim.autonomy.exploration.path_follower import (
     WaypointFollower,
 )
 from radarsim.autonomy.exploration.revisit import Revisit
-from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
+from radarsim.autonomy.exploration.strategies import create_strategy
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
@@ -21,7 +21,7 @@ from radarsim.autonomy.navigation.control import (
     StuckDetector,
 )
 from radarsim.autonomy.navigation.mission import check_field_of_view, spawn_robot
-from radarsim.autonomy.navigation.observation import Observation, check_beams
+from radarsim.autonomy.navigation.observation import check_beams
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.autonomy.plans import ExplorationPlan, StrategyName
 from radarsim.client import Client
@@ -53,7 +53,6 @@ class Exploration:
         trip: Time and path length so far.
         unreached: Waypoints that the robot could not reach, m; after exploring, a place
             in each piece of floor that is left, where it would fit.
-        settings: How the robot drives; None before it is known.
     """
 
     def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
@@ -70,7 +69,6 @@ class Exploration:
         self.trip = TripMeter(noise=NOISE)
         self._rng = rng
         self.unreached: tuple[Point, ...] = ()
-        self.settings: ExplorationSettings | None = None
 
     def run(
         self,
@@ -113,13 +111,13 @@ class Exploration:
         """Spawn the robot, and create what its reports are passed to."""
         plan = self.plan
         info, scanner, self.safety_distance, speed_limits = spawn_robot(client, plan)
-        self.settings = ExplorationSettings(
+        settings = ExplorationSettings(
             bumpers=Bumpers(safety_distance=self.safety_distance),
             speed_limits=speed_limits,
             plan=plan,
         )
         if not plan.waypoints:
-            check_field_of_view(self.settings.bumpers, scanner)
+            check_field_of_view(settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
         # under the robot for sure, however the robot is turned
@@ -135,10 +133,10 @@ class Exploration:
         )
         loop = ControlLoop(client, info, self.mapper, timeout=plan.timeout)
         if plan.waypoints:
-            return loop, WaypointFollower(self.settings, plan.waypoints)
-        strategy = create_strategy(plan.strategy, self.settings, self._rng)
+            return loop, WaypointFollower(settings, plan.waypoints)
+        strategy = create_strategy(plan.strategy, settings, self._rng)
         fills = plan.strategy is not StrategyName.FRONTIERS
-        return loop, Revisit(self.settings, strategy, fills=fills)
+        return loop, Revisit(settings, strategy, fills=fills)
 
     def _explore(
         self,
@@ -158,12 +156,14 @@ class Exploration:
                 loop.drive(twist)  # at once: who observes may take long
             observe(strategy.activity)
             if is_over:
-                self.outcome = Outcome.EXPLORED
-                if not strategy.is_done:
-                    self.outcome = Outcome.TIME_LIMIT
-                elif isinstance(strategy, Revisit):
-                    self._find_unexplored(observation)
+                is_done, grid = strategy.is_done, self.mapper.grid
+                self.outcome = Outcome.EXPLORED if is_done else Outcome.TIME_LIMIT
                 if isinstance(strategy, Revisit):
+                    if is_done:
+                        frontiers, cut_off = strategy.find_unexplored(observation, grid)
+                        if frontiers or self.unreached:
+                            self.outcome = Outcome.INCOMPLETE
+                        self.unreached = (*frontiers, *cut_off, *self.unreached)
                     self.mapper.finish()
                     strategy.forget_moved(self.mapper.grid)
                 return
@@ -172,15 +172,3 @@ class Exploration:
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)
-
-    def _find_unexplored(self, observation: Observation) -> None:
-        """Add a place in each piece of floor that is left when the strategy is done."""
-        assert self.mapper is not None
-        assert self.settings is not None
-        start = self.trip.start or observation.pose
-        frontiers, cut_off = find_unexplored(
-            observation, self.mapper.grid, self.settings, start
-        )
-        if frontiers or self.unreached:
-            self.outcome = Outcome.INCOMPLETE
-        self.unreached = (*frontiers, *cut_off, *self.unreached)

@@ -42,6 +42,7 @@ ROOM: Final = 1.5  # m that are left between the robot and what closes its way
 NEAR: Final = 0.4  # m from the place to look from, where the robot has arrived
 LOOK_TIME: Final = 40.0  # s that it looks at a place
 MOST_LOOKS: Final = 30  # times that it explores on
+LEAST_AREA: Final = 0.25  # m² of floor that is worth telling
 SMALLEST: Final = 6  # cells, of a thing, on floor where the robot could have been
 GAP: Final = 0.1  # m between pieces of a thing, half of it
 MARGIN: Final = 0.13  # m by which the safety distance may be kept less, in whole tiles
@@ -107,6 +108,26 @@ class Revisit(Strategy):
         if end is None or distance(observation.pose, *end) < NEAR:
             return STOP
         return self._path_follower.step(observation)
+
+    def find_unexplored(
+        self, observation: Observation, grid: OccupancyGrid
+    ) -> tuple[list[Point], list[Point]]:
+        """Find what is left; where no walls enclose the area, within its radius.
+
+        Args:
+            observation: The latest one.
+            grid: The map.
+
+        Returns:
+            A place on each frontier of floor that the robot can reach, and on each
+            piece of floor where it would fit, but to which no passage leads, m, map
+            frame.
+        """
+        floor = self._settings.traversability(grid)
+        reachable = floor.reachable(observation.pose)
+        frontiers = floor.frontiers & reachable & self._near_start(observation, floor)
+        cut_off = floor.open & ~reachable & self._near_start(observation, floor)
+        return floor.places_of(frontiers, 0.0), floor.places_of(cut_off, LEAST_AREA)
 
     def forget_moved(self, grid: OccupancyGrid) -> None:
         """Forget, on the map at the end, what came where floor was open.
@@ -180,11 +201,16 @@ class Revisit(Strategy):
 
     def _targets(self, observation: Observation, also_open: Mask) -> Mask:
         """Return floor that borders on the unknown, were some more floor open."""
-        floor, start = self._reopened(also_open), self._start
+        floor = self._reopened(also_open)
         targets = floor.frontiers & floor.reachable(observation.pose)
-        if start is not None and not is_enclosed(observation):
-            targets &= floor.disc(start.x, start.y, self._settings.plan.radius)
-        return targets
+        return targets & self._near_start(observation, floor)
+
+    def _near_start(self, observation: Observation, floor: TraversabilityMap) -> Mask:
+        """Return the tiles that may be explored; all if walls enclose the area."""
+        start = self._start
+        if start is None or is_enclosed(observation):
+            return np.ones_like(floor.open)
+        return floor.disc(start.x, start.y, self._settings.plan.radius)
 
     def _reopened(self, tiles: Mask) -> TraversabilityMap:
         """Return the map without what came, where it stands on some tiles."""

@@ -31,7 +31,6 @@ from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.plans import StrategyName
-from radarsim.geometry import Point, Pose2
 
 MAX_FRONTIERS: Final = 4  # times that frontiers are chosen
 ENCLOSED_SHARE: Final = 0.5  # of the directions that end at something
@@ -41,7 +40,6 @@ _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]
     StrategyName.CENTRE_OUT: SpiralCoverage,
     StrategyName.FRONTIERS: frontier_strategy,
 }
-LEAST_AREA = 0.25  # m² of floor that is worth telling
 
 
 def create_strategy(
@@ -129,32 +127,3 @@ class AutoStrategy(Strategy):
 def is_enclosed(observation: Observation) -> bool:
     """Return whether most directions end at something."""
     return bool(np.isfinite(observation.ranges).mean() > ENCLOSED_SHARE)
-
-
-def find_unexplored(
-    observation: Observation,
-    grid: OccupancyGrid,
-    settings: ExplorationSettings,
-    start: Pose2,
-) -> tuple[list[Point], list[Point]]:
-    """Find what is left; where no walls enclose the area, within its radius.
-
-    Args:
-        observation: The latest one.
-        grid: The map.
-        settings: How the robot explores.
-        start: Where it began.
-
-    Returns:
-        A place on each frontier of floor that the robot can reach, and on each piece of
-        floor where it would fit, but to which no passage leads, m, map frame.
-    """
-    floor = settings.traversability(grid)
-    reachable = floor.reachable(observation.pose)
-    within = np.ones_like(reachable)
-    if not is_enclosed(observation):
-        within = floor.disc(start.x, start.y, settings.plan.radius)
-    return (
-        floor.places_of(floor.frontiers & reachable & within, 0.0),
-        floor.places_of(floor.open & ~reachable & within, LEAST_AREA),
-    )

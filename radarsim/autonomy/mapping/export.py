@@ -87,18 +87,16 @@ def nav_map(
         levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
         levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
         levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
-        image, data = (
-            f"{name}.pgm",
-            _encoded(levels[grid.classes()][rows, columns], "ppm"),
-        )
+        image, pixels, image_format = f"{name}.pgm", levels[grid.classes()], "ppm"
     else:
         probability = grid.occupancy_probability()
         known = np.isfinite(probability)
-        grey_alpha = np.zeros((*probability.shape, 2), np.uint8)
+        pixels = np.zeros((*probability.shape, 2), np.uint8)  # grey and opacity
         # Dark is occupied, as ``negate: 0`` in the YAML says.
-        grey_alpha[known, 0] = np.rint(255 * (1 - probability[known]))
-        grey_alpha[known, 1] = 255
-        image, data = f"{name}.png", _encoded(grey_alpha[rows, columns], "png")
+        pixels[known, 0] = np.rint(255 * (1 - probability[known]))
+        pixels[known, 1] = 255
+        image, image_format = f"{name}.png", "png"
+    data = _encoded(pixels[rows, columns], image_format)
     x, y = grid.frame.origin
     size = grid.frame.resolution
     corner = x + columns.start * size, y + rows.start * size

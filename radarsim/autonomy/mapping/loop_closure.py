@@ -103,10 +103,6 @@ class KeyframeMap:
         self._swept = 0.0  # station
         self._next_attempt = 0.0  # station from which on it looks for a loop again
 
-    def __len__(self) -> int:
-        """Return the number of keyframes."""
-        return len(self.keyframes)
-
     def add(self, keyframe: Keyframe) -> None:
         """Add a keyframe to the local map, and leave those behind that are far away."""
         self.keyframes.append(keyframe)
@@ -151,16 +147,15 @@ class KeyframeMap:
         if last.station < self._next_attempt or latest.evenness < MIN_EVENNESS:
             return None
         radius = min(MAX_DISTANCE, self.reach)
-        left_behind = [
-            (last.pose.distance(each.pose), number)
-            for number, each in enumerate(self.keyframes)
-            if not each.is_local and last.pose.distance(each.pose) < radius
+        distances = [
+            math.inf if each.is_local else last.pose.distance(each.pose)
+            for each in self.keyframes
         ]
-        if not left_behind:
+        nearest = int(np.argmin(distances))
+        if distances[nearest] >= radius:
             return None
         # Whether a loop closes or not: to look for one is what takes long.
         self._next_attempt = last.station + RETRY
-        _, nearest = min(left_behind)
         old = self.keyframes[nearest]
         # The error of a pose grows with the path since, up to a limit: tried poses grow
         # with its third power.

@@ -16,14 +16,11 @@ first, unless the robot has been so far away in between that its pose may have d
 Then the loop is looked for (``loop_closure``), and when it closes, the error is spread
 over all poses since (``pose_graph``), also those of earlier scans.
 
-A ``Localizer`` gives a navigator the poses of its scans: what the navigator has kept by
-them can be corrected when a loop closes, or the map is turned back to its start.
+Navigators may take the poses of their scans from here: what they have kept by them can
+be corrected when a loop closes, or the map is turned back to its start.
 """
 
 import math
-from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -37,7 +34,7 @@ from radarsim.autonomy.mapping.loop_closure import (
     find_correction,
 )
 from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
-from radarsim.autonomy.mapping.scan import PlanarScan, scan_of
+from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.scan_matching import (
     Fit,
     ScanPoints,
@@ -47,9 +44,7 @@ from radarsim.autonomy.mapping.scan_matching import (
 )
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.plans import MotionSource
-from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose2, wrap_angle
-from radarsim.protocol.reports import Ins, RangeScan, TargetEchoes
 
 FIRST_KEYFRAMES: Final = 10  # scans that are keyframes wherever the robot is
 MIN_POINTS: Final = 3  # points that are worth matching
@@ -63,12 +58,6 @@ WHEEL_DRIFT: Final = 0.015
 KEYFRAME_STEP: Final = (0.2, 0.1)  # m and rad between keyframes
 # m and rad that a robot gets between two scans, where no source reports its motion
 SEARCH: Final = (0.12, 0.45)
-# Side beams of a radar show the end of a wall beside it, from each side another way:
-# what a few points say together is off by that, and where there is little to see an INS
-# is better over some metres.
-INS_DRIFT: Final = 0.03  # share of the motion
-INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad
-JUMP: Final = (0.1, 0.03)  # m and rad; what was kept by less still fits what is seen
 
 
 class MotionReports:
@@ -238,7 +227,7 @@ class Slam:
     def _next_pose(
         self, points: ScanPoints, prior: Pose2 | None, guessed: float
     ) -> Pose2:
-        can_match = len(points.places) >= MIN_POINTS and len(self.map) > 0
+        can_match = len(points.places) >= MIN_POINTS and len(self.map.keyframes) > 0
         has_source = self.motion_source != "none"
         # A motion needs the poses of two scans; without it the pose is searched for.
         if prior is None or self._prior is None or not has_source:
@@ -298,7 +287,7 @@ class Slam:
         return self._fit.pose
 
     def _is_keyframe(self) -> bool:
-        if len(self.map) < FIRST_KEYFRAMES:
+        if len(self.map.keyframes) < FIRST_KEYFRAMES:
             return True
         return self.pose.is_apart(self.map.keyframes[-1].pose, *KEYFRAME_STEP)
 
@@ -308,7 +297,7 @@ class Slam:
             return
         self._anchorings += 1
         # A loop has tied the map to its start already.
-        if self.closures or len(self.map) <= FIRST_KEYFRAMES:
+        if self.closures or len(self.map.keyframes) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self.map, FIRST_KEYFRAMES)
         if correction is None:
@@ -325,60 +314,3 @@ class Slam:
         self.pose = poses[-1]
         # The trajectory itself stays: stored scans know their poses by it and a number.
         self.trajectory.poses = self._graph.trajectory()
-
-
-class Localizer:
-    """Finds the pose of each scan of one scanner.
-
-    Attributes:
-        slam: Holds the poses, and the points that scans are matched with.
-    """
-
-    def __init__(self, scanner: ScannerInfo) -> None:
-        """Begin where the INS says first.
-
-        Args:
-            scanner: The scanner.
-        """
-        self.slam = Slam(drift=INS_DRIFT, rest_sigma=INS_REST_SIGMA)
-        self._scanner = scanner
-        self._motion = MotionReports()
-        self._has_jumped = False
-
-    def add_motion(self, report: Ins) -> None:
-        """Add a report of the INS."""
-        pose = report.pose
-        self._motion.add(report.time, Pose2(pose.x, pose.y, pose.yaw))
-
-    def locate(
-        self, report: RangeScan, echoes: Sequence[TargetEchoes] | None, time: float
-    ) -> Pose2:
-        """Return the robot's pose at a scan, map frame.
-
-        Args:
-            report: The scan; at least one report of the INS came before.
-            echoes: Those of the scan; None if none came.
-            time: When it was taken, s; the times of scans increase.
-        """
-        scan = scan_of(self._scanner, replace(report, time=time), echoes)
-        slam, motion = self.slam, self._motion.at(report.time)
-        last, revision = slam.pose, slam.revision
-        pose = slam.step(scan, *(motion or ()))
-        if slam.revision > revision:
-            # the scan before, whose pose has moved by the correction alone
-            self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
-        return pose
-
-    def pop_jump(self) -> bool:
-        """Return whether poses have jumped since this was asked before."""
-        has_jumped, self._has_jumped = self._has_jumped, False
-        return has_jumped
-
-    def pose_at(self, time: float) -> Pose2:
-        """Return the pose of an earlier scan by all that is known now, map frame.
-
-        Args:
-            time: When it was taken, s.
-        """
-        trajectory = self.slam.trajectory
-        return trajectory.poses[max(bisect_right(trajectory.times, time) - 1, 0)]

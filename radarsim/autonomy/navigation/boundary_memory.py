@@ -88,39 +88,6 @@ class Landmark:
         return before < 0 <= self._progress if onward else before > 0 >= self._progress
 
 
-class Trail:
-    """Landmarks along a boundary, the hit point first; passing one closes a circuit.
-
-    The hit point itself may lie off the path of a robot that follows the boundary. Then
-    the first landmark on that path closes the circuit.
-    """
-
-    def __init__(self, hit: Landmark) -> None:
-        self._landmarks = [(0.0, hit)]
-        self._max_offset = hit.max_offset
-
-    def extend(self, pose: Pose2, direction: float, travelled: float) -> float | None:
-        """Take the next step, and set a landmark there if it is time for one.
-
-        Args:
-            pose: Of the robot.
-            direction: Of the boundary, rad, map frame.
-            travelled: Path length since the hit point, m.
-
-        Returns:
-            Where along the trail the landmark is that was passed again: the path length
-            from the hit point, m; None if none was.
-        """
-        # Each of them has to see every step.
-        passed = [at for at, mark in self._landmarks if mark.observe(pose)]
-        if travelled - self._landmarks[-1][0] >= LANDMARK_SPACING:
-            mark = Landmark(pose, direction, max_offset=self._max_offset)
-            self._landmarks.append((travelled, mark))
-        # The landmarks that were just set are passed by noise alone.
-        closing = [at for at in passed if travelled - at >= LEAST_CIRCUIT]
-        return closing[0] if closing else None
-
-
 def _linked_beams(
     observation: Observation, point: Point, bumpers: Bumpers
 ) -> NDArray[np.bool_]:
@@ -138,115 +105,59 @@ def _linked_beams(
     return beams
 
 
-class BoundaryMemory:
-    """Keeps points of a boundary, to look at them again."""
-
-    def __init__(self) -> None:
-        # points, m; where along the path each was seen, m, and the rad turned by then
-        self._points: list[tuple[Point, float, float]] = []
-        self._turned = 0.0  # rad
-        self._yaw: float | None = None  # rad; of the last pose
-
-    def add(self, point: Point, yaw: float, station: float = 0.0) -> None:
-        """Add a point of the boundary, if it is away from the last.
-
-        Args:
-            point: m, map frame.
-            yaw: The robot's, rad; to be told at every step.
-            station: Length of the path along the boundary until there, m.
-        """
-        self._turned, self._yaw = self._turned_until(yaw), yaw
-        if not self._points or math.dist(point, self._points[-1][0]) >= SPACING:
-            self._points.append((point, station, self._turned))
-
-    def _turned_until(self, yaw: float) -> float:
-        if self._yaw is None:
-            return self._turned
-        return self._turned + abs(wrap_angle(yaw - self._yaw))
-
-    def begins_at(self, point: Point) -> bool:
-        """Return whether most of its first points are near a point, m, map frame."""
-        first = [math.dist(each, point) <= NEAR for each, *_ in self._points[:FIRST]]
-        return 2 * sum(first) >= len(first)
-
-    def passes(self, point: Point, station: float) -> bool:
-        """Return whether its boundary came near a point, m, map frame, after a station.
-
-        If it has no points, that is not known, and counts as passed.
-        """
-        return not self._points or any(
-            at >= station and math.dist(each, point) <= NEAR
-            for each, at, _ in self._points
-        )
-
-    def has_gone(self, observation: Observation) -> bool:
-        """Return whether more points have gone than stand, of those in sight.
-
-        A boundary of which no point is in sight has gone as well: who follows a
-        boundary that stands sees some of it.
-        """
-        points = np.array([each for each, *_ in self._points]).reshape(-1, 2)
-        pose = observation.pose
-        x, y = (points - (pose.x, pose.y)).T
-        distances = np.hypot(x, y)
-        bearings = np.arctan2(y, x) - pose.yaw
-        # The yaw walks at random as the robot turns: it is off by the root of the turn
-        # since a point was seen. So all beams count on which the point may be by now.
-        turned_at = np.array([at for *_, at in self._points])
-        turned = self._turned_until(pose.yaw) - turned_at
-        spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
-        spread += DRIFT * np.sqrt(turned)
-        is_near = distances < MAX_DISTANCE
-        distances, bearings = distances[is_near], bearings[is_near]
-        offsets = wrap_angles(bearings[:, None] - observation.bearings)
-        is_beam = np.abs(offsets) <= spread[is_near, None]
-        beams = np.where(is_beam, observation.ranges, math.inf)
-        beyond = beams.min(axis=1, initial=math.inf) - distances
-        # What is hidden behind something nearer is neither gone nor known to stand.
-        gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
-        return bool(gone.sum() > standing.sum() or not standing.any())
-
-
 class FollowedBoundary:
     """The boundary that is followed, and what is known of it.
 
+    Passing one of its landmarks again closes a circuit. The hit point itself may lie
+    off the path of a robot that follows the boundary. Then the first landmark on that
+    path closes the circuit.
+
     Attributes:
         follower: Follows it.
-        memory: Points of it, to look at them again.
         hit_place: The point of it that was hit, m, map frame.
         travelled: m along it.
         least: m to be followed before it is left for a place nearer to the goal.
         reached_at: When the robot came beside it, s.
         goal_distance: Its least distance from the goal so far, m.
-        trail: Landmarks along it; None before a circuit around it begins.
+        landmarks: Where on the path along it each is, m, the hit point first; none
+            before a circuit around it begins.
         circuit_start: Where on the path along it the last circuit began, m.
     """
 
     def __init__(self, follower: WallFollower) -> None:
         self.follower = follower
-        self.memory = BoundaryMemory()
         self.hit_place: Point = (math.nan, math.nan)
         self.travelled = 0.0
         self.least = 0.0
         self.reached_at = -math.inf
         self.goal_distance = -math.inf  # so that it is not left before it is reached
+        self.landmarks: list[tuple[float, Landmark]] = []
+        self.circuit_start = 0.0
         self._nearest: Point | None = None  # point of it, map frame
         self._seen: Point | None = None  # nearest point of what is looked at, likewise
-        self.trail: Trail | None = None
-        self.circuit_start = 0.0
+        # points of it, m; where along the path each was seen, m, and the rad turned by
+        # then, to look at them again
+        self._points: list[tuple[Point, float, float]] = []
+        self._turned = 0.0  # rad
+        self._yaw: float | None = None  # rad; of the last pose
 
     @property
     def is_reached(self) -> bool:
         """Whether the robot is beside it."""
         return self._nearest is not None
 
-    def reach(self, observation: Observation, bearing: float, goal: Point) -> None:
-        """Begin beside it, where a bumper is pressed towards a bearing, rad."""
-        self.hit_place = self.follower.hit_point(observation, bearing)
+    def reach(self, observation: Observation, bearing: float, goal: Point) -> float:
+        """Begin beside it, where a bumper is pressed towards a bearing, rad.
+
+        Returns:
+            The direction along it, rad, map frame.
+        """
+        self.hit_place, along = self.follower.hit(observation, bearing)
         self._nearest = self.hit_place
         self.reached_at = observation.time
         # Known before it is looked at: else any place would be nearer to the goal.
         self.goal_distance = math.dist(self.hit_place, goal)
+        return along
 
     def look(self, observation: Observation, goal: Point) -> Observation:
         """Return a scan without the beams that end on other obstacles.
@@ -281,7 +192,23 @@ class FollowedBoundary:
         """
         self.travelled += step
         if self._seen is not None:
-            self.memory.add(self._seen, yaw, self.travelled)
+            self.add(self._seen, yaw)
+
+    def add(self, point: Point, yaw: float) -> None:
+        """Add a point of it, if that is away from the last.
+
+        Args:
+            point: m, map frame.
+            yaw: The robot's, rad; to be told at every step.
+        """
+        self._turned, self._yaw = self._turned_until(yaw), yaw
+        if not self._points or math.dist(point, self._points[-1][0]) >= SPACING:
+            self._points.append((point, self.travelled, self._turned))
+
+    def _turned_until(self, yaw: float) -> float:
+        if self._yaw is None:
+            return self._turned
+        return self._turned + abs(wrap_angle(yaw - self._yaw))
 
     def has_gone(self, observation: Observation, gone: list[Point]) -> bool:
         """Return whether it has driven away since it was followed.
@@ -290,36 +217,82 @@ class FollowedBoundary:
             observation: The newest scan.
             gone: Where others were hit that had gone, m, map frame; this one is added.
         """
-        is_there_again = any(self.memory.passes(each, 0.0) for each in gone)
-        if is_there_again or len(gone) >= MOST_GONE:
-            return False
-        if not self.memory.has_gone(observation):
+        is_there_again = any(self._passes(each, 0.0) for each in gone)
+        if is_there_again or len(gone) >= MOST_GONE or self._stands(observation):
             return False
         gone.append(self.hit_place)
         return True
 
+    def _stands(self, observation: Observation) -> bool:
+        """Return whether no more points have gone than stand, of those in sight.
+
+        A boundary of which no point is in sight has gone as well: who follows a
+        boundary that stands sees some of it.
+        """
+        points = np.array([each for each, *_ in self._points]).reshape(-1, 2)
+        pose = observation.pose
+        x, y = (points - (pose.x, pose.y)).T
+        distances = np.hypot(x, y)
+        bearings = np.arctan2(y, x) - pose.yaw
+        # The yaw walks at random as the robot turns: it is off by the root of the turn
+        # since a point was seen. So all beams count on which the point may be by now.
+        turned_at = np.array([at for *_, at in self._points])
+        turned = self._turned_until(pose.yaw) - turned_at
+        spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
+        spread += DRIFT * np.sqrt(turned)
+        is_near = distances < MAX_DISTANCE
+        distances, bearings = distances[is_near], bearings[is_near]
+        offsets = wrap_angles(bearings[:, None] - observation.bearings)
+        is_beam = np.abs(offsets) <= spread[is_near, None]
+        beams = np.where(is_beam, observation.ranges, math.inf)
+        beyond = beams.min(axis=1, initial=math.inf) - distances
+        # What is hidden behind something nearer is neither gone nor known to stand.
+        gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
+        return bool(gone.sum() <= standing.sum() and standing.any())
+
+    def _passes(self, point: Point, station: float) -> bool:
+        """Return whether it came near a point, m, map frame, after a station.
+
+        If none of its points is known, that is not known, and counts as passed.
+        """
+        return not self._points or any(
+            at >= station and math.dist(each, point) <= NEAR
+            for each, at, _ in self._points
+        )
+
     def is_what_was_hit(self) -> bool:
         """Return whether the last circuit went around what the robot has hit.
 
-        Where the robot hits something in a gap, what it follows may be the other side
-        of the gap; and in a gap that it follows it may get to another obstacle, and not
-        back.
+        Most of the first points of that are near the hit point. Where the robot hits
+        something in a gap, what it follows may be the other side of the gap; and in a
+        gap that it follows it may get to another obstacle, and not back.
         """
-        hit, memory = self.hit_place, self.memory
-        return memory.begins_at(hit) and memory.passes(hit, self.circuit_start)
+        hit = self.hit_place
+        first = [math.dist(each, hit) <= NEAR for each, *_ in self._points[:FIRST]]
+        begins_there = 2 * sum(first) >= len(first)
+        return begins_there and self._passes(hit, self.circuit_start)
 
     def closes_circuit(self, pose: Pose2, direction: float) -> bool:
         """Take the next step beside it; return whether that ends a circuit.
 
-        To be called after ``remember``.
+        To be called after ``remember``. A landmark is set there if it is time for one.
 
         Args:
             pose: Of the robot.
             direction: Along it, rad, map frame.
         """
-        if self.trail is None:
-            reach = self.follower.target_distance
-            self.trail = Trail(Landmark(pose, direction, max_offset=reach))
-        began = self.trail.extend(pose, direction, self.travelled)
-        self.circuit_start = self.circuit_start if began is None else began
-        return began is not None
+        if not self.landmarks:
+            self.add_landmark(pose, direction, 0.0)
+        # Each of them has to see every step.
+        passed = [at for at, mark in self.landmarks if mark.observe(pose)]
+        if self.travelled - self.landmarks[-1][0] >= LANDMARK_SPACING:
+            self.add_landmark(pose, direction, self.travelled)
+        # The landmarks that were just set are passed by noise alone.
+        closing = [at for at in passed if self.travelled - at >= LEAST_CIRCUIT]
+        self.circuit_start = closing[0] if closing else self.circuit_start
+        return bool(closing)
+
+    def add_landmark(self, pose: Pose2, direction: float, at: float) -> None:
+        """Add a landmark at a pose, m along the path; arguments as those before."""
+        reach = self.follower.target_distance
+        self.landmarks.append((at, Landmark(pose, direction, max_offset=reach)))

@@ -28,7 +28,6 @@ from radarsim.autonomy.navigation.boundary_memory import (
     LEAST_CIRCUIT,
     FollowedBoundary,
     Landmark,
-    Trail,
 )
 from radarsim.autonomy.navigation.bumpers import BAND
 from radarsim.autonomy.navigation.control import STOP, Twist, distance
@@ -58,6 +57,7 @@ class Decision(Enum):
     ONWARD = auto()
     BACK = auto()  # along the same boundary, in the other direction
     LEAVE = auto()
+    LEAVE_UNSURE = auto()  # as the leave point was not found again
     NO_PATH = auto()
 
 
@@ -67,17 +67,15 @@ class BoundaryPolicy(ABC):
     Attributes:
         boundary: The boundary.
         circuits: Number of complete circuits.
-        missed: Whether it leaves because the leave point was not found again.
     """
 
     circuits = 0
-    missed = False
 
     def __init__(self, boundary: FollowedBoundary, goal: Point) -> None:
         """Create the policy at a hit point.
 
         Args:
-            boundary: The boundary that was hit, with a trail.
+            boundary: The boundary that was hit, with a landmark there.
             goal: m, map frame.
         """
         self.boundary, self._goal = boundary, goal
@@ -142,14 +140,13 @@ class Bug1Policy(BoundaryPolicy):
         due = self._turned_back or returned >= self._return_length - slack
         if due and (passed or close):
             # A robot that lost its path cannot tell which obstacle hides the goal here
-            self.missed = self._turned_back
-            blocked = not free and not self.missed
-            return Decision.NO_PATH if blocked else Decision.LEAVE
+            if self._turned_back:
+                return Decision.LEAVE_UNSURE
+            return Decision.LEAVE if free else Decision.NO_PATH
         if returned > self._return_length + 2 * slack:
             # It turns back once, for up to a whole circuit; then it leaves anywhere.
             if self._turned_back:
-                self.missed = True
-                return Decision.LEAVE
+                return Decision.LEAVE_UNSURE
             self._turned_back = True
             self._onward = not self._onward
             self._return_length, self._turned_at = self._perimeter, travelled
@@ -353,11 +350,9 @@ class Bug(BoundaryController):
         is_literal = settings.bumpers.rule is Rule.THESIS
         kind = BumperWallFollower if is_literal else WallFollower
         self._begin_boundary(kind, wall_on_left=self._wall_on_left)
-        boundary, obstacle = self._boundary, self._goal_bearing(pose)
-        boundary.reach(observation, obstacle, goal)
-        direction = boundary.follower.direction(observation, obstacle)
-        reach = boundary.follower.target_distance
-        boundary.trail = Trail(Landmark(pose, direction, max_offset=reach))
+        boundary = self._boundary
+        direction = boundary.reach(observation, self._goal_bearing(pose), goal)
+        boundary.add_landmark(pose, direction, 0.0)
         if settings.mission.algorithm is Algorithm.BUG1:
             self._policy = Bug1Policy(boundary, goal)
         else:
@@ -381,6 +376,12 @@ class Bug(BoundaryController):
         self.circuits += policy.circuits - circuits_before
         if decision is Decision.LEAVE:
             return self._leave_or_conclude(observation)
+        if decision is Decision.LEAVE_UNSURE:
+            if self._misses < _MOST_MISSES:
+                # what it hits next it may have circled before
+                self._misses += 1
+                self._change_hand()
+            return self._leave(observation)
         if decision is Decision.NO_PATH:
             return self._conclude(observation)
         if decision is Decision.BACK:
@@ -396,12 +397,6 @@ class Bug(BoundaryController):
 
     def _leave_or_conclude(self, observation: Observation) -> Twist:
         """Leave, unless a circuit of Bug1 has brought it no nearer to the goal."""
-        if self._policy.missed:
-            if self._misses < _MOST_MISSES:
-                # what it hits next it may have circled before
-                self._misses += 1
-                self._change_hand()
-            return self._leave(observation)
         near, mission = self._goal_distance(observation.pose), self._settings.mission
         is_no_nearer = near > self._best_leave - mission.tolerance
         self._best_leave = min(self._best_leave, near)

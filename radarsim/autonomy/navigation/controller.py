@@ -18,6 +18,7 @@ from radarsim.autonomy.navigation.control import (
     bearing_of,
     distance,
 )
+from radarsim.autonomy.navigation.footprint_planning import Footprint
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.autonomy.plans import Mission
@@ -46,14 +47,14 @@ class ControllerSettings:
         mission: The mission, with at least one goal.
         bumpers: The bumpers that it steers by.
         speed_limits: Greatest speeds.
-        footprint: Length and width, m, of what planned paths have to be wide enough for
-            where the safety distance is not kept; None to keep it everywhere.
+        footprint: What planned paths have to be wide enough for, where the safety
+            distance is not kept; None to keep it everywhere.
     """
 
     mission: Mission
     bumpers: Bumpers
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    footprint: tuple[float, float] | None = None
+    footprint: Footprint | None = None
 
 
 class Controller(ABC):

@@ -87,10 +87,12 @@ class FootprintFollower:
     def _turn(self, here: Floats, end: Floats) -> Twist | None:
         """Return the turn to a heading; None there."""
         error = wrap_angle(end[2] - here[2])
-        if abs(error) < ALIGNED:
-            return None
+        return None if abs(error) < ALIGNED else Twist(0.0, self._turn_rate(error))
+
+    def _turn_rate(self, error: float) -> float:
+        """Return the turn rate that corrects an error of the heading, rad."""
         most = min(self._limits.turn, SLOW_TURN)
-        return Twist(0.0, max(-most, min(most, HEADING_GAIN * error)))
+        return max(-most, min(most, HEADING_GAIN * error))
 
     def _straight(
         self, here: Floats, begin: Floats, end: Floats, room: float
@@ -105,10 +107,8 @@ class FootprintFollower:
         beside = s * dx - c * dy  # the robot is that far on the left of the line
         towards = -sign * max(-_MOST, min(_MOST, LINE_GAIN * beside))
         error = wrap_angle(end[2] + towards - here[2])
-        most = min(self._limits.turn, SLOW_TURN)
-        turn = max(-most, min(most, HEADING_GAIN * error))
         speed = min(self._limits.speed, max(SLOW, SPEED_GAIN * room), 0.05 + left)
-        return Twist(sign * speed, turn)
+        return Twist(sign * speed, self._turn_rate(error))
 
     def _is_off(self, here: Floats, begin: Floats, end: Floats) -> bool:
         """Return whether the robot is not where the path leads."""

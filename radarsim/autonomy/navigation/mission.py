@@ -8,6 +8,7 @@ from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Controller, ControllerSettings
+from radarsim.autonomy.navigation.footprint_planning import Footprint
 from radarsim.autonomy.navigation.observation import ECHO_WAIT, ObservationBuilder
 from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
@@ -122,17 +123,15 @@ def safety_distance_for(
     return wanted
 
 
-def footprint_for(
-    robot_info: RobotInfo, mission: Mission
-) -> tuple[float, float] | None:
-    """Return the length and the width of what paths have to be wide enough for, m.
+def footprint_for(robot_info: RobotInfo, mission: Mission) -> Footprint | None:
+    """Return what paths have to be wide enough for.
 
     None if it is not known how far before the ends of beams that is which blocks.
     """
     if not mission.echoes and mission.foliage_density is None:
         return None
     more = 2 * mission.penetration_depth
-    return robot_info.length + more, robot_info.width + more
+    return Footprint(robot_info.length + more, robot_info.width + more)
 
 
 def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:

@@ -21,6 +21,7 @@ when a loop closes: who has kept scans can correct them, and begins anew.
 
 import math
 from abc import ABC, abstractmethod
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -28,7 +29,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.mapping.slam import Localizer
+from radarsim.autonomy.mapping.scan import scan_of
+from radarsim.autonomy.mapping.slam import MotionReports, Slam
 from radarsim.autonomy.plans import PoseSource
 from radarsim.client import ScannerInfo, beam_angles
 from radarsim.client.robot_info import from_centre, same_name
@@ -51,6 +53,12 @@ BEHIND: Final = 0.25  # m that a beam goes on behind a place where nothing is
 _BESIDE: Final = 0.3  # m beside a place where beams count as beams to it
 _LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
 _AIR: Final = "rain"  # a kind of echo of nothing that blocks
+# Side beams of a radar show the end of a wall beside it, from each side another way:
+# what a few points say together is off by that, and where there is little to see an INS
+# is better over some metres.
+INS_DRIFT: Final = 0.03  # share of the motion
+INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad
+JUMP: Final = (0.1, 0.03)  # m and rad; what was kept by less still fits what is seen
 POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
     PoseSource.INS: Ins,
     PoseSource.ODOMETRY: Odometry,
@@ -285,16 +293,19 @@ class ObservationBuilder(ScanReader):
             echo_wait: Likewise.
         """
         super().__init__(scanner, clock, echo_wait)
-        self._localizer = Localizer(scanner) if pose_source is PoseSource.SLAM else None
-        # SLAM needs the motion between scans.
-        needed = PoseSource.INS if self._localizer is not None else pose_source
-        self._pose_report = POSE_REPORTS[needed]
+        self._slam: Slam | None = None
+        if pose_source is PoseSource.SLAM:
+            self._slam = Slam(drift=INS_DRIFT, rest_sigma=INS_REST_SIGMA)
+            pose_source = PoseSource.INS  # it needs the motion between scans
+        self._motion = MotionReports()
+        self._has_jumped = False
+        self._pose_report = POSE_REPORTS[pose_source]
         self._pose: Pose2 | None = None
         self._start: Pose2 | None = None
         self._others: set[PoseSource] = set()  # other sources that sent poses
         self._pressed: dict[str, bool] = {}  # the touch sensors, by name
         self._touched = False  # whether one was pressed since the last scan
-        self.missing = f"pose from {needed.value}"
+        self.missing = f"pose from {pose_source.value}"
 
     @property
     def hint(self) -> str:
@@ -313,22 +324,25 @@ class ObservationBuilder(ScanReader):
 
     def pop_jump(self) -> bool:
         """Return whether poses of earlier scans have changed since it was asked."""
-        return self._localizer is not None and self._localizer.pop_jump()
+        has_jumped, self._has_jumped = self._has_jumped, False
+        return has_jumped
 
     def corrected(self, observation: Observation) -> Observation:
         """Return an earlier scan with its pose by all that is known now."""
-        if self._localizer is None:
+        if self._slam is None:
             return observation
-        return replace(observation, pose=self._localizer.pose_at(observation.time))
+        trajectory = self._slam.trajectory
+        number = max(bisect_right(trajectory.times, observation.time) - 1, 0)
+        return replace(observation, pose=trajectory.poses[number])
 
     def _update_pose(self, report: Report) -> None:
         """Update the pose; odometry counts from the first pose of any other sensor."""
         pose: Pose2 | None = None
-        if isinstance(report, Ins) and self._localizer is not None:
-            self._localizer.add_motion(report)
         if isinstance(report, Ins | GroundTruth):
             pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
             self._start = self._start or pose
+            if isinstance(report, Ins):
+                self._motion.add(report.time, pose)
         elif isinstance(report, Odometry) and self._start is not None:
             pose = self._start.compose(report.pose)
         # Only to tell, if the wanted poses are missing, what there is instead.
@@ -345,8 +359,8 @@ class ObservationBuilder(ScanReader):
         check_beams(len(report.ranges), scanner)
         time, echoes, lacks_echoes = self._time_and_echoes(report)
         # Of a scan without echoes, too: the next one is matched with it.
-        if self._localizer is not None:
-            pose = self._localizer.locate(report, echoes, time)
+        if self._slam is not None:
+            pose = self._locate(self._slam, report, echoes, time)
         # It would show gaps in thin foliage, through which the robot would drive.
         if lacks_echoes:
             return None
@@ -366,3 +380,19 @@ class ObservationBuilder(ScanReader):
         # sensors that are pressed still report that less often than scans come
         touched, self._touched = self._touched, any(self._pressed.values())
         return Observation(time, pose, bearings, ranges, farther, touched)
+
+    def _locate(
+        self,
+        slam: Slam,
+        report: RangeScan,
+        echoes: Sequence[TargetEchoes] | None,
+        time: float,
+    ) -> Pose2:
+        """Return the robot's pose at a scan of a time, s; note whether others jump."""
+        scan = scan_of(self.scanner, replace(report, time=time), echoes)
+        last, revision = slam.pose, slam.revision
+        pose = slam.step(scan, *(self._motion.at(report.time) or ()))
+        if slam.revision > revision:
+            # the scan before, whose pose has moved by the correction alone
+            self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
+        return pose

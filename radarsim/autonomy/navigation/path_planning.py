@@ -29,7 +29,7 @@ from radarsim.autonomy.navigation.controller import (
     ControllerSettings,
 )
 from radarsim.autonomy.navigation.footprint_follower import FootprintFollower
-from radarsim.autonomy.navigation.footprint_planning import Footprint, plan_footprint
+from radarsim.autonomy.navigation.footprint_planning import plan_footprint
 from radarsim.autonomy.navigation.grid_search import (
     CHEAP,
     ESCAPE_COST,
@@ -68,8 +68,7 @@ class PathPlanning(Controller):
         # where something meets the robot, (M, 2) m, map frame
         self._moving: Floats = np.zeros((0, 2))
         self._grown = 0  # number of times that the grid has grown
-        footprint = settings.footprint
-        self._footprint = None if footprint is None else Footprint(*footprint)
+        self._footprint = settings.footprint
         self._is_narrow = False  # whether there was no path of the disc
         self._follower: FootprintFollower | None = None
         # s; since when it drives through what is not sure; None before

@@ -29,8 +29,7 @@ class Row:
         y: m, map frame.
         yaw: Estimated yaw, rad.
         activity: What the bug was doing.
-        goal_x: Position of the next goal, m; None once there is none.
-        goal_y: m.
+        goal: The next goal, m, map frame; None once there is none.
         speed: Commanded forward speed, m/s.
         turn: Commanded turn rate, rad/s.
         nearest: Smallest range from the robot's centre, m; ``inf`` for none.
@@ -43,19 +42,11 @@ class Row:
     y: float
     yaw: float
     activity: Activity
-    goal_x: float | None
-    goal_y: float | None
+    goal: Point | None
     speed: float
     turn: float
     nearest: float
     pressed: str
-
-    @property
-    def goal(self) -> Point | None:
-        """The next goal, m; None once there is none."""
-        if self.goal_x is None or self.goal_y is None:
-            return None
-        return self.goal_x, self.goal_y
 
     @property
     def goal_distance(self) -> float:
@@ -108,15 +99,13 @@ class RunLog:
     def add(self, step: NavigationStep) -> Row:
         """Record one scan, and return its row."""
         observation, twist, pose = step.observation, step.twist, step.observation.pose
-        goal_x, goal_y = step.goal or (None, None)
         row = Row(
             observation.time,
             pose.x,
             pose.y,
             wrap_angle(pose.yaw),
             step.activity,
-            goal_x,
-            goal_y,
+            step.goal,
             twist.speed,
             twist.turn,
             float(observation.ranges.min(initial=math.inf)),
@@ -175,7 +164,11 @@ class RunLog:
         text = io.StringIO()
         text.write(TRACE_HEADER)
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerows(map(rounded, astuple(row)) for row in self.rows)
+        for row in self.rows:
+            # the goal has two columns
+            *before, goal, speed, turn, nearest, pressed = astuple(row)
+            values = *before, *(goal or (None, None)), speed, turn, nearest, pressed
+            writer.writerow(map(rounded, values))
         return text.getvalue()
 
     def _update(self, previous: Row | None, row: Row) -> None:

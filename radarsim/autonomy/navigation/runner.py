@@ -53,61 +53,6 @@ def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
     return safety_distance - unsure
 
 
-class ClearanceCheck:
-    """Looks at the start once, and at what is seen around the next goal."""
-
-    def __init__(self, bumpers: Bumpers) -> None:
-        self._bumpers = bumpers
-        self._previous: Pose2 | None = None
-        self._travelled = 0.0  # m
-        self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
-        self._since = 0.0  # s; when it was first seen there
-
-    def check(self, observation: Observation, goal: Point | None) -> None:
-        """Look at a scan.
-
-        Args:
-            observation: The scan.
-            goal: The next goal, m, map frame; None if there is none.
-
-        Raises:
-            TooNearError: If something is nearer to the start than the safety distance,
-                or stands so near to the goal.
-        """
-        previous, self._previous = self._previous, observation.pose
-        self._travelled += observation.pose.distance(previous or observation.pose)
-        if previous is None:
-            nearest = min(each.distance for each in self._bumpers.read(observation))
-            if nearest < self._bumpers.safety_distance - START_NOISE:
-                place = (observation.pose.x, observation.pose.y)
-                self._raise("start", place, nearest)
-        # What is seen from afar may be an image in a mirror, and stand elsewhere.
-        if goal is not None and distance(observation.pose, *goal) <= GOAL_IN_SIGHT:
-            self._check_goal(observation, goal)
-
-    def _check_goal(self, observation: Observation, goal: Point) -> None:
-        points = observation.points()
-        distances = np.hypot(*(points - goal).T)
-        safety_distance = self._bumpers.safety_distance
-        near = distances < least_clearance(safety_distance, self._travelled)
-        if not near.any():
-            self._place = (math.inf, math.inf)
-            return
-        # Something else than before: what drives by a goal does not stand there.
-        if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
-            x, y = points[distances.argmin()].tolist()
-            self._place, self._since = (x, y), observation.time
-        if observation.time - self._since >= STANDING_AFTER:
-            self._raise("goal", goal, float(distances.min()))
-
-    def _raise(self, what: str, place: Point, distance: float) -> None:
-        least = self._bumpers.safety_distance
-        raise TooNearError(
-            f"{what} {place[0]:.2f} {place[1]:.2f} is {distance:.2f} m from something,"
-            f" expected at least the safety distance, {least:g} m"
-        )
-
-
 class TripMeter:
     """Measures time and path length of a run, scan by scan.
 
@@ -141,6 +86,64 @@ class TripMeter:
         if step > self._noise:
             self.length += step
             self._last = observation.pose
+
+
+class ClearanceCheck:
+    """Looks at the start once, and at what is seen around the next goal.
+
+    Attributes:
+        trip: Time and path length so far.
+    """
+
+    def __init__(self, bumpers: Bumpers) -> None:
+        self.trip = TripMeter()
+        self._bumpers = bumpers
+        self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
+        self._since = 0.0  # s; when it was first seen there
+
+    def check(self, observation: Observation, goal: Point | None) -> None:
+        """Look at a scan.
+
+        Args:
+            observation: The scan.
+            goal: The next goal, m, map frame; None if there is none.
+
+        Raises:
+            TooNearError: If something is nearer to the start than the safety distance,
+                or stands so near to the goal.
+        """
+        is_first = self.trip.start is None
+        self.trip.add(observation)
+        if is_first:
+            nearest = min(each.distance for each in self._bumpers.read(observation))
+            if nearest < self._bumpers.safety_distance - START_NOISE:
+                place = (observation.pose.x, observation.pose.y)
+                self._raise("start", place, nearest)
+        # What is seen from afar may be an image in a mirror, and stand elsewhere.
+        if goal is not None and distance(observation.pose, *goal) <= GOAL_IN_SIGHT:
+            self._check_goal(observation, goal)
+
+    def _check_goal(self, observation: Observation, goal: Point) -> None:
+        points = observation.points()
+        distances = np.hypot(*(points - goal).T)
+        safety_distance = self._bumpers.safety_distance
+        near = distances < least_clearance(safety_distance, self.trip.length)
+        if not near.any():
+            self._place = (math.inf, math.inf)
+            return
+        # Something else than before: what drives by a goal does not stand there.
+        if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
+            x, y = points[distances.argmin()].tolist()
+            self._place, self._since = (x, y), observation.time
+        if observation.time - self._since >= STANDING_AFTER:
+            self._raise("goal", goal, float(distances.min()))
+
+    def _raise(self, what: str, place: Point, distance: float) -> None:
+        least = self._bumpers.safety_distance
+        raise TooNearError(
+            f"{what} {place[0]:.2f} {place[1]:.2f} is {distance:.2f} m from something,"
+            f" expected at least the safety distance, {least:g} m"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,13 +240,12 @@ class Navigator:
             self._client, self._robot, self._source, timeout=mission.timeout
         )
         controller, bumpers = self._controller, self._bumpers
-        trip, stuck_detector = TripMeter(), StuckDetector()
+        trip, stuck_detector = self._clearance.trip, StuckDetector()
         try:
             for scan in loop.scans():
                 if mission.return_to_start and trip.start is None:
                     controller.goals.append((scan.pose.x, scan.pose.y))
                 observation = self._decide(scan)
-                trip.add(observation)
                 is_over = controller.is_done or trip.time > mission.time_limit
                 if not is_over:
                     loop.drive(self._twist)  # at once: who observes may take long

@@ -272,7 +272,7 @@ class TangentBug(BoundaryController):
             boundary.least = boundary.travelled + AGAIN
             if self._resumed < _MOST_RESUMED:
                 # A circuit begins here, as the robot was elsewhere between.
-                boundary.trail = None
+                boundary.landmarks = []
             self._boundary, self._resumed = boundary, self._resumed + 1
             return STOP
         # on the hand on which the way over what it sees is shorter

@@ -169,14 +169,6 @@ class WallFollower:
         twist = self.speed_limits.towards(heading)
         return self._twist(0.0, twist.turn), abs(heading) < ALIGNED
 
-    def direction(self, observation: Observation, obstacle: float) -> float:
-        """Return the direction along an obstacle, rad, map frame.
-
-        Arguments are those of ``align``.
-        """
-        heading = self._abeam_heading(self._view(observation), obstacle)
-        return observation.pose.yaw + self._bearing(heading)
-
     def tangent(self, observation: Observation) -> float:
         """Return the direction along the boundary, rad, map frame, not wrapped.
 
@@ -197,17 +189,20 @@ class WallFollower:
         bearing, distance = boundary
         return observation.pose.point(self._bearing(bearing), distance), distance
 
-    def hit_point(self, observation: Observation, obstacle: float) -> Point:
-        """Return the nearest point of an obstacle that is hit, m, map frame.
+    def hit(self, observation: Observation, obstacle: float) -> tuple[Point, float]:
+        """Return the nearest point of an obstacle that is hit, and the way along it.
 
         Arguments are those of ``align``.
+
+        Returns:
+            The point, m, and the direction, rad, map frame.
         """
         heading = self._abeam_heading(self._view(observation), obstacle)
         bearing = self._bearing(heading + ABEAM)
         distance = self.bumpers.towards(observation, bearing).distance
-        return observation.pose.point(
-            bearing, min(distance, self.bumpers.pressed_below)
-        )
+        distance = min(distance, self.bumpers.pressed_below)
+        along = observation.pose.yaw + self._bearing(heading)
+        return observation.pose.point(bearing, distance), along
 
     def leads_into_boundary(self, observation: Observation, bearing: float) -> bool:
         """Return whether a direction leads into the boundary that is followed.

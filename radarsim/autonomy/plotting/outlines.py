@@ -102,16 +102,12 @@ def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
     return tuple(lines)
 
 
-def draw_areas(
-    axes: Axes, outlines: Iterable[Outline], *, zorder: float, solid_zorder: float
-) -> list[PathPatch]:
+def draw_areas(axes: Axes, outlines: Iterable[Outline]) -> list[PathPatch]:
     """Draw things as filled areas, each family in its colour.
 
     Args:
         axes: Axes in m, map frame.
         outlines: What is to be drawn.
-        zorder: Z-order of what a sensor may see into.
-        solid_zorder: Z-order of what is solid.
 
     Returns:
         What was drawn.
@@ -119,7 +115,8 @@ def draw_areas(
     drawn = []
     for outline in outlines:
         path = Path.make_compound_path(*(Path(line) for line in outline.lines))
-        order = solid_zorder if outline.kind == CellClass.OBSTACLE else zorder
+        # What beams enter lies below what they sense, walls lie above it.
+        order = 2.7 if outline.kind == CellClass.OBSTACLE else 1.0
         drawn.append(PathPatch(path, **_area_style(outline.family), zorder=order))
         axes.add_patch(drawn[-1])
     return drawn

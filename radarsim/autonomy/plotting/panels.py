@@ -90,8 +90,7 @@ class Panels:
                 axes.set(xticks=[], yticks=[])
             axes.set_xlim(extent.x0, extent.x1)
             axes.set_ylim(extent.y0, extent.y1)
-            pad = _PAD + _LINE * text * bool(subtitles)
-            self.titles.append(self._write_title(axes, title, pad))
+            self.titles.append(self._write_title(axes, title, _PAD))
             self.axes.append(axes)
         if numbers:
             self.axes[0].set_ylabel("y, m", fontsize=text)
@@ -112,8 +111,10 @@ class Panels:
         heads = [*self.titles, *self.subtitles]
         self._widest = float(max(_size_of(each, self.figure).width for each in heads))
         lines = bool(subtitles) + self._is_crowded
-        if self._is_crowded:
-            self._raise_titles()
+        for axes, written in zip(self.axes, self.titles, strict=True):
+            self._write_title(axes, written.get_text(), _PAD + _LINE * text * lines)
+        for line in self.subtitles:  # above the scale bar, where it is in the way
+            line.set_position((0.0, _PAD + _LINE * text * self._is_crowded))
         self._top = self._pixels(_TOP + _LINE * lines)
         self._place(0)
 
@@ -128,14 +129,6 @@ class Panels:
         is_known = all(each.get_text() for each in self.subtitles)
         widest = self._widest if is_known else max(self._widest, self._pixels(_STATUS))
         return widest + scale > across
-
-    def _raise_titles(self) -> None:
-        """Write titles and subtitles one line higher, above the scale bar."""
-        for axes, title in zip(self.axes, self.titles, strict=True):
-            pad = _PAD + _LINE * self._text * (1 + bool(self.subtitles))
-            self._write_title(axes, title.get_text(), pad)
-        for subtitle in self.subtitles:
-            subtitle.set_position((0.0, _PAD + _LINE * self._text))
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
         """Place a legend below the panels, in as many lines as it needs."""

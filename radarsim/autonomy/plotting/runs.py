@@ -200,8 +200,7 @@ class RunPanel:
         """
         self._axes = axes
         self._robot_class = view.robot_class
-        # What beams enter lies below what they sense, walls lie above it.
-        self._areas = draw_areas(axes, view.outlines, zorder=1.0, solid_zorder=2.7)
+        self._areas = draw_areas(axes, view.outlines)
         colour = _sensor_colour(view.medium)
         self._sensed = SensedCells(axes, colour, view.outlines)
         self._moving: list[Artist] = []

@@ -9,8 +9,9 @@ from flat_world import ANGLES, box, look, ranges_of
 from office_map import office_map
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.exploration.coverage import frontier_strategy
 from radarsim.autonomy.exploration.path_follower import ExplorationSettings
-from radarsim.autonomy.exploration.strategies import find_unexplored
+from radarsim.autonomy.exploration.revisit import Revisit
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -52,7 +53,8 @@ def test_maps_and_planned_paths_lead_through_the_same_doors(
     assert bool(len(path)) == is_wide
 
     settings = ExplorationSettings(bumpers=Bumpers(safety_distance=SAFETY))
-    _, cut_off = find_unexplored(seen, map_, settings, HERE)
+    strategy = Revisit(settings, frontier_strategy(settings), fills=False)
+    _, cut_off = strategy.find_unexplored(seen, map_)
     assert bool(cut_off) != is_wide
     assert all(0.3 < x < 6.0 for x, _ in cut_off)
 
@@ -66,7 +68,7 @@ def test_an_office_is_explored_as_far_as_its_doors_let_the_robot(
     path.write_text(office_map(door))
     plan = ExplorationPlan(safety_distance=SAFETY)
     run = MappingRun(plan, Host(load_map(path)))
-    run.run(("", 0))
+    run.run()
     run.judge()
     told = json.loads(run.result.to_json())
     assert told["outcome"] == "explored"
@@ -83,7 +85,7 @@ def test_the_map_of_an_office_is_true_to_centimetres(tmp_path: Path, seed: int) 
     path.write_text(office_map(1.2))
     plan = ExplorationPlan(safety_distance=SAFETY)
     run = MappingRun(plan, Host(load_map(path), seed=seed), seed=seed)
-    run.run(("", 0))
+    run.run()
     run.judge()
     told = run.result.to_dict()
     assert told["judge"]["reachable_coverage"] > 0.95

@@ -1,6 +1,7 @@
 """What comes and goes while a robot explores, and what is told of floor behind it."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -123,8 +124,8 @@ class RunAmongMovers(MappingRun):
         self._traffic = Traffic(host, movers)
         self._served = host
 
-    def _open_client(self, address: tuple[str, int]) -> Client:
-        client = super()._open_client(address)
+    def _open_client(self, connect: Callable[[], Client]) -> Client:
+        client = super()._open_client(connect)
         monitor = self.result.monitor
         assert monitor is not None
 
@@ -153,7 +154,7 @@ def test_movers_in_doors_are_no_walls_and_the_map_is_whole_or_said_not_to_be(
         strategy=StrategyName.FRONTIERS,
         time_limit=900,
     )
-    made.run(("", 0))
+    made.run()
     made.judge()
     told = json.loads(made.result.to_json())
     judge = told["judge"]

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim.autonomy.mapping.slam import Localizer
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.observation import Observation, ObservationBuilder
 from radarsim.autonomy.plans import PoseSource
@@ -56,15 +55,18 @@ def reports_of(k: int, x: float, told: float) -> tuple[Ins, RangeScan]:
 
 
 def test_pose_is_found_although_the_ins_measures_a_tenth_too_much() -> None:
-    localizer = Localizer(replace(SCANNER, max_range=20.0))
+    scanner = replace(SCANNER, max_range=20.0)
+    source = ObservationBuilder(scanner, PoseSource.SLAM, lambda: 0.0)
     for k in range(60):
         x = 0.03 * k
         motion, scan = reports_of(k, x, 1.1 * x)
-        localizer.add_motion(motion)
-        pose = localizer.locate(scan, None, scan.time)
+        source.take(motion)
+        observation = source.take(scan)
     assert x > 1.7
+    assert observation is not None
+    pose = observation.pose
     assert math.hypot(pose.x - x, pose.y - 0.3) < 0.06
-    assert not localizer.pop_jump()
+    assert not source.pop_jump()
 
 
 @pytest.mark.parametrize(
@@ -78,7 +80,7 @@ def test_pose_is_found_although_the_ins_measures_a_tenth_too_much() -> None:
 def test_scans_that_were_kept_are_corrected_after_a_loop(
     moved_by: Pose2, is_jump: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name = "radarsim.autonomy.mapping.slam.Slam"
+    name = "radarsim.autonomy.navigation.observation.Slam"
     monkeypatch.setattr(name, lambda **_: LoopingSlam(moved_by))
     source = ObservationBuilder(SCANNER, PoseSource.SLAM, lambda: 0.0)
     seen: list[Observation] = []

@@ -7,16 +7,17 @@ import pytest
 import shapely
 from flatland import flatland
 
-from radarsim.autonomy.navigation.boundary_memory import (
-    BoundaryMemory,
-    FollowedBoundary,
-)
+from radarsim.autonomy.navigation.boundary_memory import FollowedBoundary
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.wall_following import WallFollower
 from radarsim.geometry import Point, Pose2
 
 BOX = shapely.box(1, -1, 2, 1)
+
+
+def followed() -> FollowedBoundary:
+    return FollowedBoundary(WallFollower(Bumpers(safety_distance=0.5), SpeedLimits()))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
@@ -33,20 +34,19 @@ BOX = shapely.box(1, -1, 2, 1)
 def test_obstacle_has_gone_if_beams_go_through_where_it_was(
     shapes: list[shapely.Polygon], has_gone: bool, yaw: float
 ) -> None:
-    obstacle = BoundaryMemory()
+    obstacle = followed()
     ring = BOX.exterior
     for along in range(int(ring.length * 10)):
         point = ring.interpolate(along / 10)
         obstacle.add((point.x, point.y), yaw)
     world = flatland(*shapes, at=Pose2(0.0, 0.2, yaw))
-    assert obstacle.has_gone(world.scan()) is has_gone
+    assert obstacle.has_gone(world.scan(), []) is has_gone
 
 
 def test_what_is_met_where_something_had_gone_stands() -> None:
-    follower = WallFollower(Bumpers(safety_distance=0.5), SpeedLimits())
     goal, at, places = (3.0, 0.0), Pose2(0.2, 0.1, 0.0), list[Point]()
     for has_gone in (True, False):
-        boundary = FollowedBoundary(follower)
+        boundary = followed()
         scan = flatland(BOX, at=at).scan()
         boundary.reach(scan, 0.0, goal)
         # Known from then on, or it would be left for any place at once.
@@ -61,7 +61,7 @@ def test_what_is_met_where_something_had_gone_stands() -> None:
 @pytest.mark.parametrize("stands", [True, False])
 def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(stands: bool) -> None:
     """After a circuit of many turns the INS is some degrees off."""
-    obstacle, poles = BoundaryMemory(), []
+    obstacle, poles = followed(), []
     for k in range(20):
         angle = k * math.tau / 20
         pole = 2 * math.cos(angle), 2 * math.sin(angle)
@@ -71,7 +71,7 @@ def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(stands: bool) -> No
     world = flatland(*poles[: 20 * stands], at=Pose2(0.0, 0.0, 0.0))
     scan = world.scan()
     drifted = replace(scan, pose=Pose2(0.0, 0.0, math.radians(9)))
-    assert obstacle.has_gone(drifted) is not stands
+    assert obstacle.has_gone(drifted, []) is not stands
 
 
 @pytest.mark.parametrize(
@@ -85,17 +85,24 @@ def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(stands: bool) -> No
 def test_boundary_begins_where_it_was_hit(
     points: list[tuple[float, float]], begins: bool
 ) -> None:
-    obstacle = BoundaryMemory()
+    obstacle = followed()
     for point in points:
         obstacle.add(point, 0.0)
-    assert obstacle.begins_at((0.0, 0.0)) is begins
+    obstacle.hit_place = (0.0, 0.0)
+    assert obstacle.is_what_was_hit() is begins
 
 
 def test_circuit_passes_what_was_hit_only_where_it_was_there_again() -> None:
-    obstacle = BoundaryMemory()
+    obstacle = followed()
+    obstacle.hit_place = (0.1, 0.3)
     for station in range(10):  # away from the hit, and around something else
-        obstacle.add((min(station, 5.0), max(station - 5.0, 0.0)), 0.0, station)
-    assert obstacle.passes((0.1, 0.3), 0.0)
-    assert not obstacle.passes((0.1, 0.3), 2.0)
-    obstacle.add((0.2, 0.0), 0.0, 18.0)
-    assert obstacle.passes((0.1, 0.3), 2.0)
+        for along in (0.0, 0.25, 0.5, 0.75):
+            obstacle.travelled = station + along
+            x = obstacle.travelled
+            obstacle.add((min(x, 5.0), max(x - 5.0, 0.0)), 0.0)
+    assert obstacle.is_what_was_hit()
+    obstacle.circuit_start = 2.0
+    assert not obstacle.is_what_was_hit()
+    obstacle.travelled = 18.0
+    obstacle.add((0.2, 0.0), 0.0)
+    assert obstacle.is_what_was_hit()

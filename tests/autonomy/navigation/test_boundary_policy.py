@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from radarsim.autonomy.navigation.boundary_memory import (
     FollowedBoundary,
     Landmark,
-    Trail,
 )
 from radarsim.autonomy.navigation.bug import (
     BoundaryPolicy,
@@ -33,15 +32,11 @@ def on_circle(angle: float) -> Pose2:
     )
 
 
-def mark(angle: float) -> Landmark:
-    return Landmark(on_circle(angle), angle + math.pi / 2, max_offset=0.7)
-
-
 def boundary() -> FollowedBoundary:
     """The circle, of which landmarks are passed up to 0.7 m beside them."""
     bumpers = Bumpers(safety_distance=0.45)
     followed = FollowedBoundary(WallFollower(bumpers, SpeedLimits()))
-    followed.trail = Trail(mark(0.0))
+    followed.add_landmark(on_circle(0.0), math.pi / 2, 0.0)
     return followed
 
 

@@ -29,8 +29,7 @@ ROOM = shapely.box(-4, -3, 4, 3).difference(shapely.box(-3.9, -2.9, 3.9, 2.9))
 def planning(
     goal: tuple[float, float], footprint: Footprint | None = HULL
 ) -> Controller:
-    size = None if footprint is None else (footprint.length, footprint.width)
-    return navigator(Algorithm.PLANNED, goal, speed_limits=LIMITS, footprint=size)
+    return navigator(Algorithm.PLANNED, goal, speed_limits=LIMITS, footprint=footprint)
 
 
 def least_room(world: Any) -> float:

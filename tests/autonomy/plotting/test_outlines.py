@@ -71,7 +71,7 @@ def test_each_family_of_materials_has_its_colour_and_its_row() -> None:
     found = outlines.outlines_of(Scene("x", "X", parts), 0.5)
     assert {outline.kind for outline in found} == {CellClass.OBSTACLE}
     axes = Figure().add_subplot()
-    drawn = outlines.draw_areas(axes, found, zorder=1.0, solid_zorder=2.0)
+    drawn = outlines.draw_areas(axes, found)
     rows = {str(row.get_label()): row for row in outlines.area_rows(found)}
     for family in (Family.STONE, Family.WOOD, Family.METAL):
         colour = to_rgba(FAMILY_COLOURS[family])
