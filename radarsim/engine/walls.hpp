@@ -155,6 +155,18 @@ inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> fa
 }
 BIND(slice_faces, "v f f")
 
+// Write the numbers of the boxes that reach into another one; returns how many they are.
+inline int64_t find_boxes(Array<const double, 2> lows, Array<const double, 2> highs, double left, double right,
+                          double lower, double upper, double bottom, double top, Array<int64_t> found) {
+    int64_t count = 0;
+    for (int64_t box = 0; box < lows.shape[1]; box++)
+        if (lows(2, box) <= top && bottom <= highs(2, box) && lows(0, box) <= right && left <= highs(0, box) &&
+            lows(1, box) <= upper && lower <= highs(1, box))
+            found[count++] = box;
+    return count;
+}
+BIND(find_boxes, "3b 3b b")
+
 // Extend a box, three numbers of its lower corner and three of its upper one, to a point.
 inline void extend(double* box, const Vector& point) {
     for (int axis = 0; axis < 3; axis++) { // a corner that is not known yet is nan
