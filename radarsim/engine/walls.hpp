@@ -122,16 +122,12 @@ BIND(find_walls, "l")
 
 using Corners = int32_t[3];
 
-// Whether a plane cuts a triangle; a corner in the plane counts as above it.
-inline bool is_cut(const Vector& a, const Vector& b, const Vector& c, double height) {
-    int above = (a[2] >= height) + (b[2] >= height) + (c[2] >= height);
-    return above == 1 || above == 2;
-}
-
-// Write where a plane cuts two sides of a triangle, those at the corner that is alone on its side of the plane.
-inline void cut_sides(Array<const Vector> vertices, const Corners& face, double height, Ends& cut) {
+// Write where a plane cuts two sides of a triangle, those at the corner that is alone on its side of the plane; returns
+// whether it does. A corner in the plane counts as above it.
+inline bool cut_sides(Array<const Vector> vertices, const Corners& face, double height, Ends& cut) {
     bool above[3];
     for (int i = 0; i < 3; i++) above[i] = vertices[face[i]][2] >= height;
+    if (above[0] == above[1] && above[1] == above[2]) return false;
     int alone = above[1] == above[2] ? 0 : above[0] == above[2] ? 1 : 2;
     const Vector& first = vertices[face[alone]];
     for (int end = 0; end < 2; end++) {
@@ -139,6 +135,7 @@ inline void cut_sides(Array<const Vector> vertices, const Corners& face, double 
         double share = (height - first[2]) / (other[2] - first[2]);
         for (int axis = 0; axis < 2; axis++) cut[end][axis] = first[axis] + share * (other[axis] - first[axis]);
     }
+    return true;
 }
 
 // Slice triangles; returns the number of segments, or -1 if a corner is not among the vertices.
@@ -148,8 +145,7 @@ inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> fa
     for (const Corners& face : faces) {
         for (int32_t corner : face)
             if (corner < 0 || corner >= vertices.size()) return -1;
-        if (is_cut(vertices[face[0]], vertices[face[1]], vertices[face[2]], height))
-            cut_sides(vertices, face, height, segments[count++]);
+        count += cut_sides(vertices, face, height, segments[count]);
     }
     return count;
 }

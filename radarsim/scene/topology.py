@@ -60,9 +60,9 @@ class Connections(NamedTuple):
         open_edges: The number of edges that are not used as often in one direction as
             in the other.
         unpaired_edges: The number of edges that are not used by two faces.
-        has_one_side: Whether a component cannot be oriented, such as a Möbius strip;
+        has_one_side: 1 if a component cannot be oriented, such as a Möbius strip;
             means nothing if there are unpaired edges.
-        may_coincide: Whether some faces may have the same three corners.
+        may_coincide: 1 if some faces may have the same three corners.
     """
 
     labels: Labels
@@ -70,8 +70,8 @@ class Connections(NamedTuple):
     components: int
     open_edges: int
     unpaired_edges: int
-    has_one_side: bool
-    may_coincide: bool
+    has_one_side: int
+    may_coincide: int
 
 
 def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
@@ -89,9 +89,9 @@ def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     corners = np.ascontiguousarray(faces).ravel()
     merged, kept = np.zeros_like(corners), np.zeros(len(vertices), np.int32)
     count = engine.merge_vertices(vertices, corners, merged, kept)
-    a, b, c = merged.reshape(-1, 3).T
-    has_corners = (a != b) & (b != c) & (c != a)
     left = merged.reshape(-1, 3)
+    a, b, c = left.T
+    has_corners = (a != b) & (b != c) & (c != a)
     positions = vertices[kept[:count]] + 0.0  # -0.0 and 0.0 are one position
     return positions, left if has_corners.all() else left[has_corners]
 
@@ -107,16 +107,7 @@ def connect_faces(faces: Faces) -> Connections:
     counts = np.zeros(4, np.int64)
     size = int(corners.max(initial=-1)) + 1
     components = engine.connect_faces(corners, size, labels, flips, counts)
-    open_edges, unpaired, has_one_side, may_coincide = counts.tolist()
-    return Connections(
-        labels,
-        flips,
-        components,
-        open_edges,
-        unpaired,
-        bool(has_one_side),
-        bool(may_coincide),
-    )
+    return Connections(labels, flips, components, *counts.tolist())
 
 
 def is_closed(faces: Faces) -> bool:
