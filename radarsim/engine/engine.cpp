@@ -9,6 +9,7 @@
 #include "scan_matching.hpp"
 #include "shading.hpp"
 #include "spectra.hpp"
+#include "topology.hpp"
 #include "trace.hpp"
 #include "turn_echoes.hpp"
 #include "walls.hpp"

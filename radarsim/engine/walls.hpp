@@ -122,16 +122,12 @@ BIND(find_walls, "l")
 
 using Corners = int32_t[3];
 
-// Whether a plane cuts a triangle; a corner in the plane counts as above it.
-inline bool is_cut(const Vector& a, const Vector& b, const Vector& c, double height) {
-    int above = (a[2] >= height) + (b[2] >= height) + (c[2] >= height);
-    return above == 1 || above == 2;
-}
-
-// Write where a plane cuts two sides of a triangle, those at the corner that is alone on its side of the plane.
-inline void cut_sides(Array<const Vector> vertices, const Corners& face, double height, Ends& cut) {
+// Write where a plane cuts two sides of a triangle, those at the corner that is alone on its side of the plane; returns
+// whether it does. A corner in the plane counts as above it.
+inline bool cut_sides(Array<const Vector> vertices, const Corners& face, double height, Ends& cut) {
     bool above[3];
     for (int i = 0; i < 3; i++) above[i] = vertices[face[i]][2] >= height;
+    if (above[0] == above[1] && above[1] == above[2]) return false;
     int alone = above[1] == above[2] ? 0 : above[0] == above[2] ? 1 : 2;
     const Vector& first = vertices[face[alone]];
     for (int end = 0; end < 2; end++) {
@@ -139,6 +135,7 @@ inline void cut_sides(Array<const Vector> vertices, const Corners& face, double 
         double share = (height - first[2]) / (other[2] - first[2]);
         for (int axis = 0; axis < 2; axis++) cut[end][axis] = first[axis] + share * (other[axis] - first[axis]);
     }
+    return true;
 }
 
 // Slice triangles; returns the number of segments, or -1 if a corner is not among the vertices.
@@ -148,12 +145,23 @@ inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> fa
     for (const Corners& face : faces) {
         for (int32_t corner : face)
             if (corner < 0 || corner >= vertices.size()) return -1;
-        if (is_cut(vertices[face[0]], vertices[face[1]], vertices[face[2]], height))
-            cut_sides(vertices, face, height, segments[count++]);
+        count += cut_sides(vertices, face, height, segments[count]);
     }
     return count;
 }
 BIND(slice_faces, "v f f")
+
+// Write the numbers of the boxes that reach into another one; returns how many they are.
+inline int64_t find_boxes(Array<const double, 2> lows, Array<const double, 2> highs, double left, double right,
+                          double lower, double upper, double bottom, double top, Array<int64_t> found) {
+    int64_t count = 0;
+    for (int64_t box = 0; box < lows.shape[1]; box++)
+        if (lows(2, box) <= top && bottom <= highs(2, box) && lows(0, box) <= right && left <= highs(0, box) &&
+            lows(1, box) <= upper && lower <= highs(1, box))
+            found[count++] = box;
+    return count;
+}
+BIND(find_boxes, "3b 3b b")
 
 // Extend a box, three numbers of its lower corner and three of its upper one, to a point.
 inline void extend(double* box, const Vector& point) {

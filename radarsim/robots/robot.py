@@ -197,7 +197,7 @@ class Robot:
     @property
     def top_speed(self) -> float:
         """Highest speed of its centre, pushes included, m/s."""
-        return float(self.row["top_speed"])
+        return float(self.fleet.columns.item(self.slot, COLUMN["top_speed"]))
 
     @property
     def side_angles(self) -> tuple[float, float]:

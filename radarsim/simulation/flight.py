@@ -13,8 +13,8 @@ from typing import Final, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.raycast.rays import Boxes
@@ -118,8 +118,11 @@ class Airspace:
         }
         slices = {number: cuts[number] for number in numbers}
         walls = np.concatenate([*slices.values()])
-        walls = walls[_meet(walls.min(axis=1).T, walls.max(axis=1).T, area)]
-        obstacles = Obstacles(walls, floor=band * BAND)
+        (x, y), (other_x, other_y) = walls[:, 0].T, walls[:, 1].T
+        is_near = (np.minimum(x, other_x) <= area[1]) & (np.maximum(x, other_x) >= left)
+        is_near &= np.minimum(y, other_y) <= area[3]
+        is_near &= np.maximum(y, other_y) >= lower
+        obstacles = Obstacles(walls[is_near], floor=band * BAND)
         return Surroundings(tile, band, slices, obstacles)
 
     def lift(self, fleet: Fleet, robot: Robot, z: float, *known: Surroundings) -> None:
@@ -249,6 +252,7 @@ class SolidMesh:
             blocks = some.start // _BLOCK + np.arange(len(firsts))
             self._lows[:, blocks] = np.minimum.reduceat(lows, firsts).T
             self._highs[:, blocks] = np.maximum.reduceat(highs, firsts).T
+        self._found = np.zeros(self._lows.shape[1], np.int64)  # room for numbers
 
     def near(self, area: Area, *heights: float) -> Faces:
         """Return all triangles that reach into an area at some heights, and some more.
@@ -260,8 +264,9 @@ class SolidMesh:
         Returns:
             (F, 3) vertex indices, in the order of the parts and of their faces.
         """
-        is_level = (self._lows[2] < max(heights)) & (min(heights) <= self._highs[2])
-        blocks = np.flatnonzero(is_level & _meet(self._lows, self._highs, area))
+        found, levels = self._found, (min(heights), max(heights))
+        count = engine.find_boxes(self._lows, self._highs, *area, *levels, found)
+        blocks = found[:count]
         places = (blocks[:, None] * _BLOCK + np.arange(_BLOCK)).ravel()
         numbers = np.sort(self._order[places[places < len(self._order)]])
         faces: Faces = self._faces[numbers]
@@ -271,14 +276,6 @@ class SolidMesh:
         """Return the smallest and the largest coordinates of triangles, (N, 3) m."""
         a, b, c = (self.vertices[corners] for corners in faces.T)
         return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-
-
-def _meet(lows: Floats, highs: Floats, area: Area) -> NDArray[np.bool_]:
-    """Return which bounds, (2 or 3, N) m, reach into an area."""
-    left, right, lower, upper = area
-    x_meets = (lows[0] <= right) & (left <= highs[0])
-    meets: NDArray[np.bool_] = x_meets & (lows[1] <= upper) & (lower <= highs[1])
-    return meets
 
 
 def _chunks(count: int) -> Iterator[slice]:

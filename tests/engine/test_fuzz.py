@@ -34,6 +34,8 @@ from radarsim.raycast.rays import Boxes
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
+from radarsim.scene.shapes import cylinder
+from radarsim.scene.topology import orient_outward, weld_vertices
 from radarsim.server.camera import Renderer
 from radarsim.server.host import Host
 from radarsim.server.views import View
@@ -135,6 +137,7 @@ def turn() -> None:
 
 
 def move() -> None:
+    orient_outward(*weld_vertices(*cylinder(1, 2)))
     engine.angle_of_link(np.zeros(1, engine.rows["Link"]), 3.0)
     rows = np.arange(5) % 3
     written = np.zeros(5, engine.rows["WrittenEcho"])
