@@ -81,26 +81,18 @@ def new(
     file: Annotated[Path, Option(is_argument=True)],
     *,
     random: Annotated[int | None, Ge(0), Option(metavar="K")] = None,
-    town: Annotated[int | None, Ge(0), Option(metavar="SEED")] = None,
 ) -> None:
     """Write a small map to start your own from, with comments.
 
     Args:
         file: The map file to write, such as room.yaml.
         random: Write random map K; seven families come by turn.
-        town: Write a town of 200 x 200 m by this seed.
     """
-    if random is not None and town is not None:
-        raise click.BadParameter("expected no --random with it", param_hint="--town")
     check_new_map(file, "FILE")
     if random is not None:
         from radarsim.generators.random_maps import make_random_map
 
         data = make_random_map(random).as_yaml().encode()
-    elif town is not None:
-        from radarsim.generators.town import town_yaml
-
-        data = town_yaml(town).encode()
     else:
         data = STARTER_MAP.read_bytes()
     write_file(file, data, "FILE")

@@ -6,8 +6,6 @@ from pathlib import Path
 import pytest
 from commands import run_in_process as radarsim
 
-from radarsim.generators.town import town_yaml
-
 
 @pytest.fixture
 def room(tmp_path: Path) -> Path:
@@ -47,9 +45,3 @@ def test_random_map_is_written_by_its_number(tmp_path: Path) -> None:
     assert radarsim("new", path, "--random", "4").code == 0
     assert "family 'mazes'" in path.read_text()
     assert radarsim("check", path, "--strict").code == 0
-
-
-def test_command_writes_a_town_that_loads(tmp_path: Path) -> None:
-    path = tmp_path / "town.yaml"
-    assert radarsim("new", path, "--town", "3").code == 0
-    assert path.read_text() == town_yaml(3)

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frame_statistics import FrameStatistics, statistics_of
+from town_maps import town_yaml
 
 import radarsim
 from radarsim.addons.fmcw.image_files import through_jpeg
-from radarsim.generators.town import town_yaml
 from radarsim.geometry import Floats, Pose3
 
 ROOF = 1.9  # m, height of an antenna on a car

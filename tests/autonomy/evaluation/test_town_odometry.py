@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cfear import Cfear
 from radar_odometry import Estimate, RadarOdometry, Turn, turns_along
+from town_maps import town_yaml
 
 import radarsim
-from radarsim.generators.town import town_yaml
 from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.scene.scene import Scene
 

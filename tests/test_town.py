@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from town_maps import GROUND, PAVEMENT, ROADWAY, SIDE, town_yaml
 
 import radarsim
-from radarsim.generators.town import GROUND, PAVEMENT, ROADWAY, town_yaml
-from radarsim.generators.town_objects import SIDE
 from radarsim.scene.scene import Scene
 
 

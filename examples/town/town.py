@@ -1,5 +1,7 @@
 """A town of 200 x 200 m by its seed: streets, houses, gardens, cars and trees.
 
+It prints the map: ``python town.py SEED > town.yaml``.
+
 Three streets lead along x and three along y, with starts along those in the middle;
 the outer ones lean against these.
 Blocks between them are rows of houses with gardens, a park or a car park. The ground is
@@ -9,11 +11,12 @@ and as full, as real ones are.
 """
 
 import math
+import sys
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from radarsim.generators.town_objects import (
+from town_objects import (
     SIDE,
     SPACING,
     WALLS,
@@ -28,6 +31,7 @@ from radarsim.generators.town_objects import (
     add_shed,
     add_tree,
 )
+
 from radarsim.rng import generator_for
 
 ROADWAY: Final = 5.0  # m, half of it
@@ -292,3 +296,7 @@ def _add_street(site: Site, start: Frame, crossings: list[float]) -> None:
                 add_furniture(site, kerb.moved(0, 0, -side * math.pi / 2))
             elif site.happens(0.15):
                 add_tree(site, kerb, 2.0)
+
+
+if __name__ == "__main__":
+    print(town_yaml(int(sys.argv[1])), end="")
