@@ -28,7 +28,8 @@ KEYFRAMES: Final = 4
 KEYFRAME_DISTANCE: Final = 0.5  # m
 KEYFRAME_ANGLE: Final = 0.1  # rad
 TARGETS: Final = 12  # of a direction, at most
-SPREAD: Final = 0.1  # m, of echoes across their beam
+# Of echoes across their beam, standard deviation, rad: that of 1.8 degrees, two-way.
+SPREAD: Final = math.radians(1.8) / (4 * math.sqrt(math.log(2)))
 UNROLLINGS: Final = 2  # where speeds change little from turn to turn
 # Of a prediction by the motion of the last turn, m, m and rad.
 SIGMA: Final = np.array([0.1, 0.1, 0.1])
@@ -153,8 +154,8 @@ def is_beyond(pose: Pose2, before: Pose2, distance: float, angle: float) -> bool
 def _scan_points(turn: Turn, motion: Pose2) -> ScanPoints:
     """Return the targets of a turn as seen from its end, if it had been of a motion."""
     places = unroll(turn.places, turn.shares, motion)
-    along = places / np.maximum(np.linalg.norm(places, axis=1), 1e-9)[:, None]
-    return ScanPoints(places, along, np.zeros_like(along), SPREAD, True)
+    # Beams widen with the range: vectors as long as that make metres of the angle.
+    return ScanPoints(places, places, np.zeros_like(places), SPREAD, True)
 
 
 def turns_along(

@@ -80,5 +80,5 @@ def test_published_odometry_finds_its_way_through_the_town(turns: list[Turn]) ->
 @pytest.mark.slow("alone")
 def test_own_odometry_finds_its_way_through_the_town(turns: list[Turn]) -> None:
     found = estimate(turns, RadarOdometry(turns[0].end, unrollings=4).step)
-    assert found.drift <= 0.04
+    assert found.drift <= 0.01
     assert abs(heading_bias(found)) <= 0.05
