@@ -59,6 +59,8 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
         software: Name of the program in a PNG file.
     """
     escape_texts(figure)
+    # Those without a layout engine have the size that they need at most.
+    crop = "tight" if figure.get_layout_engine() is None else None
     data = io.BytesIO()
     metadata = {_DATES[form]: software if form == "png" else None}
     if form != "png":
@@ -66,7 +68,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
     # Without a salt of ours matplotlib makes random identifiers in SVG files.
     with rc_context({"svg.hashsalt": "radarsim"}):
         FigureCanvasAgg(figure).print_figure(
-            data, format=form, metadata=metadata, bbox_inches="tight", pad_inches=0.15
+            data, format=form, metadata=metadata, bbox_inches=crop, pad_inches=0.15
         )
     return data.getvalue()
 

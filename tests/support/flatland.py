@@ -100,6 +100,7 @@ def navigator(
     *goals: Point,
     wall_on_left: bool = True,
     give_up: GiveUp = GiveUp.HIT_POINT,
+    heading: float | None = None,
     **changed: Any,
 ) -> Controller:
     """Return a controller at speeds that an exact world allows, so that tests end."""
@@ -109,5 +110,7 @@ def navigator(
         **changed,
     }
     side: Literal["left", "right"] = "left" if wall_on_left else "right"
-    mission = Mission(algorithm=algorithm, goals=goals, side=side, give_up=give_up)
+    mission = Mission(
+        algorithm=algorithm, goals=goals, heading=heading, side=side, give_up=give_up
+    )
     return CONTROLLERS[algorithm](ControllerSettings(mission, **values))
