@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Iterable, Mapping
 from textwrap import fill
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from matplotlib import rc_context
@@ -60,7 +60,9 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
     """
     escape_texts(figure)
     # Those without a layout engine have the size that they need at most.
-    crop = "tight" if figure.get_layout_engine() is None else None
+    crop: Literal["tight"] | None = None
+    if figure.get_layout_engine() is None:
+        crop = "tight"
     data = io.BytesIO()
     metadata = {_DATES[form]: software if form == "png" else None}
     if form != "png":
