@@ -6,6 +6,7 @@ each from the key ``Link`` on.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import nan
 from typing import Annotated, ClassVar, Final, NamedTuple, Self
 
@@ -160,7 +161,7 @@ class PackageConf(LineReport):
 def _packages_of(message: Message) -> Iterator[tuple[str, list[Message]]]:
     """Yield the name and the links of each package."""
     starts = [k for k, (key, _) in enumerate(message.segments) if key.lower() == "name"]
-    for start, end in zip(starts, [*starts[1:], None], strict=True):
+    for start, end in pairwise([*starts, None]):
         part = Message(message.verb, message.segments[start:end])
         yield part.require("Name"), list(_links_of(part))
 

@@ -563,6 +563,12 @@ def test_targets_of_a_turn_fill_lines(targets: int, sizes: list[int]) -> None:
         assert read.dbm == pytest.approx(line.dbm, abs=0.0051)
 
 
+def test_links_before_any_name_belong_to_no_package() -> None:
+    report = reports.decode_report("GEO {Type MisPkg} {Link 1} {ParentLink -1}")
+    assert isinstance(report, reports.PackageGeo)
+    assert report.packages == ()
+
+
 def test_a_package_may_have_no_links() -> None:
     message = decode_message("MISSTA {Time 1.00} {Name Arm}")
     assert PackageState.decode(message) == PackageState(1.0, "Arm", ())
