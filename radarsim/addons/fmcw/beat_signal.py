@@ -107,11 +107,13 @@ def beat_rows(
         rows = slice(start, start + ROWS_AT_ONCE)
         _fill_power(settings, first + start, field[rows], tones, streams, power[rows])
 
-    if len(starts) == 1:
-        fill(0)
-    else:
-        with ThreadPoolExecutor(min(thread_count(), len(starts))) as pool:
+    threads = min(thread_count(), len(starts))
+    if threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
             list(pool.map(fill, starts))
+    else:
+        for start in starts:
+            fill(start)
     return power
 
 

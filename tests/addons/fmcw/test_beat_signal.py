@@ -8,6 +8,7 @@ import pytest
 from fmcw_scenes import beat_spectrum, db, dbm, no_echoes, radar, received_power
 from scipy.signal import get_window
 
+from radarsim.addons.fmcw import beat_signal
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.beat_signal import NO_TONES, Power, Tones
 from radarsim.addons.fmcw.point_echoes import Points, Ways, point_tones
@@ -19,7 +20,7 @@ from radarsim.addons.fmcw.radar_equation import (
 )
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.rng import generator_for
+from radarsim.rng import NumberedStreams, generator_for
 
 FINE = 32  # bins within c/2B
 
@@ -285,3 +286,17 @@ def test_detection_of_known_phase_is_that_of_published_curves() -> None:
     in_phase = np.sqrt(np.array(power, np.float64)) - strong
     threshold = NormalDist(0, math.sqrt(0.5)).inv_cdf(1 - 1e-6)
     assert (in_phase > threshold).mean() == pytest.approx(0.8733, abs=0.015)
+
+
+@pytest.mark.parametrize("threads", ["1", "2", "7"])
+def test_any_number_of_threads_records_the_same(
+    monkeypatch: pytest.MonkeyPatch, threads: str
+) -> None:
+    settings = radar(azimuths=100, bins=500).settings
+    before = noise(settings)
+    monkeypatch.setattr(beat_signal, "thread_count", lambda: int(threads))
+    assert noise(settings).tobytes() == before.tobytes()
+    nothing = np.zeros((0, 2 * settings.bins), np.float32)
+    streams = NumberedStreams(generator_for(0))
+    power = beat_signal.beat_rows(settings, 0, nothing, NO_TONES, streams)
+    assert power.shape == (0, settings.bins)
