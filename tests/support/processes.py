@@ -29,13 +29,19 @@ def start_radarsim(
 
 @contextmanager
 def largest_file(size: int) -> Iterator[None]:
-    """Let files grow to a size alone, bytes, as if the disk were full then."""
+    """Let files grow to a size alone, bytes, as if the disk were full then.
+
+    Meanwhile Python writes no byte code: a module whose byte code is cut off can never
+    be imported again.
+    """
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    writes_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
     try:
         yield
     finally:
+        sys.dont_write_bytecode = writes_bytecode
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, ignored)
 

@@ -153,8 +153,10 @@ def feed(data: bytes, limit: int | None = None) -> str:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    # Coverage writes files as well.
+    # Coverage writes files as well, and Python byte code, which it does not write again
+    # when the limit has cut it off: every later import of the module would fail.
     env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
+    env["PYTHONDONTWRITEBYTECODE"] = "1"
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, *sys.path],
         stdin=subprocess.PIPE,

@@ -124,6 +124,7 @@ async def test_a_full_disk_is_told_and_ends_the_recording(
     monkeypatch.setattr(
         "radarsim.addons.recording.recording_process.PROGRAM",
         "import resource, signal, sys; sys.path[:] = sys.argv[1:];"
+        "sys.dont_write_bytecode = True;"  # it would be cut off at 9000 bytes
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000));"
         "from radarsim.addons.recording.recording_process import write_run;"
