@@ -27,12 +27,18 @@ FLAGS: Final = (
 )
 # "zig cc" reads C++ as well; "zig c++" would build its standard library first. Old
 # enough a glibc for manylinux_2_17.
-ZIG: Final = ("-m", "ziglang", "cc", "-s", "-target", "x86_64-linux-gnu.2.17")
+ZIG: Final = (
+    *("-m", "ziglang", "cc", "-s", "-target", "x86_64-linux-gnu.2.17"),
+    # A ray passes through a dozen functions, whose calls would take a tenth of its time.
+    *("-mllvm", "-inline-threshold=4000", "-fomit-frame-pointer"),
+    # Coordinates that were just written one by one are slow to read in pairs.
+    "-fno-slp-vectorize",
+)
 
 
 def source_digest() -> str:
     """Return a digest of the engine's sources; they have to be there."""
-    digest = hashlib.sha256(FLAGS.encode())
+    digest = hashlib.sha256(" ".join((FLAGS, *ZIG)).encode())
     for path in sorted(FOLDER.glob("*.[ch]pp")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]

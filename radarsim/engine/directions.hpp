@@ -33,8 +33,12 @@ struct Frame {
 
 // The node that a random number selects: how many edges it has reached.
 inline int64_t node_of(Array<const double> edges, double chance) {
-    // An edge itself belongs to the node after it, as in numpy.searchsorted from the right.
-    return first_where(0, edges.size(), [&](int64_t i) { return !(edges[i] <= chance); });
+    // An edge itself belongs to the node after it, as in numpy.searchsorted from the right. Without branches, since no
+    // processor can predict random numbers.
+    const double* edge = edges.data;
+    int64_t left = edges.size();
+    for (; left > 1; left -= left / 2) edge += left / 2 * (edge[left / 2 - 1] <= chance);
+    return edge - edges.data + (left && *edge <= chance);
 }
 
 // Equals geometry.rotation_matrix: scans in batches and alone agree bit by bit.

@@ -122,7 +122,10 @@ class RayTracer {
     // A value of a part for the class of the ray.
     template <typename T> T* of_class(Array<T, 2> table) const { return table.row(class_); }
 
-    void start_segment(double before) { state.segment = {origin + scene.centre[0], direction, before}; }
+    void start_segment(double before) {
+        state.segment.before = before;
+        if (state.events.size()) state.segment.start = origin + scene.centre[0], state.segment.direction = direction;
+    }
 
     // The unit normal of the triangle at which the last segment ended.
     Vector opaque_normal() const {

@@ -133,30 +133,29 @@ inline int64_t find_hidden(int64_t row, const Frame& frame, int64_t carrier, Ray
 inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t first, int64_t last, RayTracer& tracer,
                            const Traces& traces) {
     const NodeTable& table = *source.table;
-    int64_t nodes = scans.rays_per_scan() / table.beams(), scan = -1, carrier = -1;
-    Frame frame;
-    bool clear = true, is_hidden = false;
-    for (int64_t row = first; row < last; row++) {
-        int64_t beam = row % table.beams();
-        if (scan != row / table.beams()) {
-            scan = row / table.beams();
-            const Place& place = place_of(scans.places, scan);
-            frame = frame_of(place), carrier = whole_of(place.carrier), clear = is_clear(source, place, tracer);
-        }
-        for (int64_t node = 0, i = row * nodes; node < nodes; node++, i++) {
-            int64_t chosen = scans.chances.shape[1] ? node_of(table.edges, scans.chances(scan, beam)) : node;
-            aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
-            if (!clear) {
-                if (int64_t code = find_hidden(i, frame, carrier, tracer, traces, is_hidden)) return code;
-                if (is_hidden) chosen = MIDDLE_NODE;
+    int64_t beams = table.beams(), nodes = scans.rays_per_scan() / beams;
+    int64_t scan = first / beams, beam = first % beams, row = first;
+    bool is_hidden = false;
+    for (; row < last; scan++, beam = 0) {
+        const Place& place = place_of(scans.places, scan);
+        Frame frame = frame_of(place);
+        int64_t carrier = whole_of(place.carrier);
+        bool clear = is_clear(source, place, tracer);
+        for (; row < last && beam < beams; row++, beam++)
+            for (int64_t node = 0, i = row * nodes; node < nodes; node++, i++) {
+                int64_t chosen = scans.chances.shape[1] ? node_of(table.edges, scans.chances(scan, beam)) : node;
                 aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
+                if (!clear) {
+                    if (int64_t code = find_hidden(i, frame, carrier, tracer, traces, is_hidden)) return code;
+                    if (is_hidden) chosen = MIDDLE_NODE;
+                    aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
+                }
+                scans.nodes[i] = int16_t(chosen);
+                scans.sides[i] = table.sides[chosen];
+                if (int64_t code = tracer.trace(i, source.max_range[0], source.power[0], source.class_index[0],
+                                                carrier, traces))
+                    return code;
             }
-            scans.nodes[i] = int16_t(chosen);
-            scans.sides[i] = table.sides[chosen];
-            if (int64_t code = tracer.trace(i, source.max_range[0], source.power[0], source.class_index[0], carrier,
-                                            traces))
-                return code;
-        }
     }
     return 0;
 }
