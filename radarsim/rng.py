@@ -6,18 +6,9 @@ same bytes.
 """
 
 import hashlib
-import math
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-_BITS: Final = 32  # of a normal number
-_PERIOD: Final = 2**128  # of PCG64
-# Steps from one stream to the next, the golden ratio of the period, as numpy's
-# ``PCG64.jumped``. By a multiple of a power of two the lower half of the state would be
-# the same in all streams, and their numbers correlated.
-_STRIDE: Final = 0x9E3779B97F4A7C15F39CC0605CEDC835
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
@@ -71,41 +62,3 @@ def fixed_number(rng: np.random.Generator) -> int:
     # Children have the numbers from 0 on: none is ever as large as this.
     own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 2**32 - 1))
     return int(own.generate_state(1, np.uint64)[0])
-
-
-class NumberedStreams:
-    """Streams of random numbers by number, which can be drawn in any order.
-
-    Each begins anew whenever it is drawn from. A normal number is the count of ones
-    among 32 random bits, less its mean, over its deviation: normal as far as sums of
-    several are concerned, and drawn in a third of the time.
-    """
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        """Create the streams of a child of a generator.
-
-        Args:
-            rng: It is not drawn from, but spawns a child.
-        """
-        (child,) = rng.spawn(1)
-        self._seed: Any = child.bit_generator.seed_seq
-
-    def fill_normal(self, first: int, out: NDArray[np.float32]) -> None:
-        """Fill rows with the first standard normal numbers of neighbouring streams.
-
-        Threads may do so at once.
-
-        Args:
-            first: Number of the stream of the first row, at least 0.
-            out: (N, S), each row contiguous.
-        """
-        bits = np.random.PCG64(self._seed)
-        start = bits.state
-        for number, row in enumerate(out, first):
-            bits.state = start
-            bits.advance(number * _STRIDE % _PERIOD)
-            # Each word of 64 bits makes two numbers.
-            words = bits.random_raw(-(-row.size // 2))
-            ones = np.bitwise_count(words.view(np.uint32)[: row.size])
-            np.subtract(ones, np.float32(_BITS / 2), out=row)
-        out *= np.float32(2 / math.sqrt(_BITS))

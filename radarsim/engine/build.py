@@ -29,7 +29,7 @@ FLAGS: Final = (
 # enough a glibc for manylinux_2_17.
 ZIG: Final = (
     *("-m", "ziglang", "cc", "-s", "-target", "x86_64-linux-gnu.2.17"),
-    # A ray passes through a dozen functions, whose calls would take a tenth of its time.
+    # A ray passes through a dozen functions, whose calls take a tenth of its time.
     *("-mllvm", "-inline-threshold=4000", "-fomit-frame-pointer"),
     # Coordinates that were just written one by one are slow to read in pairs.
     "-fno-slp-vectorize",

@@ -52,6 +52,16 @@ inline Frame frame_of(const Place& place) {
              {-sp, cp * sr, cp * cr}}};
 }
 
+// Fill the rotation matrices of roll, pitch and yaw, rad.
+inline void fill_rotations(Array<const Vector> angles, Array<Vector[3]> rotations) {
+    for (int64_t i = 0; i < angles.size(); i++) {
+        auto [roll, pitch, yaw] = angles[i].numbers;
+        Frame frame = frame_of({0.0, 0.0, 0.0, roll, pitch, yaw, -1.0});
+        for (int row = 0; row < 3; row++) rotations[i][row] = frame.rotation[row];
+    }
+}
+BIND(fill_rotations, "n n")
+
 inline void aim_ray(const NodeTable& table, const Frame& frame, int64_t beam, int64_t node, Vector& origin,
                     Vector& direction) {
     const Vector& start = table.starts(table.starts.shape[0] > 1 ? node : 0, beam);

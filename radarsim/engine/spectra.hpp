@@ -4,6 +4,54 @@
 
 namespace radarsim::fmcw {
 
+// The generator PCG64 of numpy: M. E. O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically Good
+// Algorithms for Random Number Generation, 2014.
+using Word128 = unsigned __int128;
+
+constexpr Word128 joined(uint64_t high, uint64_t low) { return Word128(high) << 64 | low; }
+constexpr Word128 MULTIPLIER = joined(0x2360ED051FC65DA4, 0x4385DF649FCCF645);
+// Steps from one stream to the next, the golden ratio of the period. By a multiple of a power of two the lower half of
+// the state would be the same in all streams, and their numbers correlated.
+constexpr Word128 STRIDE = joined(0x9E3779B97F4A7C15, 0xF39CC0605CEDC835);
+
+// Steps of the generator as one: state * factor + sum.
+struct Jump {
+    Word128 factor = 1, sum = 0;
+
+    Jump(Word128 increment, Word128 steps) {
+        Word128 step_factor = MULTIPLIER, step_sum = increment; // of 1, 2, 4 ... steps
+        for (; steps; steps >>= 1) {
+            if (steps & 1) factor *= step_factor, sum = sum * step_factor + step_sum;
+            step_sum *= step_factor + 1, step_factor *= step_factor;
+        }
+    }
+    Word128 operator()(Word128 state) const { return state * factor + sum; }
+};
+
+// Fill rows with the first standard normal numbers of neighbouring streams of a generator, of which words has the state
+// and the increment, the higher half of each first. A number is the count of ones among 32 random bits, less its mean,
+// over its deviation: normal as far as sums of several are concerned.
+inline void fill_normal(Array<const uint64_t> words, int64_t first, Array<float, 2> rows) {
+    constexpr int BITS = 32;
+    Word128 increment = joined(words[2], words[3]);
+    Word128 start = Jump(increment, first * STRIDE)(joined(words[0], words[1]));
+    Jump next(increment, STRIDE);
+    float scale = float(2.0 / sqrt(double(BITS)));
+    auto normal = [&](uint32_t bits) { return scale * float(__builtin_popcount(bits) - BITS / 2); };
+    for (int64_t row = 0; row < rows.shape[0]; row++, start = next(start)) {
+        Word128 state = start;
+        float* out = rows.row(row);
+        for (int64_t i = 0; i < rows.shape[1]; i += 2) { // each word of 64 bits makes two numbers
+            state = state * MULTIPLIER + increment;
+            uint64_t mixed = uint64_t(state >> 64) ^ uint64_t(state), turn = uint64_t(state >> 122);
+            uint64_t word = mixed >> turn | mixed << (-turn & 63);
+            out[i] = normal(uint32_t(word));
+            if (i + 1 < rows.shape[1]) out[i + 1] = normal(uint32_t(word >> 32));
+        }
+    }
+}
+BIND(fill_normal, "4 rb")
+
 // Fill the power of spectra by the shape of the noise.
 inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> shape, Array<float, 2> power) {
     if (spectra.shape[1] < shape.size()) return false;
@@ -16,21 +64,38 @@ inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> 
 }
 BIND(square_spectra, "rs b rb")
 
+// Numbers that a processor computes at once, as many as the registers hold.
+using Doubles = double __attribute__((vector_size(128)));
+using Floats = float __attribute__((vector_size(64)));
+constexpr int64_t LANES = 16;
+
 // Add cosines to the first samples of rows of sweeps; turns are in rad a sample.
 inline bool add_cosines(Array<float, 2> sweeps, int64_t samples, Array<const int64_t> rows, Array<const double> turns,
                         Array<const double> phases, Array<const double> amplitudes) {
-    // cos(a + b) = 2 cos(a) cos(b) - cos(a - b), with b of so many samples, which a processor computes at once. Over
-    // the samples of a sweep the error stays below that of 32-bit numbers.
-    constexpr int64_t LANES = 16;
     if (samples < 0 || samples > sweeps.shape[1]) return false;
-    Buffer<double> tone(samples);
     for (int64_t k = 0; k < rows.size(); k++) {
         if (rows[k] < 0 || rows[k] >= sweeps.shape[0]) return false;
-        for (int64_t n = 0; n < 2 * LANES && n < samples; n++) tone[n] = amplitudes[k] * cos(turns[k] * n + phases[k]);
-        double factor = 2.0 * cos(LANES * turns[k]), *values = tone.data();
-        for (int64_t n = 2 * LANES; n < samples; n++) values[n] = factor * values[n - LANES] - values[n - 2 * LANES];
+        // cos(a + b) = 2 cos(a) cos(b) - cos(a - b), with b of as many samples as there are lanes. Over the samples
+        // of a sweep the error stays below that of 32-bit numbers.
+        Doubles last, next;
+        for (int64_t n = 0; n < LANES; n++) {
+            last[n] = amplitudes[k] * cos(turns[k] * n + phases[k]);
+            next[n] = amplitudes[k] * cos(turns[k] * (n + LANES) + phases[k]);
+        }
+        double factor = 2.0 * cos(LANES * turns[k]);
         float* sweep = &sweeps(rows[k], 0);
-        for (int64_t n = 0; n < samples; n++) sweep[n] += float(values[n]);
+        for (int64_t n = 0; n < samples; n += LANES) {
+            if (samples - n < LANES) {
+                for (int64_t lane = 0; lane < samples - n; lane++) sweep[n + lane] += float(last[lane]);
+                break;
+            }
+            Floats sum;
+            memcpy(&sum, sweep + n, sizeof sum);
+            sum += __builtin_convertvector(last, Floats);
+            memcpy(sweep + n, &sum, sizeof sum);
+            Doubles before = last;
+            last = next, next = factor * next - before;
+        }
     }
     return true;
 }

@@ -16,6 +16,7 @@ from host_client import HostClient
 from parts import brick
 
 import radarsim
+from radarsim.addons.fmcw.antenna import moving_viewpoints
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid, distance_field
 from radarsim.autonomy.mapping.scan_matching import (
     PointMap,
@@ -134,6 +135,7 @@ def turn() -> None:
     for detector in ("ca", "os", "k"):
         found.detections(detector)
     engine.gamma_at(0.5, 1.0, False, 0.1, 3.0)
+    moving_viewpoints(EYE, Pose3(1, 1, 1), np.arange(2.0), (1, 1, 0))
 
 
 def move() -> None:

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarsim.addons.fmcw.antenna import Viewpoints, fixed_viewpoints
-from radarsim.addons.fmcw.beat_signal import Power, Tones, beat_rows
+from radarsim.addons.fmcw.beat_signal import NumberedStreams, Power, Tones, beat_rows
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import noise_power, radar_constant
 from radarsim.addons.fmcw.turn_echoes import Echoes
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.rng import NumberedStreams, fixed_number, generator_for
+from radarsim.rng import fixed_number, generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box, cylinder

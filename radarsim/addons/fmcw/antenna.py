@@ -20,7 +20,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarsim.geometry import Floats, Pose3, rotation_matrix, wrap_angle
+from radarsim.engine import engine
+from radarsim.geometry import Floats, Pose3, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
 # Beamwidths from the middle to where the pattern is cut off; two-way, -38 dB.
@@ -159,9 +160,7 @@ def moving_viewpoints(
     change = np.concatenate([end.position() - start.position(), angles])
     shares = np.arange(len(times)) / len(times)
     poses = first + shares[:, None] * change
-    return Viewpoints(
-        poses[:, :3].copy(),
-        np.array([rotation_matrix(*row) for row in poses[:, 3:].tolist()]),
-        np.tile(velocity, (len(times), 1)),
-        times,
-    )
+    rotations = np.zeros((len(times), 3, 3))
+    engine.fill_rotations(poses[:, 3:].copy(), rotations)
+    velocities = np.tile(velocity, (len(times), 1))
+    return Viewpoints(poses[:, :3].copy(), rotations, velocities, times)

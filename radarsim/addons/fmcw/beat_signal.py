@@ -26,7 +26,7 @@ import math
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,12 +44,41 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import thread_count
-from radarsim.rng import NumberedStreams
 
-ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
+BINS_AT_ONCE: Final = 150_000  # what they need fits into a processor's cache
 
 Power = NDArray[np.float32]
 Signal = NDArray[np.complex64]
+
+
+class NumberedStreams:
+    """Streams of random numbers by number, which can be drawn in any order.
+
+    Each stream begins again whenever it is drawn from.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        """Create the streams of a child of a generator.
+
+        Args:
+            rng: It is not drawn from, but spawns a child.
+        """
+        (child,) = rng.spawn(1)
+        seed: Any = child.bit_generator.seed_seq
+        state: Any = np.random.PCG64(seed).state["state"]
+        words = [divmod(state[name], 2**64) for name in ("state", "inc")]
+        self._words = np.array(words, np.uint64).ravel()
+
+    def fill_normal(self, first: int, out: Power) -> None:
+        """Fill rows with the first standard normal numbers of neighbouring streams.
+
+        Threads may do so at once.
+
+        Args:
+            first: Number of the stream of the first row, at least 0.
+            out: (N, S), each row contiguous.
+        """
+        engine.fill_normal(self._words, first, out)
 
 
 class Tones(NamedTuple):
@@ -101,10 +130,12 @@ def beat_rows(
         streams: Source of noise: a stream for each direction.
     """
     power = np.zeros((len(field), settings.bins), np.float32)
-    starts = range(0, len(field), ROWS_AT_ONCE)
+    share = math.ceil(len(field) / thread_count())
+    block = max(1, min(share, BINS_AT_ONCE // settings.bins))
+    starts = range(0, len(field), block)
 
     def fill(start: int) -> None:
-        rows = slice(start, start + ROWS_AT_ONCE)
+        rows = slice(start, start + block)
         _fill_power(settings, first + start, field[rows], tones, streams, power[rows])
 
     threads = min(thread_count(), len(starts))

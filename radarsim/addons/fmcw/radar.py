@@ -13,7 +13,13 @@ from radarsim.addons.fmcw.antenna import (
     Viewpoints,
     fixed_viewpoints,
 )
-from radarsim.addons.fmcw.beat_signal import Tones, beat_rows, join_tones, sample_sweeps
+from radarsim.addons.fmcw.beat_signal import (
+    NumberedStreams,
+    Tones,
+    beat_rows,
+    join_tones,
+    sample_sweeps,
+)
 from radarsim.addons.fmcw.corners_and_edges import corner_points, edge_points
 from radarsim.addons.fmcw.point_echoes import (
     Points,
@@ -42,7 +48,7 @@ from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.rays import RADAR, Boxes, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
-from radarsim.rng import NumberedStreams, fixed_number
+from radarsim.rng import fixed_number
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Echoes as ScanEchoes
 from radarsim.sensors.scan import Scan

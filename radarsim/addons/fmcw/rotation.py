@@ -31,7 +31,7 @@ from radarsim.addons.fmcw.antenna import (
     moving_viewpoints,
     rows_in_beam,
 )
-from radarsim.addons.fmcw.beat_signal import Tones, join_tones
+from radarsim.addons.fmcw.beat_signal import NumberedStreams, Tones, join_tones
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, join_targets
@@ -39,7 +39,7 @@ from radarsim.addons.fmcw.turn_echoes import TurnEchoes
 from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.rays import Boxes
-from radarsim.rng import NumberedStreams, fixed_number
+from radarsim.rng import fixed_number
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Targets
 

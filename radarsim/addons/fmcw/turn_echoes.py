@@ -135,7 +135,10 @@ class TurnEchoes:
         before: "TurnEchoes",
         after: "TurnEchoes",
     ) -> Echoes:
-        """Return the echoes in some directions, without sidelobes.
+        """Return the echoes in some directions, without sidelobes; once each.
+
+        They are views of those of the turn, since copies would take as long as the
+        scatterers: what is added to them is added to the turn.
 
         Args:
             first: The first direction.
@@ -175,7 +178,7 @@ class TurnEchoes:
         self, first: int, last: int, own: Power, before: Power, after: Power
     ) -> Power:
         half, count = self._half, self._settings.azimuths
-        sums = own[half + first : half + last].copy()
+        sums = own[half + first : half + last]
         # Beams reach over the ends of a turn: what its neighbours' rays added to rows
         # beyond their own is of these directions.
         end = min(last, half + 2)

@@ -10,7 +10,7 @@ from scipy.signal import get_window
 
 from radarsim.addons.fmcw import beat_signal
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
-from radarsim.addons.fmcw.beat_signal import NO_TONES, Power, Tones
+from radarsim.addons.fmcw.beat_signal import NO_TONES, NumberedStreams, Power, Tones
 from radarsim.addons.fmcw.point_echoes import Points, Ways, point_tones
 from radarsim.addons.fmcw.radar_equation import (
     fft_length,
@@ -20,7 +20,7 @@ from radarsim.addons.fmcw.radar_equation import (
 )
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.rng import NumberedStreams, generator_for
+from radarsim.rng import generator_for
 
 FINE = 32  # bins within c/2B
 
