@@ -275,7 +275,7 @@ def test_foxgloves_own_client_reads_every_topic_and_drives(
         port = line.rpartition(":")[2].strip()
         program = SUPPORT / "foxglove_questions.mjs"
         words = ["node", str(program), str(tmp_path), port, "/R1/cmd_vel"]
-        data = json.loads(subprocess.check_output([*words, *wanted], timeout=TIMEOUT))
+        heard = json.loads(subprocess.check_output([*words, *wanted], timeout=TIMEOUT))
         with connect(f"ws://127.0.0.1:{port}", subprotocols=[SDK]) as peer:
             channel = await_topics(peer, "/R1/odom")["/R1/odom"]["id"]
             peer.send(subscription(1, channel))
@@ -285,13 +285,13 @@ def test_foxgloves_own_client_reads_every_topic_and_drives(
             odometry: Any = typestore().deserialize_cdr(
                 data[13:], "nav_msgs/msg/Odometry"
             )
-    assert data["status"] == []
-    assert data["info"]["name"] == "radarsim"
-    assert data["times"] == sorted(data["times"])
-    assert len(data["messages"]["/scene"]["markers"]) == 16
-    assert data["messages"]["/map"]["info"]["resolution"] == pytest.approx(0.05)
-    assert data["messages"]["/R1/lms200/scan"]["ranges"] == 181
-    stamp = data["messages"]["/R1/odom"]["header"]["stamp"]
-    sent_at = data["stamps"]["/R1/odom"] / 1e9
+    assert heard["status"] == []
+    assert heard["info"]["name"] == "radarsim"
+    assert heard["times"] == sorted(heard["times"])
+    assert len(heard["messages"]["/scene"]["markers"]) == 16
+    assert heard["messages"]["/map"]["info"]["resolution"] == pytest.approx(0.05)
+    assert heard["messages"]["/R1/lms200/scan"]["ranges"] == 181
+    stamp = heard["messages"]["/R1/odom"]["header"]["stamp"]
+    sent_at = heard["stamps"]["/R1/odom"] / 1e9
     assert sent_at - stamp["sec"] - stamp["nanosec"] / 1e9 == pytest.approx(0, abs=0.05)
     assert odometry.pose.pose.position.x > 0.01
