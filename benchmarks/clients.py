@@ -15,7 +15,7 @@ import time
 from benchmarks.scenes import drive_line, init_line
 from radarsim.listening import raise_file_limit
 
-SPAWN_SECONDS = 30.0  # of which an idle machine needs one for 250 robots
+SPAWN_SECONDS = 30.0  # an idle machine needs one for 250 robots
 SETTLE_SECONDS = 0.5  # until a backlog has been read
 MAX_FILES = 4096  # a thousand clients need more than many systems permit by default
 SCAN = re.compile(rb"SEN \{Time ([0-9.]+)\} \{Type RangeScanner\}")

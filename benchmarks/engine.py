@@ -186,7 +186,7 @@ def mesh_maps(seconds: float, rings: int = RINGS) -> Iterator[Row]:
     """Measure CPU time from a map to its tracer, against reading and building only.
 
     The reference is trimesh's reading of the file and embreex' building of a scene of
-    it, which tells neither whether the mesh is closed nor which side is outside.
+    it, which shows neither whether the mesh is closed nor which side is outside.
     """
     mesh = scenes.ball(rings)
     for suffix in ("stl", "glb"):

@@ -1,6 +1,6 @@
 """Benchmarks of robots and their clients in one process: groups i, j, n and q.
 
-What is measured of driving robots is a tenth of a second of simulated time: ten times
+Driving robots are measured over a tenth of a second of simulated time: ten times
 ``Host.step``, and ``take`` for the clients that are to be sent something, in which each
 robot sends one scan and all its other readings.
 """
@@ -29,7 +29,7 @@ LIMITS: Final = {POLES: 4.0, 0: 8.0}
 # Upper limits of what a robot costs among so many others, by what it costs among 100.
 GROWTH_LIMITS: Final = {1: None, 400: 1.3, 1000: None}
 SETTLE_TICKS: Final = 30  # until robots drive and their scans are spread over the ticks
-TENTHS: Final = 50  # of a second of which the lines are decoded
+TENTHS: Final = 50  # of a second whose lines are decoded
 # The number of clients that flood, the first 100 with robots, and what each sends.
 FLOODS: Final = {
     "10 clients that repeat GETCONF": (10, b"GETCONF {Type RangeScanner}"),

@@ -249,7 +249,7 @@ def _size(folder: Path | None) -> int:
 
 
 def turning_radar(seconds: float, robots: int = 20) -> Iterator[Row]:
-    """Measure how late the scans of plain robots are beside a radar that turns."""
+    """Measure how late the scans of plain robots are next to a radar that turns."""
     # The radar's client is read in a thread, as drive() waits for the other process.
     with served_hall() as (process, address, drive), ThreadPoolExecutor(1) as pool:
         drive(robots, 0.5)  # until all are connected
@@ -346,7 +346,7 @@ def commander(seconds: float, robots: int = 10, silent: int = 20) -> Iterator[Ro
         seconds: Length of each measurement: there is one before the commander, one with
             it but without viewers, one with these, and one after it.
         robots: Number of robots.
-        silent: Number of viewers that never read, beside one that reads.
+        silent: Number of viewers that never read, besides one that reads.
     """
     with served_hall() as (process, address, drive):
 

@@ -12,12 +12,12 @@ from radarsim.client import Client, beam_angles
 from radarsim.protocol.reports import GroundTruth, RangeScan
 
 AHEAD = 0.2  # rad to each side
-DISTANCE = 0.5  # m between the hull and what is ahead
+DISTANCE = 0.5  # m between the robot and the obstacle ahead
 
 port = int(sys.argv[1]) if len(sys.argv) > 1 else 3000
 with Client.connect("127.0.0.1", port, timeout=120.0) as client:
     client.spawn("P3AT_SICK", start="RobotStart1")
-    robot = client.robot_info()  # hull, wheels and scanners, as the server tells them
+    robot = client.robot_info()  # size, wheels and scanners, as the server reports them
     client.drive(*robot.wheel_speeds(0.8, 0.0))  # m/s ahead, rad/s counter-clockwise
     while True:
         scan = client.wait_for(RangeScan, name=robot.scanner().name)

@@ -116,7 +116,7 @@ def pytest_collection_modifyitems(
 ) -> None:
     """Deselect the slow tests that are not in the sample.
 
-    A test is in it or not whatever other tests there are: a new test does not bring
+    Other tests do not decide whether a test is in it: a new test does not bring
     others into the sample that have not been run for long.
     """
     share = config.getoption("--sample")

@@ -142,7 +142,7 @@ with exit_immediately_on_signals():
     ],
 )
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_process_that_is_told_to_end_leaves_no_temporary_file(
+def test_process_that_is_asked_to_end_leaves_no_temporary_file(
     tmp_path: Path, write: str, number: int
 ) -> None:
     path = tmp_path / "yard.pgm"

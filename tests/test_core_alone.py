@@ -91,7 +91,7 @@ def run(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("scan", "foliage_room", *HERE, "--format", "csv"), "scan,beam,angle,range"),
         (("explain", "foliage_room", *HERE, "--beam", "92"), "radar, beam 92 at"),
@@ -101,11 +101,11 @@ def run(
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )
 def test_commands_of_the_core_run(
-    core: Path, words: tuple[str, ...], told: str
+    core: Path, words: tuple[str, ...], message: str
 ) -> None:
     done = run(core, "radarsim", *words)
     assert done.returncode == 0, done.stderr
-    assert told in done.stdout
+    assert message in done.stdout
 
 
 def test_help_lists_the_commands_of_the_core_alone(core: Path) -> None:
@@ -131,7 +131,7 @@ def test_option_of_an_absent_part_names_the_part(core: Path) -> None:
         ("sweep", "radarsim.sweep"),
     ],
 )
-def test_command_of_an_absent_part_is_told_in_one_line(
+def test_command_of_an_absent_part_is_reported_in_one_line(
     core: Path, name: str, part: str
 ) -> None:
     done = run(core, "radarsim", name, "foliage_room")
@@ -189,7 +189,7 @@ def test_tests_of_the_core_pass(core: Path) -> None:
             shutil.copytree(source, core / "tests" / name, ignore=unwanted)
         else:
             shutil.copy(source, core / "tests")
-    # Not what uses other parts, or fixtures of theirs, or what is gone for that.
+    # Not tests that use other parts or their fixtures, or removed ones.
     unfit = "|".join((*(rf"radarsim\.{name}" for name in OTHERS), *FIXTURES))
     files = sorted(
         (core / "tests").rglob("*.py"), key=lambda f: "support" not in f.parts

@@ -19,8 +19,8 @@ from windows import run_with
 
 import radarsim
 
-# Imported before suites run, which forget the modules that they have imported: what is
-# replaced below would be that of another copy, and antennas those of another class.
+# Imported before suites run, which forget the modules that they have imported: objects
+# replaced below would be those of another copy, and antennas those of another class.
 from radarsim.addons.fmcw import rotation_schedule as _antennas  # noqa: F401
 from radarsim.cli.app import app
 from radarsim.scene.map_file import load_variants

@@ -50,7 +50,7 @@ def test_errors_without_a_permission_have_one_wording() -> None:
     assert words == {"no permission"}
 
 
-def test_the_attempts_that_asyncio_joins_are_told_by_the_first() -> None:
+def test_the_attempts_that_asyncio_joins_are_reported_by_the_first() -> None:
     error = OSError(
         "Multiple exceptions: [Errno 111] Connect call failed ('::1', 9, 0, 0),"
         " [Errno 111] Connect call failed ('127.0.0.1', 9)"

@@ -74,14 +74,14 @@ def test_dust_blinds_the_laser_and_not_the_radar() -> None:
     for sensor in (dust.RADAR, dust.LASER):
         clear = dust.count_readings(sensor, "clear")
         assert (clear.objects, clear.cloud) == (18, 0)
-        assert clear.unchanged + clear.beside == clear.clear
+        assert clear.unchanged + clear.unchanged_clear == clear.clear
     radar, laser = (dust.count_readings(name, "dust") for name in dust.NAMES)
     assert radar.unchanged == radar.crossing > 0
     assert (radar.cloud, radar.objects) == (0, 18)
     assert laser.unchanged < 0.01 * laser.crossing  # exp(-2 a 10 m) is 0.0105
     assert laser.cloud > laser.crossing
-    assert laser.beside == laser.clear - laser.crossing > 0
-    assert laser.objects <= 2 + laser.unchanged  # two stand beside the dust
+    assert laser.unchanged_clear == laser.clear - laser.crossing > 0
+    assert laser.objects <= 2 + laser.unchanged  # two stand next to the dust
 
 
 def test_figures_of_dust_have_the_same_limits_and_draw_all_readings() -> None:
@@ -97,7 +97,7 @@ def test_figures_of_dust_have_the_same_limits_and_draw_all_readings() -> None:
         if str(line.get_label()).startswith("reading")
     }
     wanted = {
-        "reading of an object": counts.beside + counts.unchanged,
+        "reading of an object": counts.unchanged_clear + counts.unchanged,
         "reading of the dust": counts.cloud,
     }
     assert points == wanted
@@ -112,8 +112,8 @@ def test_one_direction_has_a_pole_and_the_hedge_behind_it() -> None:
     # the share of rays that hit the pole, which has a radius of 0.12 m
     across = rays.directions[:, :2]
     x, y = -0.48 - rays.origins[0, 0], 2.42 - rays.origins[0, 1]
-    beside = abs(across[:, 0] * y - across[:, 1] * x)
-    share = (beside < 0.12).mean()
+    distances = abs(across[:, 0] * y - across[:, 1] * x)
+    share = (distances < 0.12).mean()
     assert pole.strength == pytest.approx(share, abs=1 / scatter.RAYS)
     drawing, caption = scatter.draw()["figure_05b.png"]
     assert "103 ns" in caption  # 2 * 15.38 m at the speed of light

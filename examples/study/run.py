@@ -221,7 +221,7 @@ def run(kind: str, name: str, method: str, seed: int) -> dict[str, Any]:
         row = run_plan(plan, host, seed=seed)
         note = {"note": row.note}
         return task | row.select(MEASURED) | row.select(SHARES, 4) | note
-    # The robot's own size decides what is right, not its safety distance.
+    # The robot's own size decides the right verdict, not its safety distance.
     shortest = shortest_path(scene, map_.start, map_.goal, ROBOT_RADIUS)
     length = None if shortest is None else shortest[0]
     mission = Mission(

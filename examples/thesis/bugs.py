@@ -40,7 +40,7 @@ def drive(map_: str, algorithm: Algorithm) -> NavigationRun:
 
 
 def draw_bug(algorithm: Algorithm) -> tuple[Figure, str]:
-    """Draw a run that reaches the goal beside one that finds no path."""
+    """Draw a run that reaches the goal next to one that finds no path."""
     name, views, endings = algorithm.value.capitalize(), [], []
     for map_ in (OPEN, CLOSED):
         run = drive(map_, algorithm)

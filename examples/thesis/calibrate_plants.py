@@ -216,7 +216,7 @@ def compare_shapes(
                 Part("shrub", leaves, *plant[LEAVES]),
             )
 
-        # Rounded as map files have it, so that what is measured is what they hold.
+        # Rounded as in map files, so that the measured shapes are theirs.
         loss = float(f"{calibrate(parts, target, first, highest):.{DIGITS}g}")
         measured = float(transmission(parts(loss), second).mean())
         ranges = measure_plant(species, parts(loss))

@@ -53,7 +53,7 @@ class Counts(NamedTuple):
     clear: int  # readings in clear air
     crossing: int  # those of them whose beam crosses the dust
     unchanged: int  # those of ``crossing`` that are the same in this air
-    beside: int  # those of the others that are the same
+    unchanged_clear: int  # those of the others that are the same
     cloud: int  # readings of the dust itself
     objects: int  # objects that are read
 
@@ -106,7 +106,7 @@ def count_readings(sensor: str, air: str) -> Counts:
         clear=int(found.sum()),
         crossing=int(across.sum()),
         unchanged=int((same & across).sum()),
-        beside=int((same & ~across).sum()),
+        unchanged_clear=int((same & ~across).sum()),
         cloud=int((names == CLOUD).sum()),
         objects=len(set(names.tolist()) - {"", CLOUD}),
     )

@@ -41,7 +41,7 @@ from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Mesh, box, cylinder
 
 GROUND: Final = frozenset({"ground", "floor"})
-EDGE: Final = 1.2  # m around what is shown
+EDGE: Final = 1.2  # m around the shown objects
 SMALL: Final = 9.0  # points
 BODY: Final = "robot"  # object name of the parts of a robot
 HULL, DARK = Material("hull"), Material("tyre")
@@ -292,7 +292,7 @@ def painting(
     """Create the polygons of parts.
 
     Args:
-        parts: What is painted.
+        parts: The painted parts.
         view: Direction to see it from.
         largest: Sides of triangles that are longer are cut, m. What lies flat or is
             seen from right above is in order without cuts, whose seams would show.
@@ -332,12 +332,12 @@ def shadows(
     """Create the shadows of parts on the ground, clipped to its bounding box."""
     height = max(top(part) for part in ground)
     corners = np.concatenate([part.vertices[part.faces] for part in parts])
-    # What is below the ground, such as the foot of a plant, casts its shadow where it
+    # A part below the ground, such as the foot of a plant, casts its shadow where it
     # stands.
     lifts = np.maximum(corners[..., 2:] - height, 0.0)
     flat = corners[..., :2] - lifts * (SUN[:2] / SUN[2])
     floor = np.concatenate([part.vertices[:, :2] for part in ground])
-    # Clipped, so that no shadow lies on the paper beside the ground.
+    # Clipped, so that no shadow lies on the paper around the ground.
     flat = np.clip(flat, floor.min(axis=0), floor.max(axis=0))
     level = np.concatenate([flat, np.full_like(lifts, height)], axis=2)
     colour = np.array(to_rgb(colour_of(ground[0].material)))

@@ -288,7 +288,7 @@ def foliage(skeleton: Skeleton, rng: np.random.Generator) -> Mesh:
     """
     it, ends = skeleton.species, skeleton.tips
     owners = np.arange(it.leaves) % len(ends)
-    # All corners of a leaf are in the crown, whatever direction the leaf faces.
+    # All corners of a leaf are in the crown, in any direction of the leaf.
     share = it.leaf_length / 2 / it.half_axes.min()
     half_axes = it.half_axes * (1 - share)
     offsets = np.zeros((len(owners), 3))

@@ -198,8 +198,8 @@ def draw_strengths(axes: Axes, returns: list[Return]) -> None:
         axes.vlines(one.range, 0, percent, color=RETURNED, linewidth=5)
         text = f"{as_words(one.name)}: {one.range:.2f} m, {percent:.0f} %"
         place = (one.range, percent)
-        beside: dict[str, Any] = {"offset": (-8, -4), "ha": "right", "va": "top"}
-        write_at(axes, text, place, path_effects=None, **beside)
+        aside: dict[str, Any] = {"offset": (-8, -4), "ha": "right", "va": "top"}
+        write_at(axes, text, place, path_effects=None, **aside)
     axes.set_ylim(0, 130 * max(one.strength for one in returns))
     axes.set_xlabel("range, m")
     axes.set_ylabel("comes back, %")

@@ -107,7 +107,7 @@ def draw_rays(axes: Axes, scans: dict[int, Scan], *, every: int) -> None:
 
 
 def draw_close(axes: Axes, apart: float) -> None:
-    """Draw the robot, what is around it, and how far apart the rays start, m."""
+    """Draw the robot, its surroundings, and how far apart the rays start, m."""
     scene = load_scene(ROOM)
     sensor, robot = sensor_pose(scene), robot_pose(scene)
     draw_robot(axes, ROBOT, robot, zorder=3)

@@ -41,7 +41,7 @@ LANE: Final = 1.0  # m from the middle of a street to where robots start
 START_STEP: Final = 15.0  # m between starts along a street
 LAST_START: Final = 6  # of these steps from the middle of the map
 
-# What ground returns, dB: estimates for 77 GHz, 8 dB below what is recalled for the W
+# What ground returns, dB: estimates for 77 GHz, 8 dB below those recalled for the W
 # band, -12 to -15 dB for grass, so that as little of it shows as in images of RADIATE.
 GROUND: Final = {
     "lawn": -23.0,
@@ -176,9 +176,9 @@ def _add_ground(site: Site, along_x: list[float], along_y: list[float]) -> None:
                 site.put("road", size, place, top - 0.05, material)
                 for side in (-1, 1):
                     size = piece, PAVEMENT - ROADWAY, 0.1
-                    beside = place.moved(0, side * (PAVEMENT + ROADWAY) / 2)
+                    aside = place.moved(0, side * (PAVEMENT + ROADWAY) / 2)
                     material = site.one_of(("paving", "old_asphalt"))
-                    site.put("pavement", size, beside, top - 0.058, material)
+                    site.put("pavement", size, aside, top - 0.058, material)
                 if site.happens(0.7):
                     repair = place.moved(site.between(-3, 3), site.between(-3, 3))
                     size = site.between(0.6, 4), site.between(0.6, 2), 0.1
@@ -286,10 +286,10 @@ def _add_street(site: Site, start: Frame, crossings: list[float]) -> None:
         if min(abs(at - each) for each in crossings) < PAVEMENT + 3:
             continue
         for side in (-1, 1):
-            beside = start.moved(at + SIDE / 2, side * (ROADWAY - 1.0))
+            aside = start.moved(at + SIDE / 2, side * (ROADWAY - 1.0))
             kerb = start.moved(at + SIDE / 2 + 2, side * (ROADWAY + 0.5))
             if site.happens(0.15):
-                add_car(site, beside.moved(0, 0, 0 if side < 0 else math.pi))
+                add_car(site, aside.moved(0, 0, 0 if side < 0 else math.pi))
             if site.happens(0.1):
                 add_lamp(site, kerb)
             elif site.happens(0.1):

@@ -59,7 +59,7 @@ class Site:
     Attributes:
         rng: The generator of all draws.
         lines: A line for each object so far.
-        lean: By how much streets beside those in the middle lean, along x and along y;
+        lean: By how much the outer streets lean, along x and along y;
             and where these cross, m, map frame.
     """
 
@@ -126,7 +126,7 @@ class Site:
         share = [max(min(each / SPACING, 1.0), -1.0) for each in (x, y)]
         across = [self.lean[i] * share[i] * abs(share[i]) for i in (0, 1)]
         c, s = math.cos(frame.yaw), math.sin(frame.yaw)
-        # Things turn as the street beside them, or the one that crosses it, does.
+        # Objects turn as the street next to them, or the one that crosses it, does.
         yaw = frame.yaw - across[0] * s * s + across[1] * c * c
         return Frame(frame.x + across[0] * y, frame.y + across[1] * x, yaw)
 
@@ -163,7 +163,7 @@ def _add_facade(
             height = storeys * STOREY
             site.put("wall", (WALL, bay, height), place, height / 2, material)
             continue
-        # What is below the windows of a storey is above those of the one before.
+        # The wall below the windows of a storey is above those of the one before.
         between = STOREY - LINTEL + SILL
         size, middle = (WALL, bay, between), SILL - between / 2
         site.put("wall", size, place, middle, material, storeys=storeys + 1)

@@ -126,7 +126,7 @@ async def test_robot_is_mapped_until_it_leaves(
         (b"NFO {Error there are 32 watchers}\r\n", DEADLINE, "there are 32 watchers"),
     ],
 )
-async def test_server_that_lets_nobody_watch_is_told(
+async def test_server_that_lets_nobody_watch_is_reported(
     answer: bytes, patience: float, text: str
 ) -> None:
     async def talk(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -137,7 +137,7 @@ async def test_server_that_lets_nobody_watch_is_told(
             await watch(address, patience)
 
 
-async def test_server_that_closes_is_told() -> None:
+async def test_server_that_closes_is_reported() -> None:
     async def talk(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readline()
         writer.close()

@@ -100,9 +100,7 @@ trial: {start: RobotStart1, goal: [4, 0], safety_distance: 0.5}
 
 
 @pytest.mark.parametrize("text", [OCCUPIED, NO_PATH])
-def test_strict_check_fails_for_what_is_only_told_otherwise(
-    tmp_path: Path, text: str
-) -> None:
+def test_strict_check_fails_for_warnings(tmp_path: Path, text: str) -> None:
     path = tmp_path / "room.yaml"
     path.write_text(text)
     loose, strict = (radarsim("check", path, *o) for o in ((), ("--strict",)))
@@ -110,7 +108,7 @@ def test_strict_check_fails_for_what_is_only_told_otherwise(
     assert loose.text == strict.text
 
 
-def test_goal_in_something_is_told_with_what_is_there(tmp_path: Path) -> None:
+def test_goal_in_something_is_reported_with_what_is_there(tmp_path: Path) -> None:
     path = tmp_path / "room.yaml"
     path.write_text(
         "version: 1\n"

@@ -129,7 +129,7 @@ def test_plan_is_built_of_what_is_given() -> None:
     ],
     ids=str,
 )
-def test_what_is_wrong_is_told(words: tuple[str, ...], message: str) -> None:
+def test_errors_are_reported(words: tuple[str, ...], message: str) -> None:
     code, text = run(*words)
     assert code == 2
     assert text.startswith(message)
@@ -167,7 +167,7 @@ def test_help_is_the_documentation_of_the_fields() -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Served:
-    """What is served.
+    """The served map.
 
     Attributes:
         map: The map.
@@ -191,7 +191,7 @@ def serve(plan: Served) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words", "told"),
+    ("text", "words", "problem"),
     [
         ("map: room\nport: 4\nwords: [a, b c]\n", (), "room 4 a b c\n"),
         ("port: 4\n", ("hall", "--port", "5"), "hall 5\n"),
@@ -210,12 +210,12 @@ def serve(plan: Served) -> None:
     ],
 )
 def test_options_come_from_a_file_and_errors_have_their_places(
-    tmp_path: Path, text: str, words: tuple[str, ...], told: str
+    tmp_path: Path, text: str, words: tuple[str, ...], problem: str
 ) -> None:
     file = tmp_path / "server.yaml"
     file.write_text(text)
     _, found = run("--config", str(file), *words, function=serve)
-    assert found.startswith(told.format(file))
+    assert found.startswith(problem.format(file))
 
 
 def test_two_options_of_one_name_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""What the command line keeps, whatever parses it: values, files, variables, words."""
+"""The command line, with any parser: values, files, variables, words."""
 
 import json
 import re
@@ -89,7 +89,7 @@ def test_the_command_counts_before_the_environment_and_that_before_the_file(
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "words", "told"),
+    ("name", "value", "words", "message"),
     [
         ("RADARSIM_SERVE_PORT", "99999", ("serve", "empty_room"), "PORT: '99999'"),
         ("RADARSIM_SCAN_SENSOR", "radar", ("scan", "empty_room", *HERE), '"radar"'),
@@ -104,11 +104,11 @@ def test_options_come_from_the_environment(
     name: str,
     value: str,
     words: tuple[str, ...],
-    told: str,
+    message: str,
 ) -> None:
     monkeypatch.setenv(name, value)
     run = radarsim(*words)
-    assert told in run.text + run.err
+    assert message in run.text + run.err
 
 
 def test_every_option_has_a_variable_of_its_name() -> None:
@@ -150,7 +150,7 @@ def test_groups_know_the_options_of_help_as_commands_do(group: tuple[str, ...]) 
         assert radarsim(*group, option).text == shown.text
 
 
-def test_address_of_numbers_with_colons_is_told_in_brackets(tmp_path: Path) -> None:
+def test_address_of_numbers_with_colons_is_reported_in_brackets(tmp_path: Path) -> None:
     run = radarsim("map", "--connect", "[::1]:1", "-o", f"{tmp_path}/")
     assert run.code == 1
     assert "no server at [::1]:1" in run.err

@@ -66,7 +66,7 @@ def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> 
 
 
 @SLOW
-def test_server_tells_when_its_commander_has_ended_and_goes_on() -> None:
+def test_server_reports_when_its_commander_has_ended_and_goes_on() -> None:
     server = start_radarsim("serve", "empty_room", "--port", "0", "--web", "0")
     with server:
         try:
@@ -87,8 +87,8 @@ def test_commander_of_a_map_serves_it() -> None:
     with start_radarsim("commander", "empty_room", "--web", "0") as program:
         try:
             assert program.stdout is not None
-            told = program.stdout.readline().decode()
-            assert told.startswith("radarsim: listening on 127.0.0.1:")
+            printed = program.stdout.readline().decode()
+            assert printed.startswith("radarsim: listening on 127.0.0.1:")
             assert is_served(read_url(program))
         finally:
             program.send_signal(signal.SIGINT)
@@ -96,7 +96,7 @@ def test_commander_of_a_map_serves_it() -> None:
 
 
 @pytest.mark.parametrize("text", [None, "version: 1\nobjects: 3\n"])
-def test_wrong_map_is_told_before_an_address_is(
+def test_wrong_map_is_reported_before_an_address_is(
     tmp_path: Path, text: str | None
 ) -> None:
     file = tmp_path / "wrong.yaml"

@@ -36,7 +36,7 @@ def free_port() -> str:
         ("map", "-o", "{}/m", "--connect", "localhost:{}"),
     ],
 )
-def test_without_a_server_the_command_that_starts_one_is_told(
+def test_without_a_server_an_error_names_the_command_that_starts_one(
     tmp_path: Path, free_port: str, command: tuple[str, ...]
 ) -> None:
     words = (each.format(tmp_path if "/" in each else free_port) for each in command)
@@ -47,7 +47,7 @@ def test_without_a_server_the_command_that_starts_one_is_told(
 
 
 @pytest.mark.parametrize(
-    ("robot", "code", "told"),
+    ("robot", "code", "message"),
     [
         ("P3AT_Radar361", 2, "USARBot.P3AT_Radar361"),
         ("USARBot.P3AT_Radar361", 1, "no server"),
@@ -55,13 +55,13 @@ def test_without_a_server_the_command_that_starts_one_is_told(
     ],
 )
 def test_similar_class_of_another_server_is_named_with_its_package(
-    free_port: str, robot: str, code: int, told: str
+    free_port: str, robot: str, code: int, message: str
 ) -> None:
     run = radarsim(
         *("navigate", *BUG, "--connect", f"127.0.0.1:{free_port}"), *("--robot", robot)
     )
     assert run.code == code
-    assert told in run.err
+    assert message in run.err
     assert ("did you mean 'P3AT_Radar360'" in run.err) == (code == 2)
 
 
@@ -92,7 +92,7 @@ def test_a_server_elsewhere_cannot_be_started_from_here() -> None:
         ("commander --connect 127.0.0.1:1", "--web"),
     ],
 )
-def test_port_in_use_is_told_with_its_cure_before_the_map_is_read(
+def test_port_in_use_is_reported_with_a_hint_before_the_map_is_read(
     taken_port: str, command: str, option: str
 ) -> None:
     run = radarsim(*command.split(), option, taken_port)

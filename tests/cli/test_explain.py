@@ -50,8 +50,8 @@ def explain(*words: object) -> Any:
 
 
 def test_crossings_have_the_power_before_and_after(room: str) -> None:
-    told = explain(room, *AHEAD)
-    mist, bush, paper = told["crossings"]
+    data = explain(room, *AHEAD)
+    mist, bush, paper = data["crossings"]
     assert (mist["object"], mist["material"]) == ("mist", "mist")
     assert mist["starts_inside"] is True
     assert (mist["entry"], mist["exit"]) == pytest.approx((0, 2))
@@ -60,33 +60,33 @@ def test_crossings_have_the_power_before_and_after(room: str) -> None:
     assert (bush["power_before"], bush["power_after"]) == pytest.approx((0.8, 0.3))
     assert (paper["entry"], paper["exit"]) == pytest.approx((6, 6))
     assert (paper["power_before"], paper["power_after"]) == pytest.approx((0.3, 0.05))
-    assert told["outcome"] == "hit"
-    assert (told["object"], told["material"]) == ("room", "wall")
-    assert told["range"] == pytest.approx(10)
-    assert told["power_left"] == pytest.approx(0.05)
+    assert data["outcome"] == "hit"
+    assert (data["object"], data["material"]) == ("room", "wall")
+    assert data["range"] == pytest.approx(10)
+    assert data["power_left"] == pytest.approx(0.05)
 
 
 def test_spent_beam_has_the_object_and_distance(room: str) -> None:
-    told = explain(room, *AHEAD, "--set", "penetration_power=0.6")
-    assert (told["outcome"], told["object"]) == ("spent", "bush")
-    assert told["range"] == pytest.approx(3.5 + 0.4 / 0.5)
-    assert told["crossings"][-1]["exit"] is None
+    data = explain(room, *AHEAD, "--set", "penetration_power=0.6")
+    assert (data["outcome"], data["object"]) == ("spent", "bush")
+    assert data["range"] == pytest.approx(3.5 + 0.4 / 0.5)
+    assert data["crossings"][-1]["exit"] is None
 
 
 def test_sheet_that_absorbs_the_remaining_power_ends_the_beam(room: str) -> None:
-    told = explain(room, *AHEAD, "--set", "penetration_power=0.9")
-    assert (told["outcome"], told["object"]) == ("spent", "paper")
-    assert told["crossings"][-1]["power_before"] == pytest.approx(0.2)
-    assert told["crossings"][-1]["power_after"] == 0
-    assert told["range"] == pytest.approx(6)
+    data = explain(room, *AHEAD, "--set", "penetration_power=0.9")
+    assert (data["outcome"], data["object"]) == ("spent", "paper")
+    assert data["crossings"][-1]["power_before"] == pytest.approx(0.2)
+    assert data["crossings"][-1]["power_after"] == 0
+    assert data["range"] == pytest.approx(6)
 
 
 def test_spent_laser_beam_reads_zero(room: str) -> None:
     weak = ("--set", "max_range=20", "--set", "penetration_power=0.003")
     where = ("--sensor", "hokuyo", "--pose", "-5,0,0", "--beam", "113")
-    told = explain(room, *where, *weak)
-    assert (told["outcome"], told["range"], told["ray"]) == ("spent", 0.0, None)
-    assert told["distance"] > 3
+    data = explain(room, *where, *weak)
+    assert (data["outcome"], data["range"], data["ray"]) == ("spent", 0.0, None)
+    assert data["distance"] > 3
 
 
 def test_text_has_a_line_for_each_crossing(room: str) -> None:
@@ -119,10 +119,10 @@ def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(beam: int) -> None:
     start = ("--start", "RobotStart1", "--seed", "4")
     place = ("foliage_room", "--sensor", "radar", *start)
     scan = json.loads(radarsim("scan", *place).text)
-    told = explain(*place, "--beam", beam)
-    assert told["range"] == scan["ranges"][beam]
-    assert told["ray"] == scan["rays"][beam]
-    assert told["angle"] == pytest.approx(math.radians(beam - 90))
+    data = explain(*place, "--beam", beam)
+    assert data["range"] == scan["ranges"][beam]
+    assert data["ray"] == scan["rays"][beam]
+    assert data["angle"] == pytest.approx(math.radians(beam - 90))
 
 
 @pytest.mark.parametrize(
@@ -139,15 +139,15 @@ def test_range_depends_on_the_return_mode(
 ) -> None:
     changes = [part for text in settings for part in ("--set", text)]
     ahead = (*AHEAD[:-2], "--set", "side_offset_uu=0")
-    told = explain(room, *ahead, *changes)
-    assert told["range"] == pytest.approx(wanted)
-    assert (told["outcome"], told["distance"]) == ("hit", pytest.approx(10))
+    data = explain(room, *ahead, *changes)
+    assert data["range"] == pytest.approx(wanted)
+    assert (data["outcome"], data["distance"]) == ("hit", pytest.approx(10))
 
 
 def test_centre_ray_of_a_laser_is_its_only_ray(room: str) -> None:
-    told = explain(room, "--sensor", "laser", *AHEAD[2:])
-    assert told["ray"] is None
-    assert told["range"] == pytest.approx(3.5)
+    data = explain(room, "--sensor", "laser", *AHEAD[2:])
+    assert data["ray"] is None
+    assert data["range"] == pytest.approx(3.5)
 
 
 BLACK = """\
@@ -181,8 +181,8 @@ def test_absorbing_object_and_remaining_power_are_printed(
     ahead = ("--sensor", "radar", "--pose", f"0,0,{yaw}", "--beam", "90")
     where = (str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
     assert said in radarsim("explain", *where).text
-    told = explain(*where)
-    assert told["power_left"] == pytest.approx(power)
+    data = explain(*where)
+    assert data["power_left"] == pytest.approx(power)
 
 
 def test_mirrored_echo_is_called_a_ghost(tmp_path: Path) -> None:
@@ -207,17 +207,17 @@ def test_answer_from_inside_smoke_names_it() -> None:
     assert text.splitlines()[-1].endswith(" m, its first echo, from inside smoke")
 
 
-def test_targets_of_a_detector_are_told() -> None:
+def test_targets_of_a_detector_are_reported() -> None:
     words = (
         *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
         *("--set", "detector=ca", "--beam", "3"),
     )
-    told = explain(*words)
-    assert told["detector"] == "ca"
-    strongest = max(told["targets"], key=lambda target: target["dbm"])
-    assert told["range"] == strongest["range"]
+    data = explain(*words)
+    assert data["detector"] == "ca"
+    strongest = max(data["targets"], key=lambda target: target["dbm"])
+    assert data["range"] == strongest["range"]
     # The wall behind the robot.
-    assert told["range"] == pytest.approx(told["distance"], abs=0.2)
+    assert data["range"] == pytest.approx(data["distance"], abs=0.2)
     text = radarsim("explain", *words).text
     assert f"a target of {strongest['dbm']:.1f} dBm" in text
     assert "its strongest target by its detector 'ca'" in text
@@ -228,14 +228,14 @@ def test_ray_of_a_detectors_beam_loses_decibels_as_its_spectrum_does() -> None:
         *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
         *("--set", "detector=ca", "--beam", "200", "--seed", "2"),
     )
-    told = explain(*words)
-    (bush,) = told["crossings"]
+    data = explain(*words)
+    (bush,) = data["crossings"]
     # 3.31 dB/m of leaves at 77 GHz, over the way through the bush.
     loss = bush["power_before"] - bush["power_after"]
     assert loss == pytest.approx(3.31 * (bush["exit"] - bush["entry"]), rel=0.01)
-    assert told["object"] == "cabinet"
-    ranges = [target["range"] for target in told["targets"]]
-    assert any(abs(each - told["distance"]) < 0.2 for each in ranges)
+    assert data["object"] == "cabinet"
+    ranges = [target["range"] for target in data["targets"]]
+    assert any(abs(each - data["distance"]) < 0.2 for each in ranges)
     lines = radarsim("explain", *words).text.splitlines()
     assert lines[0].endswith("centre ray")  # and not one of 201
     assert lines[1] == "followed to a loss of 75.0 dB one way"

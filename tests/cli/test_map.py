@@ -59,9 +59,9 @@ def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -
         rf" map\.yaml, map\.tum; in {where}\n",
         run.text,
     )
-    told = [line.split(" s  ")[1] for line in run.err.splitlines()]
-    assert [line.split()[0] for line in told] == ["looking", "seeking"]
-    assert re.search(r"path +0\.\d\d m +sensed +\d+\.\d m²$", told[-1])
+    data = [line.split(" s  ")[1] for line in run.err.splitlines()]
+    assert [line.split()[0] for line in data] == ["looking", "seeking"]
+    assert re.search(r"path +0\.\d\d m +sensed +\d+\.\d m²$", data[-1])
     assert sorted(file.name for file in folder.iterdir()) == FILES
 
 
@@ -69,19 +69,19 @@ def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -
 def test_waypoints_are_driven_to_and_unreachable_ones_listed(tmp_path: Path) -> None:
     way = ("--way", "-7,1", "--way=-6,0", "--way", "0.5,0")
     run = radarsim("map", "-o", tmp_path, "foliage_room", *way, "--json")
-    told = json.loads(run.text)
-    assert (told["outcome"], told["strategy"]) == ("explored", "way")
-    assert told["left_out"] == [[0.5, 0.0]]  # in the middle of a bush
-    assert told["judge"]["collisions"] == 0
-    assert told["path_length"] > 5
+    data = json.loads(run.text)
+    assert (data["outcome"], data["strategy"]) == ("explored", "way")
+    assert data["left_out"] == [[0.5, 0.0]]  # in the middle of a bush
+    assert data["judge"]["collisions"] == 0
+    assert data["path_length"] > 5
     run = radarsim("map", "-o", tmp_path, "foliage_room", "--way=9,9")
     assert "left out 9 9: no way there" in run.text
 
 
 def test_json_is_one_object(tmp_path: Path) -> None:
     run = radarsim("map", "-o", tmp_path / "room", *FOLIAGE, "--json", "--seed", "3")
-    told = json.loads(run.text)
-    assert list(told) == [
+    data = json.loads(run.text)
+    assert list(data) == [
         *("outcome", "doubts", "strategy", "seed_from", "time", "path_length"),
         *("left_out", "safety_distance", "scans", "scans_left_out"),
         *("loop_closures", "cells"),
@@ -89,34 +89,34 @@ def test_json_is_one_object(tmp_path: Path) -> None:
         "error",
         "judge",
     ]
-    assert (told["outcome"], told["strategy"]) == ("time_limit", "auto")
-    assert (told["seed_from"], told["error"]) == ("ins", None)
-    assert told["scans_left_out"] == {"no_pose": 0, "no_echoes": 0, "late": 0}
-    assert told["cells"]["foliage"] > 1000
-    assert told["cells"]["resolution"] == 0.05
-    assert list(told["pose_errors"]) == [
+    assert (data["outcome"], data["strategy"]) == ("time_limit", "auto")
+    assert (data["seed_from"], data["error"]) == ("ins", None)
+    assert data["scans_left_out"] == {"no_pose": 0, "no_echoes": 0, "late": 0}
+    assert data["cells"]["foliage"] > 1000
+    assert data["cells"]["resolution"] == 0.05
+    assert list(data["pose_errors"]) == [
         *("poses", "length", "ate", "ate_max", "rpe", "rpe_over"),
         "motion_ate",
         *("yaw_deg", "yaw_max_deg", "rpe_yaw_deg"),
     ]
-    assert 0 < told["pose_errors"]["ate"] < 0.02
-    assert told["pose_errors"]["rpe"] is None  # for less than 1 m
-    curve = told["area_over_time"]
-    assert curve["time"][-1] == pytest.approx(told["time"], abs=0.01)
-    assert curve["path_length"][-1] == pytest.approx(told["path_length"], abs=0.01)
-    cells = told["cells"]
+    assert 0 < data["pose_errors"]["ate"] < 0.02
+    assert data["pose_errors"]["rpe"] is None  # for less than 1 m
+    curve = data["area_over_time"]
+    assert curve["time"][-1] == pytest.approx(data["time"], abs=0.01)
+    assert curve["path_length"][-1] == pytest.approx(data["path_length"], abs=0.01)
+    cells = data["cells"]
     known = sum(cells[name] for name in ("free", "obstacle", "foliage", "smoke"))
     area = known * cells["resolution"] ** 2
     assert curve["area"][-1] == pytest.approx(area, rel=0.05)
-    reached = told["judge"]["reachable_coverage"]
+    reached = data["judge"]["reachable_coverage"]
     assert curve["reachable_coverage"][-1] == pytest.approx(reached, abs=0.01)
-    assert list(told["judge"]["reached"]) == ["0.5", "0.9", "0.99"]
-    assert told["judge"]["reached"]["0.5"]["time"] < told["time"]
-    assert told["judge"]["collisions"] == 0
-    assert 0.2 < told["judge"]["hidden_coverage"] < 1
-    assert told["judge"]["right"] > 1000 * told["judge"]["wrong"]
-    assert told["judge"]["unknown"] > 1000
-    assert [Path(file).name for file in told["files"]] == [
+    assert list(data["judge"]["reached"]) == ["0.5", "0.9", "0.99"]
+    assert data["judge"]["reached"]["0.5"]["time"] < data["time"]
+    assert data["judge"]["collisions"] == 0
+    assert 0.2 < data["judge"]["hidden_coverage"] < 1
+    assert data["judge"]["right"] > 1000 * data["judge"]["wrong"]
+    assert data["judge"]["unknown"] > 1000
+    assert [Path(file).name for file in data["files"]] == [
         *("room.png", "room.pgm", "room.yaml", "room.tum", "room_view.png")
     ]
 
@@ -163,18 +163,18 @@ def test_options_reach_robot_and_mapper(tmp_path: Path) -> None:
         *("--set", "lms200.max_range=15", "--drive-unit", "rev_per_s"),
         *("--scanner", "lms200", "--timeout", "1"),
     )
-    told = json.loads(run.text)
-    assert (run.code, told["outcome"]) == (0, "incomplete")  # beyond 2 m
-    assert told["strategy"] == "centre_out"
-    assert told["seed_from"] == "odometry"
-    assert told["safety_distance"] == pytest.approx(0.37 + 0.4 + 0.13, abs=0.01)
-    assert told["cells"]["resolution"] == 0.1
-    assert told["path_length"] / told["time"] > 0.2
+    data = json.loads(run.text)
+    assert (run.code, data["outcome"]) == (0, "incomplete")  # beyond 2 m
+    assert data["strategy"] == "centre_out"
+    assert data["seed_from"] == "odometry"
+    assert data["safety_distance"] == pytest.approx(0.37 + 0.4 + 0.13, abs=0.01)
+    assert data["cells"]["resolution"] == 0.1
+    assert data["path_length"] / data["time"] > 0.2
     lines = (tmp_path / "new" / "map.tum").read_text().splitlines()
     assert lines[1].split()[1:3] == ["-7.000000", "1.000000"]
 
 
-def test_places_that_cannot_be_written_are_told_before_the_run(tmp_path: Path) -> None:
+def test_unwritable_places_are_reported_before_the_run(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     run = radarsim("map", "-o", f"{tmp_path}/file/", *SEEN)
     assert (run.code, run.out) == (2, b"")
@@ -196,11 +196,11 @@ def test_map_of_a_stuck_robot_is_written(tmp_path: Path) -> None:
         *("map", "-o", tmp_path, "foliage_room", "--no-echoes", "--json"),
         *("--strategy", "contour", "--pose", "-2,3.9,0"),
     )
-    told = json.loads(run.text)
-    assert (run.code, told["outcome"]) == (1, "stuck")
-    assert told["error"].startswith("the robot stays at -0.")
-    assert told["judge"]["wrong"] > 0
-    assert f"radarsim: {told['error']}\n" in run.err
+    data = json.loads(run.text)
+    assert (run.code, data["outcome"]) == (1, "stuck")
+    assert data["error"].startswith("the robot stays at -0.")
+    assert data["judge"]["wrong"] > 0
+    assert f"radarsim: {data['error']}\n" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
@@ -208,11 +208,11 @@ def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
     tmp_path: Path,
 ) -> None:
     run = radarsim("map", "-o", tmp_path, *SEEN, "--robot", "P3AT", "--json")
-    told = json.loads(run.text)
-    assert (run.code, told["outcome"]) == (1, "failed")
-    assert "sees 180 degrees" in told["error"]
-    assert told["cells"] is told["pose_errors"] is None
-    assert told["files"] == []
+    data = json.loads(run.text)
+    assert (run.code, data["outcome"]) == (1, "failed")
+    assert "sees 180 degrees" in data["error"]
+    assert data["cells"] is data["pose_errors"] is None
+    assert data["files"] == []
     run = radarsim("map", "-o", tmp_path, *SEEN, "--robot", "P3AT")
     assert (run.code, run.out) == (1, b"")
     assert not [*tmp_path.iterdir()]
@@ -222,10 +222,10 @@ def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
 def test_room_is_mapped_over_tcp(server: str, tmp_path: Path) -> None:
     words = ("map", "-o", str(tmp_path), "--connect", server, "--json")
     run = radarsim(*words, "--time-limit", "6")
-    told = json.loads(run.text)
-    assert (run.code, told["outcome"]) == (0, "time_limit")
-    assert told["pose_errors"]["ate"] < 0.05
-    assert "judge" not in told
+    data = json.loads(run.text)
+    assert (run.code, data["outcome"]) == (0, "time_limit")
+    assert data["pose_errors"]["ate"] < 0.05
+    assert "judge" not in data
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
@@ -246,10 +246,10 @@ def test_signal_ends_the_run_and_the_map_and_the_film_so_far_are_written(
             time.sleep(0.01)
         process.send_signal(number)
         out, errors = process.communicate(timeout=240)
-    told = json.loads(out)
+    data = json.loads(out)
     assert process.returncode == code
-    assert (told["outcome"], told["error"]) == ("broken_off", "interrupted")
-    assert len(told["files"]) == 5
+    assert (data["outcome"], data["error"]) == ("broken_off", "interrupted")
+    assert len(data["files"]) == 5
     assert b"Traceback" not in errors
     with Image.open(film) as image:
         image.seek(getattr(image, "n_frames", 1) - 1)
@@ -278,8 +278,8 @@ def test_simulated_map_is_not_overwritten_beside_itself(
     Path("my_room.yaml").write_text(text)
     run = radarsim("map", "my_room.yaml", "--time-limit", "1")
     assert run.code == 2
-    told = "would overwrite my_room.yaml, which is the simulated map, expected -o OUT"
-    assert told in run.err
+    data = "would overwrite my_room.yaml, which is the simulated map, expected -o OUT"
+    assert data in run.err
     assert Path("my_room.yaml").read_text() == text
 
 
@@ -298,12 +298,12 @@ def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
     (tmp_path / "map.tum").write_bytes(old)
     (tmp_path / "map.pgm").symlink_to("/dev/full")
     run = radarsim("map", "-o", tmp_path, *FOLIAGE, "--json")
-    told = json.loads(run.text)
+    data = json.loads(run.text)
     assert run.code == 1
     why = "the disk is full"
-    assert told["error"] == f"cannot write {tmp_path / 'map.pgm'}: {why}"
-    assert (told["outcome"], told["files"]) == ("time_limit", [])
-    assert told["judge"]["right"] > 1000
+    assert data["error"] == f"cannot write {tmp_path / 'map.pgm'}: {why}"
+    assert (data["outcome"], data["files"]) == ("time_limit", [])
+    assert data["judge"]["right"] > 1000
     assert "map.pgm: the disk is full" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == ["map.pgm", "map.tum"]
     assert (tmp_path / "map.tum").read_bytes() == old
@@ -332,12 +332,12 @@ def test_watched_robot_is_mapped_until_it_leaves(
             while client.session.time < began + 4 and time.monotonic() < deadline:
                 client.read()
         out, _ = process.communicate(timeout=240)
-    told = json.loads(out)
+    data = json.loads(out)
     assert process.returncode == 0
-    assert (told["outcome"], told["error"]) == ("watched", None)
-    assert told["path_length"] > 1
-    assert told["pose_errors"]["ate"] < 0.05
-    assert told["cells"]["free"] > 50_000
+    assert (data["outcome"], data["error"]) == ("watched", None)
+    assert data["path_length"] > 1
+    assert data["pose_errors"]["ate"] < 0.05
+    assert data["cells"]["free"] > 50_000
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
@@ -381,17 +381,17 @@ def test_film_shows_the_run_and_does_not_change_it(tmp_path: Path) -> None:
     runs = [
         radarsim("map", "-o", tmp_path / "b", *words, "--film", film) for film in films
     ]
-    told = [json.loads(run.text) for run in (plain, *runs)]
-    for each in told:
+    data = [json.loads(run.text) for run in (plain, *runs)]
+    for each in data:
         del each["files"]
-    assert told[0] == told[1] == told[2]
+    assert data[0] == data[1] == data[2]
     for ending in (".png", ".tum", "_view.png"):
         one, other = ((tmp_path / f"{name}{ending}").read_bytes() for name in "ab")
         assert one == other
     assert films[0].read_bytes() == films[1].read_bytes()
     with Image.open(films[0]) as image:
         frames = getattr(image, "n_frames", 1)
-        assert frames == pytest.approx(told[0]["time"] / 0.6, abs=2)
+        assert frames == pytest.approx(data[0]["time"] / 0.6, abs=2)
         first = np.asarray(image.convert("RGB"))
         image.seek(frames - 1)
         assert image.info["duration"] == 2000

@@ -104,12 +104,12 @@ def test_reached_goal_is_summarised_in_lines() -> None:
         r"in truth +1\d\.\d\d m, collisions: 0, 0\.\d\d m from the goal\n",
         run.text,
     )
-    told = [line.split(" s  ")[1] for line in run.err.splitlines()]
-    assert told[0] == "going to 4.00 -0.40, 8.00 m away"
-    assert re.fullmatch(r"hit point 1 at -2\.\d\d -0\.4\d, aligning", told[1])
-    assert told[2] == "following"
-    assert told[3].startswith("leave point 1 at ")
-    assert told[4:] == ["reached"]
+    data = [line.split(" s  ")[1] for line in run.err.splitlines()]
+    assert data[0] == "going to 4.00 -0.40, 8.00 m away"
+    assert re.fullmatch(r"hit point 1 at -2\.\d\d -0\.4\d, aligning", data[1])
+    assert data[2] == "following"
+    assert data[3].startswith("leave point 1 at ")
+    assert data[4:] == ["reached"]
 
 
 @pytest.fixture(scope="module")
@@ -123,20 +123,20 @@ def box_run(tmp_path_factory: pytest.TempPathFactory) -> BoxRun:
 
 
 def test_json_is_one_object_that_agrees_with_the_judge(box_run: BoxRun) -> None:
-    told, *_ = box_run
-    assert list(told) == [
+    data, *_ = box_run
+    assert list(data) == [
         *("outcome", "algorithm", "goals", "goals_left", "path_length", "time"),
         *("hit_points", "leave_points", "circuits", "legs", "nearest_obstacle"),
         *("safety_distance", "error", "judge"),
     ]
-    assert (told["outcome"], told["algorithm"]) == ("reached", "bug2")
-    assert (told["goals"], told["goals_left"]) == ([[4.0, -0.4]], 0)
-    assert (told["safety_distance"], told["error"]) == (0.5, None)
-    assert len(told["hit_points"]) == len(told["leave_points"]) == 1
-    judge = told["judge"]
+    assert (data["outcome"], data["algorithm"]) == ("reached", "bug2")
+    assert (data["goals"], data["goals_left"]) == ([[4.0, -0.4]], 0)
+    assert (data["safety_distance"], data["error"]) == (0.5, None)
+    assert len(data["hit_points"]) == len(data["leave_points"]) == 1
+    judge = data["judge"]
     assert judge["collisions"] == 0
     assert judge["goal_distance"] < 0.5
-    assert judge["path_length"] == pytest.approx(told["path_length"], rel=0.05)
+    assert judge["path_length"] == pytest.approx(data["path_length"], rel=0.05)
 
 
 @pytest.mark.parametrize("way", ["option", "trial"])
@@ -153,8 +153,8 @@ starts: [{name: RobotStart1, position: [-2.5, 2, 0]}]
         text += "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}"
         options = []
     file.write_text(text)
-    told = json.loads(radarsim(*BUG2, file, "--json", *options).text)
-    assert (told["outcome"], told["goals"]) == ("reached", [[-1.5, 2.0]])
+    data = json.loads(radarsim(*BUG2, file, "--json", *options).text)
+    assert (data["outcome"], data["goals"]) == ("reached", [[-1.5, 2.0]])
 
 
 def test_same_seed_gives_the_same_run_and_another_seed_another() -> None:
@@ -165,28 +165,28 @@ def test_same_seed_gives_the_same_run_and_another_seed_another() -> None:
     assert first == again != other
 
 
-def test_each_goal_is_told_of_and_the_last_is_the_start(tmp_path: Path) -> None:
+def test_each_goal_is_reported_and_the_last_is_the_start(tmp_path: Path) -> None:
     file = tmp_path / "post.yaml"
     file.write_text(
         "version: 1\nobjects: [{name: post, box: [0.4, 0.4, 1], material: metal}]\n"
         "starts: [{name: RobotStart1, position: [-2, -0.1, 0]}]\n"
     )
     way = ("--goal=-1.3,-0.1", "--goal=1.2,-0.1", "--return-to-start", "--speed", "0.6")
-    told = json.loads(radarsim(*BUG2, file, *way, "--json").text)
-    assert told["goals"][:2] == [[-1.3, -0.1], [1.2, -0.1]]
-    assert math.dist(told["goals"][2], (-2, -0.1)) < 0.1
-    assert [leg["goal"] for leg in told["legs"]] == told["goals"]
-    assert [leg["outcome"] for leg in told["legs"]] == ["reached"] * 3
-    assert [len(leg["hit_points"]) for leg in told["legs"]] == [0, 1, 1]
-    leave_points = [point for leg in told["legs"] for point in leg["leave_points"]]
-    assert leave_points == told["leave_points"]
-    lengths = [leg["path_length"] for leg in told["legs"]]
-    assert sum(lengths) == pytest.approx(told["path_length"], abs=0.01)
+    data = json.loads(radarsim(*BUG2, file, *way, "--json").text)
+    assert data["goals"][:2] == [[-1.3, -0.1], [1.2, -0.1]]
+    assert math.dist(data["goals"][2], (-2, -0.1)) < 0.1
+    assert [leg["goal"] for leg in data["legs"]] == data["goals"]
+    assert [leg["outcome"] for leg in data["legs"]] == ["reached"] * 3
+    assert [len(leg["hit_points"]) for leg in data["legs"]] == [0, 1, 1]
+    leave_points = [point for leg in data["legs"] for point in leg["leave_points"]]
+    assert leave_points == data["leave_points"]
+    lengths = [leg["path_length"] for leg in data["legs"]]
+    assert sum(lengths) == pytest.approx(data["path_length"], abs=0.01)
     # from where it truly started, though it knows that place by its own pose
-    assert told["judge"]["goal_distance"] < 0.3
+    assert data["judge"]["goal_distance"] < 0.3
 
 
-def test_goal_to_which_there_is_no_path_is_told_among_several() -> None:
+def test_goal_to_which_there_is_no_path_is_reported_among_several() -> None:
     way = ("--goal", "-3.5,-0.5", "--goal", "-0.4,0.2", "--return-to-start")
     run = radarsim(*BUG2, "bug_closed_box", "--speed", "0.5", *way)
     assert run.code == 3
@@ -199,11 +199,11 @@ def test_goal_to_which_there_is_no_path_is_told_among_several() -> None:
 
 def test_goal_not_reached_in_time_is_a_failure() -> None:
     run = radarsim(*BOX, "--time-limit", "2", "--json")
-    told = json.loads(run.text)
+    data = json.loads(run.text)
     assert run.code == 1
-    assert (told["outcome"], told["goals_left"]) == ("failed", 1)
-    assert told["error"].startswith("goal not reached within 2 s, 6.")
-    assert run.err.endswith(f"radarsim: {told['error']}\n")
+    assert (data["outcome"], data["goals_left"]) == ("failed", 1)
+    assert data["error"].startswith("goal not reached within 2 s, 6.")
+    assert run.err.endswith(f"radarsim: {data['error']}\n")
     run = radarsim(*BOX, "--time-limit", "2", "--goal", "-2.5,-0.4", "--goal", "4,-0.4")
     assert re.search(r" m from the last goal\n$", run.text)
     run = radarsim(*BOX, "--time-limit", "2", "--return-to-start")
@@ -212,12 +212,12 @@ def test_goal_not_reached_in_time_is_a_failure() -> None:
 
 def test_impossible_mission_is_reported_in_json() -> None:
     run = radarsim(*BOX, "--safety-distance", "0.2", "--json")
-    told = json.loads(run.text)
+    data = json.loads(run.text)
     assert run.code == 1
-    assert told["outcome"] == "failed"
-    assert told["error"].startswith("safety distance 0.2 m, expected at least 0.371 m")
-    assert told["nearest_obstacle"] is None
-    assert f"radarsim: {told['error']}\n" in run.err
+    assert data["outcome"] == "failed"
+    assert data["error"].startswith("safety distance 0.2 m, expected at least 0.371 m")
+    assert data["nearest_obstacle"] is None
+    assert f"radarsim: {data['error']}\n" in run.err
 
 
 def test_options_reach_robot_and_bug() -> None:
@@ -230,27 +230,27 @@ def test_options_reach_robot_and_bug() -> None:
         *("--set", "lms200.resolution_deg=1", "--goal", "-7,2.5", "--timeout", "0.8"),
         *("--time-limit", "inf"),
     )
-    told = json.loads(run.text)
+    data = json.loads(run.text)
     assert run.code == 0
-    assert told["goals"] == [[-8.0, 2.5], [-7.0, 2.5]]
-    assert told["safety_distance"] == pytest.approx(0.37 + 0.2 + 0.13, abs=0.01)
-    assert told["path_length"] / told["time"] > 0.3
+    assert data["goals"] == [[-8.0, 2.5], [-7.0, 2.5]]
+    assert data["safety_distance"] == pytest.approx(0.37 + 0.2 + 0.13, abs=0.01)
+    assert data["path_length"] / data["time"] > 0.3
 
 
 def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
-    told, trace, plot = box_run
+    data, trace, plot = box_run
     rows = list(csv.DictReader(trace.read_text().splitlines()))
     times = [float(row["time"]) for row in rows]
     assert np.diff(times) == pytest.approx(0.1)
-    assert told["time"] == pytest.approx(times[-1] - times[0])
+    assert data["time"] == pytest.approx(times[-1] - times[0])
     places = [(float(row["x"]), float(row["y"])) for row in rows]
     steps = map(math.dist, places, places[1:])
-    assert sum(steps) == pytest.approx(told["path_length"], abs=0.02)
+    assert sum(steps) == pytest.approx(data["path_length"], abs=0.02)
     assert {row["doing"] for row in rows} == {
         *("going", "aligning", "following", "reached")
     }
     assert min(float(row["nearest"]) for row in rows) == pytest.approx(
-        told["nearest_obstacle"], abs=1e-3
+        data["nearest_obstacle"], abs=1e-3
     )
     assert any("front" in row["pressed"].split() for row in rows)
     with Image.open(plot) as image:
@@ -323,10 +323,10 @@ def test_terminal_shows_a_live_status_line(monkeypatch: pytest.MonkeyPatch) -> N
 def test_goal_is_reached_over_tcp(serve: Serve) -> None:
     host, address = serve()
     run = radarsim(*NEAR, "--connect", address, "--json")
-    told = json.loads(run.text)
-    assert (run.code, told["outcome"]) == (0, "reached")
-    assert told["path_length"] == pytest.approx(1.4, abs=0.2)
-    assert "judge" not in told
+    data = json.loads(run.text)
+    assert (run.code, data["outcome"]) == (0, "reached")
+    assert data["path_length"] == pytest.approx(1.4, abs=0.2)
+    assert "judge" not in data
     host.wait_for_stop()
 
 

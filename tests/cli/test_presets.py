@@ -40,10 +40,10 @@ def test_overview_of_all_comes_before_the_details_of_each(
 ) -> None:
     lines = radarsim(command).text.splitlines()
     overview = [line.split() for line in lines[: lines.index("")] if line[0] != " "]
-    told = {words[0]: " ".join(words) for words in overview[1:]}
-    assert list(told) == list(names)
+    printed = {words[0]: " ".join(words) for words in overview[1:]}
+    assert list(printed) == list(names)
     for name, texts in rows.items():
-        assert all(text in told[name] for text in texts)
+        assert all(text in printed[name] for text in texts)
     details = [line.partition(": ")[0] for line in lines[len(overview) + 1 :]]
     assert set(names) <= set(details)
 

@@ -1,4 +1,4 @@
-"""Names from maps, peers and command lines are shown escaped, whatever is in them."""
+"""Names from maps, peers and command lines are shown escaped."""
 
 import io
 import logging

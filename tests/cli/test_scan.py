@@ -16,12 +16,12 @@ START = ("--start", "RobotStart1")
 FAR_SIDE = 1.8  # m; no bush of the foliage room reaches so far in x
 
 
-def ends(told: dict[str, Any]) -> "np.ndarray[Any, np.dtype[np.float64]]":
+def ends(printed: dict[str, Any]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     """Give x of the readings of a level scan that looks along x."""
-    ranges = np.array([math.inf if r is None else r for r in told["ranges"]])
-    angles = told["angle_min"] + told["angle_increment"] * np.arange(len(ranges))
+    ranges = np.array([math.inf if r is None else r for r in printed["ranges"]])
+    angles = printed["angle_min"] + printed["angle_increment"] * np.arange(len(ranges))
     along: np.ndarray[Any, np.dtype[np.float64]] = ranges * np.cos(angles)
-    along += told["pose"][0]
+    along += printed["pose"][0]
     return along
 
 
@@ -33,20 +33,20 @@ def scan(map_: str, sensor: str, *options: object) -> Run:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_radar_sees_through_foliage_in_some_directions(seed: int) -> None:
-    told = json.loads(scan("foliage_room", "radar", "--seed", seed).text)
-    x = ends(told)
+    printed = json.loads(scan("foliage_room", "radar", "--seed", seed).text)
+    x = ends(printed)
     assert len(x) == 181
     assert np.count_nonzero(x > FAR_SIDE) >= 8
-    y = told["ranges"] * np.sin(np.radians(np.arange(-90, 91)))
+    y = printed["ranges"] * np.sin(np.radians(np.arange(-90, 91)))
     inside = (x > -0.7) & (x < FAR_SIDE) & (np.abs(y) < 6.2)
     assert np.count_nonzero(inside) >= 8
 
 
 def test_hokuyo_does_not_see_through_foliage() -> None:
-    told = json.loads(scan("foliage_room", "hokuyo", "--set", "max_range=80").text)
-    assert len(told["ranges"]) == 228
-    assert told["rays"] is None
-    assert np.max(ends(told)) < FAR_SIDE
+    printed = json.loads(scan("foliage_room", "hokuyo", "--set", "max_range=80").text)
+    assert len(printed["ranges"]) == 228
+    assert printed["rays"] is None
+    assert np.max(ends(printed)) < FAR_SIDE
 
 
 def test_hokuyo_is_blind_in_smoke() -> None:
@@ -54,8 +54,8 @@ def test_hokuyo_is_blind_in_smoke() -> None:
 
 
 def test_start_is_the_pose_of_a_p3ats_scanner() -> None:
-    told = json.loads(scan("empty_room", "laser").text)
-    assert told["pose"] == pytest.approx([-7.7915, 0, 0.346, 0, 0, 0])
+    printed = json.loads(scan("empty_room", "laser").text)
+    assert printed["pose"] == pytest.approx([-7.7915, 0, 0.346, 0, 0, 0])
 
 
 def test_pose_of_three_numbers_equals_one_of_six() -> None:

@@ -67,7 +67,7 @@ def test_foreign_address_is_an_error_in_one_line() -> None:
         (("192.0.2.1", 3000), "radarsim drive --connect 192.0.2.1:3000;"),
     ],
 )
-def test_next_step_is_told_to_a_person_on_stderr(
+def test_next_step_is_printed_for_a_person_on_stderr(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     address: tuple[str, int],

@@ -90,11 +90,11 @@ def test_budget_adds_up() -> None:
         *("explain", "foliage_room", "--sensor", "navtech_cts350x", *START),
         *("--beam", "200", "--budget", "--format", "json"),
     )
-    told = json.loads(run.text)
-    (wall,) = told["echoes"]
+    printed = json.loads(run.text)
+    (wall,) = printed["echoes"]
     assert wall["object_name"] == "west_wall"
     assert wall["range"] == pytest.approx(2.61, abs=0.01)
-    total = sum(entry["db"] for entry in [*told["entries"], *wall["entries"]])
+    total = sum(entry["db"] for entry in [*printed["entries"], *wall["entries"]])
     assert total == pytest.approx(wall["received"])
 
 
@@ -189,7 +189,7 @@ def test_folder_of_a_data_set_is_read_back(tmp_path: Path, layout: str) -> None:
         ("1 nan 0 0 0 0 0 1\n", "expected time x y z"),
     ],
 )
-def test_what_is_wrong_with_a_path_is_told(
+def test_errors_of_a_path_are_reported(
     tmp_path: Path, lines: str, problem: str
 ) -> None:
     path = tmp_path / "way.tum"

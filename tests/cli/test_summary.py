@@ -124,7 +124,7 @@ def test_objects_that_differ_in_their_number_only_are_in_one_line() -> None:
     ]
 
 
-def test_mirrors_are_told_with_the_sensors_that_they_mislead() -> None:
+def test_mirrors_are_reported_with_the_sensors_that_they_mislead() -> None:
     pane = Material("pane", radar_mirror=True)
     sheet = Material("sheet", radar_mirror=True, laser_mirror=True)
     wall = Material("wall")

@@ -50,8 +50,8 @@ def test_json_is_a_list_of_scores(tmp_path: Path) -> None:
         "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}\n"
     )
     options = ("--algorithms", "bug2", "--sensors", "laser", "--seeds", "1", "--json")
-    (told,) = json.loads(radarsim("trials", yard, *options).text)
+    (data,) = json.loads(radarsim("trials", yard, *options).text)
     expected = {"map": str(yard), "algorithm": "bug2", "sensor": "laser", "seed": 0}
-    assert told.items() >= (expected | {"outcome": "reached", "collisions": 0}).items()
-    assert told["shortest_path"] == 1.0
-    assert 0.8 < told["path_length"] < told["time"]
+    assert data.items() >= (expected | {"outcome": "reached", "collisions": 0}).items()
+    assert data["shortest_path"] == 1.0
+    assert 0.8 < data["path_length"] < data["time"]

@@ -1,4 +1,4 @@
-"""Errors of usage: exit code 2, and one line that says what is wrong and what helps."""
+"""Errors of usage: exit code 2, and one line with the error and a hint."""
 
 import os
 import shlex
@@ -187,7 +187,7 @@ def test_error_of_usage_is_one_line_and_nothing_is_written(
         ),
     ],
 )
-def test_what_a_map_or_robot_does_not_have_is_told(command: str, message: str) -> None:
+def test_unknown_names_are_reported(command: str, message: str) -> None:
     run = radarsim(*shlex.split(command))
     assert run.code == 1
     assert message in run.text + run.err

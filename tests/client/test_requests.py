@@ -220,7 +220,7 @@ def test_errors_of_settings_are_raised_by_the_call_that_caused_them() -> None:
 
 
 class LateServer(ScriptedServer):
-    """A server that holds its answers back until it is told to send them."""
+    """A server that holds its answers back until it is asked to send them."""
 
     def __init__(self, answers: dict[str, str]) -> None:
         super().__init__(answers, [SCAN])
@@ -272,7 +272,7 @@ def test_pose_can_be_numbers(pose: Sequence[float], place: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("pose", "told"),
+    ("pose", "message"),
     [
         (
             (1,),
@@ -282,15 +282,15 @@ def test_pose_can_be_numbers(pose: Sequence[float], place: str) -> None:
         (7, r"^pose 7, expected a Pose2"),
     ],
 )
-def test_what_is_no_pose_is_told(pose: Any, told: str) -> None:
+def test_wrong_poses_are_reported(pose: Any, message: str) -> None:
     server = ScriptedServer({}, [])
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         Client(server).spawn("P3AT", pose=pose)
     assert server.heard == []
 
 
 @pytest.mark.parametrize("kind", ["RangeScan", 3])
-def test_what_is_no_class_of_reports_is_told(kind: Any) -> None:
+def test_wrong_classes_of_reports_are_reported(kind: Any) -> None:
     with pytest.raises(TypeError, match=r"^kind .*, expected a class of reports such"):
         Client(ScriptedServer({}, [])).wait_for(kind)
 

@@ -235,7 +235,7 @@ def test_beam_without_return_is_infinite_and_keeps_its_bearing() -> None:
 
 @pytest.mark.parametrize("rounding", [Rounding.NEAREST, Rounding.TRUNCATED])
 @given(max_range=st.floats(0.1, 200.0), nearer=st.floats(0.03, 100.0))
-def test_no_return_is_told_from_returns_however_ranges_are_rounded(
+def test_no_return_differs_from_returns_however_ranges_are_rounded(
     rounding: Rounding, max_range: float, nearer: float
 ) -> None:
     wire = NumberFormat(2, rounding)

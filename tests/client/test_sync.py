@@ -127,7 +127,7 @@ def test_close_ends_the_calls_of_other_threads(serve: Serve, threads: int) -> No
 
 
 class Blind:
-    """A link of a process that tells no reasons, as none of a network does."""
+    """A link of a process that gives no reasons, as none of a network does."""
 
     def __init__(self, host: Host) -> None:
         link = InProcessTransport(host)

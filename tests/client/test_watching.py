@@ -59,8 +59,8 @@ def test_client_watches_the_robot_of_another(
         pass
     assert watcher.geometry("Robot", robot="r1") == driver.geometry("Robot")
     for kind in ("RangeScanner", "INS"):
-        told = watcher.configuration(kind, robot="R1")
-        assert told == driver.configuration(kind)
+        watched = watcher.configuration(kind, robot="R1")
+        assert watched == driver.configuration(kind)
     with pytest.raises(ClientError, match="R9"):
         watcher.geometry("Robot", robot="R9")
     while not isinstance(watcher.wait_for(WatchedLine).report, RobotGeo):
@@ -162,18 +162,18 @@ def test_incomplete_copy_is_skipped_and_counted(line: str) -> None:
 def test_news_of_robots_and_errors_are_reports() -> None:
     session = Session()
     status = "STA {Type GroundVehicle} {Time 5.00} {Battery 9}"
-    told: list[Report] = [
+    watched: list[Report] = [
         Watching(RobotChoice(("a", "b")), RobotChoice(("b",))),
         RobotJoined("R 1", "P3AT"),
         WatchedLine("R 1", status, Status(5.0, 9, light=False)),
         RobotLeft("R 1"),
         CommandError("R2, expected R1"),
     ]
-    lines = [report.encode(COMPAT) for report in told]
+    lines = [report.encode(COMPAT) for report in watched]
     data = [f"{line}\r\n".encode() for line in lines]
-    assert session.receive(b"".join(data[:3])) == told[:3]
+    assert session.receive(b"".join(data[:3])) == watched[:3]
     assert list(session.watched) == ["R 1"]
-    assert session.receive(b"".join(data[3:])) == told[3:]
+    assert session.receive(b"".join(data[3:])) == watched[3:]
     assert session.watched == {}
 
 
@@ -246,7 +246,7 @@ def test_answer_about_another_robot_is_known_among_others() -> None:
 
 
 @DIALECTS
-def test_clock_is_told_in_every_tick(empty_room: Scene, dialect: Dialect) -> None:
+def test_clock_is_reported_in_every_tick(empty_room: Scene, dialect: Dialect) -> None:
     host = Host(empty_room, config=SimulationConfig(dialect))
     number, session = host.connect(), Session()
     host.receive(number, questions.watch(None, False, clock=True))

@@ -40,8 +40,8 @@ ASKED = (
     *("Robot", "RangeScanner", "GroundTruth", "INS", "Odometry", "Tachometer"),
     *("Encoder", "Touch", "Sonar", "GPS"),
 )
-# m; the least and the largest difference of the truth and what is written. The rays of
-# a sonar miss the nearest point of a wall by up to 0.2 mm.
+# m; the least and the largest difference of the truth and the written value. The rays
+# of a sonar miss the nearest point of a wall by up to 0.2 mm.
 ROUNDING = {"compat": (-0.0051, 0.0051), "udk": (-3e-4, 0.0101)}
 SONAR_CONE = np.radians(np.linspace(-10, 10, 201))
 SONAR_LIMITS = (0.1, 5.0)  # m
@@ -62,7 +62,7 @@ def parsers_for(class_name: str, dialect: Dialect) -> dict[str, Parser]:
     parsers: dict[str, Parser] = {"Iridium": IridiumParser()}
     if class_name not in UNKNOWN_MODELS and not class_name.startswith("pioneer"):
         parsers["UsarCommander"] = UsarCommanderParser(class_name)
-    if model.flight is not None:  # of which others only read robots on the ground
+    if model.flight is not None:  # other clients only read robots on the ground
         if dialect is COMPAT and not model.items_of("Sonar"):
             parsers["maldo"] = MaldoParser()
         return parsers | {"LcmProxy": LcmProxyParser()}
@@ -119,7 +119,7 @@ class Robot:
         self.host.receive(self.number, "\r\n".join([*lines, ""]).encode())
 
     def ticks(self, seconds: float) -> Iterator[Tick]:
-        """Let time pass; yield what is sent, tick by tick."""
+        """Let time pass; yield the sent bytes, tick by tick."""
         for _ in range(round(100 * seconds)):
             self.host.step()
             data = self.host.take(self.number).decode("ascii")

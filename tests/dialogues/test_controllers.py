@@ -36,7 +36,7 @@ STATES = (
 
 
 class Second:
-    """A client beside the one of a wire, which drives a robot."""
+    """A second client, which drives a robot."""
 
     def __init__(self, host: Host, *lines: str) -> None:
         self.host, self.number = host, host.connect()
@@ -60,7 +60,7 @@ class Second:
         raise AssertionError("no scan")
 
 
-def told(wire: Wire, line: str = "CONTROL {Type GetSTA}") -> list[str]:
+def ask(wire: Wire, line: str = "CONTROL {Type GetSTA}") -> list[str]:
     """Send a line, and return what comes at once."""
     found = wire.host.receive(wire.number, f"{line}\r\n".encode())
     wire.news += [each.text for each in found]
@@ -69,7 +69,7 @@ def told(wire: Wire, line: str = "CONTROL {Type GetSTA}") -> list[str]:
 
 def places(wire: Wire) -> dict[str, tuple[float, ...]]:
     """Return x, y, z and yaw of all crates."""
-    lines = told(wire)
+    lines = ask(wire)
     found = decode_report(lines[0]) if lines else CrateStates(())
     assert isinstance(found, CrateStates)
     return {
@@ -83,12 +83,12 @@ def test_controller_creates_lists_moves_and_removes(
 ) -> None:
     wire = Wire(empty_room, dialect)
     wire.send(CONTROLLER)
-    assert told(wire) == []  # no line is empty
+    assert ask(wire) == []  # no line is empty
     wire.send(CREATE, CREATE_FOO)
-    assert told(wire) == [STATES]
+    assert ask(wire) == [STATES]
     both = STATES.replace("{Name foo}", "|{Name foo}").split(" |")
-    assert told(wire, "CONTROL {Type GetSTA} {Name CRATE1}") == both[:1]
-    assert told(wire, "CONTROL {Type GetSTA} {ClassName WCBox}") == []
+    assert ask(wire, "CONTROL {Type GetSTA} {Name CRATE1}") == both[:1]
+    assert ask(wire, "CONTROL {Type GetSTA} {ClassName WCBox}") == []
     states = decode_report(STATES)
     assert isinstance(states, CrateStates)
     assert states.crates[1] == ("foo", (1, 1, 1), Pose3(1.5, 3.0, 1.0, yaw=-0.5))
@@ -234,7 +234,7 @@ def test_crates_stand_at_starts_and_are_not_too_many(empty_room: Scene) -> None:
             + f"{{Location 0,0,{-2 * number}}}"
         )
     assert len(places(wire)) == 20
-    assert len(told(wire)[0]) < 4093
+    assert len(ask(wire)[0]) < 4093
     assert wire.news == [
         "CONTROL Create '20', expected a new name, and at most 20 crates"
     ]
@@ -244,7 +244,7 @@ def test_crates_are_found_by_names_that_were_cut(empty_room: Scene) -> None:
     wire, name = Wire(empty_room), "x" * 70
     wire.send(CONTROLLER, CREATE.replace("crate1", name))
     assert [*places(wire)] == [name[:64]]
-    assert len(told(wire, f"CONTROL {{Type GetSTA}} {{Name {name}}}")) == 1
+    assert len(ask(wire, f"CONTROL {{Type GetSTA}} {{Name {name}}}")) == 1
     wire.send(f"CONTROL {{Type Kill}} {{Name {name}}}")
     assert places(wire) == {}
     assert wire.news == []

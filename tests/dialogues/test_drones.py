@@ -108,7 +108,7 @@ def test_drone_leans_in_udk_as_the_original_and_all_on_it_with_it(
     sensor = drone.sensor_pose(drone.scanners[0].item)
     reach = sensor.z / -sensor.rotation()[2, 0]
     assert float(ranges[90]) == pytest.approx(reach, abs=0.1)
-    # Told percentages, it leans by a fourth; told nothing of its speeds, as before.
+    # With percentages it tilts by a fourth; with no speeds, as before.
     wire.send("DRIVE {LinearVelocity -50} {Normalized true}")
     wire.wait(2)
     assert wire.body.pitch == pytest.approx(-full / 4)
@@ -191,7 +191,7 @@ def slab(
     return Part(name, Material(name, density=density), vertices + np.array(at), faces)
 
 
-# A floor, a hedge of 2 m across x = 3, a roof at 5 m, and a shelf at 2.5 m beside it.
+# A floor, a hedge of 2 m across x = 3, a roof at 5 m, and a shelf at 2.5 m next to it.
 YARD = Scene(
     "yard",
     "DM-Yard",

@@ -51,7 +51,7 @@ def test_a_car_of_the_original_answers_and_drives_a_circle(
     lines = wire.wait(3)
     assert wire.news == []
     assert any(line.startswith("STA") and status in line for line in lines)
-    # To the right, which is clockwise here: about a point beside the rear axle.
+    # To the right, which is clockwise here: about a point next to the rear axle.
     radius, rear, pose = 0.956 / tan(0.1), -0.416, wire.pose
     turn = -3.01 * 0.5 * 2 * pi * 0.128 / radius
     assert pose.yaw == pytest.approx(turn, rel=0.01)

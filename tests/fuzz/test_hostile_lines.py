@@ -159,7 +159,7 @@ class LineSource:
 
 
 class HostileClient:
-    """Sends pieces of one byte, some bytes or many, and at times connects anew."""
+    """Sends pieces of one byte, some bytes or many, and at times connects again."""
 
     def __init__(self, host: Host, rng: random.Random, largest: int) -> None:
         self._host = host
@@ -186,7 +186,7 @@ class HostileClient:
         return diagnostics
 
     def take(self) -> bytes:
-        """Read what there is, most of the time; connect anew when it has to."""
+        """Read what there is, most of the time; connect again when it has to."""
         assert self._host.unsent_bytes(self._number) <= MAX_UNSENT + MAX_COPIES
         if self._host.close_reason(self._number) or self._rng.random() < 0.002:
             self._host.disconnect(self._number)

@@ -209,7 +209,7 @@ def test_place_that_is_taken_is_an_error_and_leaves_no_robot(
     assert len(sim.host.simulation.vehicles) == len(sim.robots) < 20
 
 
-def test_robot_that_is_moved_to_a_free_place_is_told(
+def test_robot_that_is_moved_to_a_free_place_is_reported(
     sim: LocalSimulation, caplog: pytest.LogCaptureFixture
 ) -> None:
     first = sim.spawn(start="RobotStart1")
@@ -243,7 +243,7 @@ def test_robot_can_be_removed(sim: LocalSimulation) -> None:
     assert two.truth.time == 0.2
 
 
-def test_texts_tell_robots_and_time(sim: LocalSimulation) -> None:
+def test_texts_name_robots_and_time(sim: LocalSimulation) -> None:
     assert repr(sim) == "<LocalSimulation foliage_room at 0.00 s: no robots>"
     robot = sim.spawn(name="R1", pose=(-7.79, 0.0, 0.5))
     sim.step(0.25)

@@ -1,4 +1,4 @@
-"""What users of Python get wrong is told: what came, and what was expected."""
+"""Errors of users of Python are reported: what came, and what was expected."""
 
 import copy
 import math
@@ -29,7 +29,7 @@ R: Any = radarsim  # whose arguments have any types
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "message"),
     [
         (lambda: R.simulate(3), "map 3, expected the name of a map"),
         (lambda: R.simulate("foliage_rom"), "did you mean 'foliage_room'"),
@@ -53,8 +53,8 @@ R: Any = radarsim  # whose arguments have any types
         (lambda: R.plot_scene("empty_room"), r"radarsim.load_map\('empty_room'\)"),
     ],
 )
-def test_what_is_no_map_or_seed_is_told(call: Callable[[], object], told: str) -> None:
-    with pytest.raises((radarsim.RadarsimError, TypeError, ValueError), match=told):
+def test_bad_maps_and_seeds_fail(call: Callable[[], object], message: str) -> None:
+    with pytest.raises((radarsim.RadarsimError, TypeError, ValueError), match=message):
         call()
 
 
@@ -71,11 +71,11 @@ SPAWN: list[tuple[dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "told"), SPAWN)
-def test_what_no_robot_can_be_spawned_by_is_told(
-    sim: Sim, arguments: dict[str, Any], told: str
+@pytest.mark.parametrize(("arguments", "message"), SPAWN)
+def test_what_no_robot_can_be_spawned_by_is_reported(
+    sim: Sim, arguments: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises((radarsim.RadarsimError, ValueError), match=told):
+    with pytest.raises((radarsim.RadarsimError, ValueError), match=message):
         sim.spawn(**arguments)
     assert not sim.robots
 
@@ -88,9 +88,9 @@ def test_pose_can_be_any_numbers(sim: Sim, pose: Any) -> None:
 
 
 @pytest.mark.parametrize("duration", [0, -1, math.nan, math.inf, "0.1", None])
-def test_time_that_cannot_pass_is_told(sim: Sim, duration: Any) -> None:
-    told = f"duration in s {duration!r}, expected more than 0"
-    with pytest.raises((TypeError, ValueError), match=told):
+def test_time_that_cannot_pass_is_reported(sim: Sim, duration: Any) -> None:
+    message = f"duration in s {duration!r}, expected more than 0"
+    with pytest.raises((TypeError, ValueError), match=message):
         sim.step(duration)
     assert sim.time == 0
 
@@ -121,14 +121,14 @@ CALLS: list[tuple[Call, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("call", "told"), CALLS)
-def test_what_a_robot_cannot_do_is_told(sim: Sim, call: Call, told: str) -> None:
+@pytest.mark.parametrize(("call", "message"), CALLS)
+def test_what_a_robot_cannot_do_is_reported(sim: Sim, call: Call, message: str) -> None:
     robot = sim.spawn()
-    with pytest.raises((radarsim.RadarsimError, TypeError, ValueError), match=told):
+    with pytest.raises((radarsim.RadarsimError, TypeError, ValueError), match=message):
         call(robot)
 
 
-def test_robot_that_has_been_removed_is_told(sim: Sim) -> None:
+def test_robot_that_has_been_removed_is_reported(sim: Sim) -> None:
     robot = sim.spawn()
     sim.step(0.2)
     robot.remove()
@@ -149,17 +149,17 @@ EVALUATIONS: list[tuple[dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "told"), EVALUATIONS)
-def test_what_cannot_be_evaluated_is_told_before_any_run(
-    arguments: dict[str, Any], told: str
+@pytest.mark.parametrize(("arguments", "message"), EVALUATIONS)
+def test_what_cannot_be_evaluated_is_reported_before_any_run(
+    arguments: dict[str, Any], message: str
 ) -> None:
     good = {"controller": lambda *_: False, "maps": ["bug_box"], "seeds": 1}
-    with pytest.raises((TypeError, ValueError), match=told):
+    with pytest.raises((TypeError, ValueError), match=message):
         radarsim.evaluate(**{**good, **arguments})
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("empty_room", (0, 0, 0), 1), r"radarsim.load_map\('empty_room'\)"),
         (((0, 0, 0), "empty_room", 1), r"scene \(0, 0, 0\), expected a Scene"),
@@ -171,12 +171,12 @@ def test_what_cannot_be_evaluated_is_told_before_any_run(
         ((None, (0, 0, 0), None), "no rng, expected a Generator for sensor 'radar'"),
     ],
 )
-def test_what_cannot_be_scanned_is_told(
-    empty_room: Scene, arguments: tuple[Any, Any, Any], told: str
+def test_what_cannot_be_scanned_is_reported(
+    empty_room: Scene, arguments: tuple[Any, Any, Any], message: str
 ) -> None:
     scene, pose, rng = arguments
     radar = radarsim.load_sensor("radar")
-    with pytest.raises((TypeError, ValueError), match=told):
+    with pytest.raises((TypeError, ValueError), match=message):
         radar.scan(scene or empty_room, pose, rng)
 
 

@@ -163,7 +163,7 @@ def test_unknown_format_is_an_error(name: str) -> None:
     assert film_format(Path("RUN.GIF")) == "gif"
 
 
-def test_missing_ffmpeg_is_an_error_that_tells_the_cure(
+def test_missing_ffmpeg_is_an_error_with_a_hint(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)

@@ -125,7 +125,7 @@ def test_known_colours_have_known_lab_values() -> None:
 
 @pytest.mark.parametrize("sight", SIGHTS)
 @pytest.mark.parametrize("picture", SHOWN_TOGETHER)
-def test_colours_of_a_picture_can_be_told_apart(picture: str, sight: str) -> None:
+def test_colours_of_a_picture_differ(picture: str, sight: str) -> None:
     for one, other in itertools.combinations(SHOWN_TOGETHER[picture], 2):
         difference = lab(one, SIGHTS[sight]) - lab(other, SIGHTS[sight])
         assert np.linalg.norm(difference) > 20, (one, other)
@@ -157,7 +157,7 @@ def test_family_follows_from_name_and_properties(
 @pytest.mark.parametrize("sight", SIGHTS)
 @pytest.mark.parametrize("family", Family)
 @pytest.mark.parametrize("medium", ["radar", "laser"])
-def test_readings_can_be_told_from_pale_objects(
+def test_readings_differ_from_pale_objects(
     medium: str, family: Family, sight: str
 ) -> None:
     reading, pale = sensor_colour(medium), paler(FAMILY_COLOURS[family])
@@ -181,7 +181,7 @@ SHADES = re.compile(r"0?\.\d+|none|white|inherit")  # of grey
 
 
 def colours_of_its_own(source: str) -> Iterator[str]:
-    """Yield the colours that a module has beside the table, greys excepted."""
+    """Yield the colours that a module has besides the table, greys excepted."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield from HEX.findall(node.value)

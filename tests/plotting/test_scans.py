@@ -1,4 +1,4 @@
-"""What is in a picture, asked of the figure before it is painted."""
+"""Content of a picture, read from the figure before it is painted."""
 
 import io
 import math
@@ -127,7 +127,7 @@ def test_one_bush_behind_another_is_not_seen_through() -> None:
     assert len(strokes(figure, THROUGH).get_segments()) == 0
 
 
-def test_each_ray_ends_in_one_mark_that_tells_how(foliage_room: Scene) -> None:
+def test_each_ray_ends_in_one_mark_that_shows_how(foliage_room: Scene) -> None:
     scan = scan_of(foliage_room, side_offset_uu=100)
     figure = plot_scans(foliage_room, [scan])
     ends = ends_of(figure)
@@ -167,8 +167,8 @@ def test_smoke_that_stops_nothing_is_not_said_to_stop_beams(smoke_room: Scene) -
     assert np.array_equal(sight.ends == BeamEnd.TOUCHING, ~through)
     assert 0 < through.sum() < 181
     figure = plot_scans(smoke_room, [scan])
-    told = " ".join(labels(figure)).replace("\n", " ")
-    assert "read what stands in or at smoke" in told
+    texts = " ".join(labels(figure)).replace("\n", " ")
+    assert "read what stands in or at smoke" in texts
     assert "stopped" not in title(figure)
 
 
@@ -182,8 +182,8 @@ def test_beams_of_a_laser_are_stopped_by_bushes_or_have_none_in_their_way(
     stopped = scan.echoes.beams[np.isin(scan.echoes.parts, bushes)]
     assert np.array_equal(np.flatnonzero(sight.ends == BeamEnd.STOPPED), stopped)
     assert set(sight.ends) == {BeamEnd.STOPPED, BeamEnd.FREE}
-    told = labels(plot_scans(foliage_room, [scan]))
-    assert {"stopped by foliage", "reach a surface directly"} <= set(told)
+    texts = labels(plot_scans(foliage_room, [scan]))
+    assert {"stopped by foliage", "reach a surface directly"} <= set(texts)
 
 
 def test_noise_of_ones_own_changes_nothing_that_beams_see_through(

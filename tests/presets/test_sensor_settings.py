@@ -127,8 +127,8 @@ def test_all_invalid_settings_are_reported_at_once() -> None:
         load_settings("radar", fov_deg=0, max_rnge=5)
     lines = str(caught.value).splitlines()
     assert len(lines) == 2
-    told = "no setting 'max_rnge' (did you mean 'max_range'?), expected one of ["
-    assert lines[1].startswith(f"sensor radar: {told}")
+    message = "no setting 'max_rnge' (did you mean 'max_range'?), expected one of ["
+    assert lines[1].startswith(f"sensor radar: {message}")
 
 
 def test_unknown_sensor_is_rejected_with_the_known_names() -> None:

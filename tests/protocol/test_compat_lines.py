@@ -347,7 +347,7 @@ def test_reports_are_encoded_in_the_compat_dialect(
     report: reports.Report, line: str
 ) -> None:
     assert report.encode(COMPAT) == line
-    # What is read from it writes the same line; a little more than pi is read as -pi.
+    # Its report writes the same line; a little more than pi is read as -pi.
     read = reports.decode_report(line)
     assert read is not None
     assert read.encode(COMPAT) == line or "3.1416" in line

@@ -34,7 +34,7 @@ from radarsim.protocol.reports import (
 DIALECTS = [COMPAT, COMPAT.of_generation("ut2004"), UDK]
 
 # Where rounding is hard: halves of a decimal and their neighbours, halves in binary,
-# numbers of single precision, zeros of both signs, and the ends of what is written.
+# numbers of single precision, zeros of both signs, and the ends of the written range.
 DECIMALS = st.tuples(st.integers(-(10**9), 10**9), st.integers(0, 7)).map(
     lambda pair: pair[0] / 10 ** pair[1]
 )

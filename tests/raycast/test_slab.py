@@ -44,7 +44,7 @@ def test_share_that_leaves_an_isotropic_source_under_a_slab(
         (RayClass(RADAR, 1, 1.0, 0, is_absorbed=False, in_decibels=True),),
     )
     events = tracer.trace(rays, events=True).events
-    left = np.zeros(COUNT)  # of what is spent
+    left = np.zeros(COUNT)  # depleted power
     np.minimum.at(power := np.full(COUNT, full), events["ray"], events["power"])
     reached = power > 0
     left[reached] = 10 ** ((power[reached] - full) / 10)

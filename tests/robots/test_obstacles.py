@@ -71,8 +71,8 @@ def test_obstacles_are_surfaces_and_bodies_are_filled() -> None:
     [
         pytest.param(StandingBody(Pose2(0.61, 0)), True, id="ahead"),
         pytest.param(StandingBody(Pose2(0.59, 0)), False, id="too near ahead"),
-        pytest.param(StandingBody(Pose2(0, 0.41)), True, id="beside"),
-        pytest.param(StandingBody(Pose2(0, 0.39)), False, id="too near beside"),
+        pytest.param(StandingBody(Pose2(0, 0.41)), True, id="at the side"),
+        pytest.param(StandingBody(Pose2(0, 0.39)), False, id="too near at the side"),
         pytest.param(StandingBody(Pose2(0.51, 0, math.pi / 2)), True, id="across"),
         pytest.param(StandingBody(Pose2(0.1, 0), SMALL), False, id="under it"),
         pytest.param(

@@ -126,7 +126,7 @@ def test_equal_angles_let_a_car_go_sideways() -> None:
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_tail_swings_out_into_a_wall(side: int) -> None:
-    """A car turns away from a wall beside it; its far corner swings out first."""
+    """A car turns away from a wall at its side; its far corner swings out first."""
     assert SEDAN.steering
     radius = SEDAN.wheel_base / math.tan(math.radians(SEDAN.steering.max_front_deg))
     overhang = SEDAN.length / 2 + axles(SEDAN)[1]

@@ -184,12 +184,12 @@ def test_unreadable_map_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     assert caught.value.problems == ["m.yaml: no permission, expected a map file"]
 
 
-def test_folder_is_told_to_be_one() -> None:
+def test_folder_is_named_as_a_folder() -> None:
     with pytest.raises(MapError, match="meshes: a folder, expected a map file"):
         load_map("meshes")
 
 
-def test_map_in_a_folder_without_permission_is_told_apart_from_a_missing_one(
+def test_map_in_a_folder_without_permission_differs_from_a_missing_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     stat = Path.stat
@@ -204,7 +204,7 @@ def test_map_in_a_folder_without_permission_is_told_apart_from_a_missing_one(
         load_map("closed/m.yaml")
 
 
-def test_path_of_no_regular_file_is_told_as_such(tmp_path: Path) -> None:
+def test_path_of_no_regular_file_is_reported_as_such(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.yaml"
     os.mkfifo(pipe)
     with pytest.raises(

@@ -31,7 +31,7 @@ def test_place_is_that_of_the_original_server_by_default() -> None:
         pytest.param("[0, 181]", "2:21: gps_origin_deg.1: 181, expected at most 180"),
     ],
 )
-def test_problem_of_the_place_is_told_with_what_was_expected(
+def test_problem_of_the_place_is_reported_with_what_was_expected(
     origin: str, expected: str
 ) -> None:
     write(f"gps_origin_deg: {origin}")

@@ -59,7 +59,7 @@ def test_materials_are_limited() -> None:
     assert found == [f"m.yaml:3:3: materials: {count} in all"]
 
 
-def test_what_is_too_much_is_told_before_anything_is_built(
+def test_excess_is_reported_before_anything_is_built(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("radarsim.scene.meshes.read_surfaces", None)
@@ -118,7 +118,7 @@ def test_variants_are_limited() -> None:
         load_variants(path)
 
 
-def test_many_problems_are_counted_and_the_first_are_told() -> None:
+def test_many_problems_are_counted_and_the_first_are_reported() -> None:
     lines = [f"name: o{i}, box: [1, 1, 1], material: stome{i}" for i in range(150)]
     found = problems(objects(*lines))
     assert len(found) == MAX_TOLD + 1
@@ -132,7 +132,7 @@ def test_many_problems_of_one_entry_are_counted_too() -> None:
     assert found[-1] == f"m.yaml: {150 - MAX_TOLD} more problems"
 
 
-def test_problems_of_many_variants_are_told_once() -> None:
+def test_problems_of_many_variants_are_reported_once() -> None:
     lines = [f"name: o{i}, box: [1, 1, 1], material: stome{i}" for i in range(60)]
     variants = "variants: {a: {}, b: {air: nothing}, c: {air: nothing}}\n"
     Path("m.yaml").write_text(objects(*lines) + variants)

@@ -20,9 +20,9 @@ def test_maps_inside_of_the_package_take_precedence(
 ) -> None:
     module = tmp_path / "radarsim" / "scene" / "mapnames.py"
     inside = tmp_path / "radarsim" / "maps" / "b.yaml"
-    beside = tmp_path / "maps" / "a.yaml"
+    aside = tmp_path / "maps" / "a.yaml"
     monkeypatch.setattr("radarsim.scene.map_file.__file__", str(module))
-    for path in (beside, inside):
+    for path in (aside, inside):
         path.parent.mkdir(parents=True)
         path.touch()
     assert shipped_maps() == {"b": inside}

@@ -156,7 +156,7 @@ def test_extent_of_all_objects_together_is_limited() -> None:
     assert problems(text) == [f"m.yaml:7:3: objects: {message}"]
 
 
-def test_only_the_first_of_many_unknown_materials_of_a_mesh_are_told() -> None:
+def test_only_the_first_of_many_unknown_materials_of_a_mesh_are_reported() -> None:
     given = ", ".join(f"Leavez{i}: leaf" for i in range(103))
     line = f"name: a, mesh: meshes/cube.obj, materials: {{Leaves: leaf, {given}}}"
     found = problems(objects(line))

@@ -57,7 +57,7 @@ def test_loss_of_radar_waves_and_of_light_has_its_value(
 
 
 def test_soot_absorbs_radar_waves_in_proportion_to_their_frequency() -> None:
-    # Rayleigh's law for grains of 1.8 g/cm^3: what is left is Im((e - 1) / (e + 2)),
+    # Rayleigh's law for grains of 1.8 g/cm^3: the rest is Im((e - 1) / (e + 2)),
     # which has hardly another value at one band than at another
     bands = zip(BANDS, library_material("smoke", g_per_m3=1).radar_db, strict=True)
     left = [

@@ -141,7 +141,7 @@ def test_text_may_have_names_in_any_encoding(tmp_path: Path) -> None:
         pytest.param(
             "t.gltf",
             json.dumps(gltf_box("my%20box.bin", NODES)),
-            id="glTF with a buffer beside it",
+            id="glTF with a buffer next to it",
         ),
     ],
 )

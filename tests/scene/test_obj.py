@@ -1,4 +1,4 @@
-"""OBJ files: what each statement means, and what is wrong in broken ones."""
+"""OBJ files: the meaning of each statement, and errors in broken ones."""
 
 import io
 import time

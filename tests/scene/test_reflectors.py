@@ -93,7 +93,7 @@ def test_scattered_trihedrals_scale_with_their_copies(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("keys", "place", "told"),
+    ("keys", "place", "message"),
     [
         ("reflector: {}", "reflector", "either 'trihedral'"),
         ("reflector: {trihedral: 0.1, rcs_dbsm: 3}", "reflector", "either"),
@@ -104,13 +104,13 @@ def test_scattered_trihedrals_scale_with_their_copies(tmp_path: Path) -> None:
     ],
 )
 def test_problem_of_a_reflector_has_place_and_expectation(
-    tmp_path: Path, keys: str, place: str, told: str
+    tmp_path: Path, keys: str, place: str, message: str
 ) -> None:
     with pytest.raises(MapError) as caught:
         load(tmp_path, f"  - {{name: corner, {keys}}}")
     (problem,) = caught.value.problems
     assert place in problem
-    assert told in problem
+    assert message in problem
 
 
 def yard(tmp_path: Path) -> Scene:

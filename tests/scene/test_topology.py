@@ -137,7 +137,7 @@ def test_mesh_that_encloses_a_volume_has_no_degenerate_faces(mesh: Mesh) -> None
             stack(two_sided(QUAD), two_sided(QUAD)), 4, 0, id="leaf of four sides"
         ),
         pytest.param(
-            stack(moved(CUBE, 5), two_sided(CUBE)), 12, 0, id="beside a volume"
+            stack(moved(CUBE, 5), two_sided(CUBE)), 12, 0, id="next to a volume"
         ),
         pytest.param(
             stack(CUBE, two_sided(moved(QUAD, 0.5, -0.5, 0.5))), 2, 0, id="overhang"
@@ -178,7 +178,7 @@ def test_order_of_faces_and_corners_does_not_matter(
 
 @st.composite
 def soups(draw: st.DrawFn) -> Mesh:
-    """Return any triangles, many of which have equal or the same corners."""
+    """Return any triangles, many with equal or the same corners."""
     points = draw(POINTS)
     index = st.integers(0, len(points) - 1)
     faces = draw(st.lists(st.tuples(index, index, index), max_size=30))
@@ -187,7 +187,7 @@ def soups(draw: st.DrawFn) -> Mesh:
 
 @st.composite
 def piles(draw: st.DrawFn) -> Mesh:
-    """Return boxes that touch each other, of which a face may be missing."""
+    """Return boxes that touch each other; a face may be missing."""
     cubes = [box(1, 1, 1) for _ in range(draw(st.integers(1, 6)))]
     vertices, faces = concatenate([(v + draw(PLACES), f) for v, f in cubes])
     kept = draw(st.permutations(range(len(faces))))

@@ -70,7 +70,7 @@ def test_map_has_victims_and_tags_and_writes_them_again(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_wrong_entries_are_told_with_their_place(
+def test_wrong_entries_are_reported_with_their_place(
     tmp_path: Path, text: str, message: str
 ) -> None:
     with pytest.raises(MapError, match=message):

@@ -60,12 +60,12 @@ def test_beams_run_counter_clockwise_from_the_right() -> None:
 def test_parallel_side_ray_starts_n_units_off(side: int, mode: str) -> None:
     settings = load_settings("radar", side_offset_uu=50, side_mode=mode)
     pose = Pose3(1, 2, 3, 0, 0, math.pi / 2)
-    middle, beside = aim(settings, pose, 0), aim(settings, pose, side)
+    middle, aside = aim(settings, pose, 0), aim(settings, pose, side)
     left = np.cross([0, 0, 1], middle.directions)  # of each beam
     if mode == "lateral":
         left[:] = [-1.0, 0.0, 0.0]  # of the sensor, which looks north
-    assert beside.directions == pytest.approx(middle.directions)
-    assert beside.origins - middle.origins == pytest.approx(side * 0.2 * left)
+    assert aside.directions == pytest.approx(middle.directions)
+    assert aside.origins - middle.origins == pytest.approx(side * 0.2 * left)
 
 
 @pytest.mark.parametrize("weights", [(1, 2, 5), (0, 1, 0), None], ids=str)
@@ -86,9 +86,9 @@ def test_divergent_ray_is_n_units_off_at_its_distance(side: int) -> None:
     settings = load_settings(
         "radar", side_offset_uu=100, side_mode="divergent", divergence_distance=5
     )
-    middle, beside = aim(settings, HERE, 0), aim(settings, HERE, side)
-    assert beside.origins == pytest.approx(middle.origins)
-    turn = np.cross(middle.directions, beside.directions)[:, 2]
+    middle, aside = aim(settings, HERE, 0), aim(settings, HERE, side)
+    assert aside.origins == pytest.approx(middle.origins)
+    turn = np.cross(middle.directions, aside.directions)[:, 2]
     assert np.arcsin(turn) == pytest.approx(np.full(181, side * math.atan(0.4 / 5)))
 
 

@@ -215,7 +215,7 @@ def middles(parts: list[Part], power: float = 1.0) -> dict[float, float]:
 
 @pytest.mark.parametrize("density", [1e-4, 0.01, 0.1, 0.2])
 def test_range_of_a_bush_is_that_of_half_its_power(density: float) -> None:
-    # 10^(-5 density d) falls to the mean of 1 and what is left behind 4 m
+    # 10^(-5 density d) falls to the mean of 1 and the rest behind 4 m
     half = (1 + math.pow(10, -5 * density * 4)) / 2
     parts = [layer("bush", leaf(density), 2, 6), layer("wall", WALL, 8, 9)]
     depth = -math.log10(half) / (5 * density)

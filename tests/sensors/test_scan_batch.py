@@ -131,7 +131,7 @@ def test_what_is_no_pose_is_an_error_that_names_it(
 
 
 def crowd(count: int) -> tuple[list[Pose3], Boxes]:
-    """Return sensors, and robots around them: their own, beside them, and over them."""
+    """Return sensors, and robots around them: their own, near them, and over them."""
     rng = np.random.Generator(np.random.PCG64(2))
     places, yaws = rng.uniform([-8, -4], [8, 4], (count, 2)), rng.uniform(-3, 3, count)
     tilts = np.where(np.arange(count) % 5 == 0, 0.1, 0.0)
@@ -174,7 +174,7 @@ LASTS: dict[str, dict[str, Any]] = {
     "laser": {},
     "blinded": {"spent_reads": "zero", "max_range": 9.0},
     "noisy": {"range_noise": 0.1, "range_quantum": 0.01},
-    "beside": APART,
+    "aside": APART,
     "all echoes": {"return_mode": "all"},
 }
 

@@ -66,10 +66,10 @@ def ranges(
 def test_wall_is_as_far_as_its_nearest_point_in_the_cone(
     distance: float, angle: float
 ) -> None:
-    beside = max(abs(angle) - HALF_ANGLE, 0)  # from the normal to the nearest ray
-    nearest = min(distance / math.cos(beside), 5)
+    aside = max(abs(angle) - HALF_ANGLE, 0)  # from the normal to the nearest ray
+    nearest = min(distance / math.cos(aside), 5)
     (measured,) = ranges([wall(distance, angle)])
-    farthest = distance / math.cos(beside + (STEP / 2 if beside == 0 else 0))
+    farthest = distance / math.cos(aside + (STEP / 2 if aside == 0 else 0))
     assert nearest - 1e-6 <= measured <= min(farthest, 5) + 1e-6
 
 
@@ -94,8 +94,8 @@ def test_pole_on_the_axis_is_as_far_as_its_surface() -> None:
 
 
 def test_pole_beside_the_cone_is_not_found() -> None:
-    beside = Pose3(2 * math.cos(0.25), 2 * math.sin(0.25), 0)
-    assert ranges([part(cylinder(0.1, 3), beside)]) == [5]
+    aside = Pose3(2 * math.cos(0.25), 2 * math.sin(0.25), 0)
+    assert ranges([part(cylinder(0.1, 3), aside)]) == [5]
 
 
 def test_what_is_only_above_or_below_the_sonar_is_found() -> None:

@@ -294,7 +294,7 @@ async def test_viewers_that_leave_while_they_wait_are_forgotten(
 
 
 @pytest.mark.parametrize(
-    ("sent", "told"),
+    ("sent", "logged"),
     [
         (b"OK", "viewer disconnected"),
         (b"OK" * 1_000_000, "closed: a flood of requests"),
@@ -302,7 +302,7 @@ async def test_viewers_that_leave_while_they_wait_are_forgotten(
     ids=["one request", "flood"],
 )
 async def test_viewers_that_leave_before_there_are_pictures_are_forgotten(
-    empty_room: Scene, caplog: pytest.LogCaptureFixture, sent: bytes, told: str
+    empty_room: Scene, caplog: pytest.LogCaptureFixture, sent: bytes, logged: str
 ) -> None:
     """What they have sent waits unread, and hides that they have gone."""
     caplog.set_level(logging.INFO, "radarsim.server")
@@ -311,7 +311,7 @@ async def test_viewers_that_leave_before_there_are_pictures_are_forgotten(
     _, writer = await asyncio.open_connection(*server.address)
     writer.write(sent)
     writer.close()
-    await wait_until(lambda: told in caplog.text)
+    await wait_until(lambda: logged in caplog.text)
     await server.stop()
 
 

@@ -146,7 +146,7 @@ async def test_server_follows_the_first_robot_that_carries_a_radar(
     client.send(START)
     before = (await running.until(client.read_azimuth)).counts
     running.host.disconnect(first)
-    # The other one is told of anew; what it receives is of another place.
+    # The other one is reported again; its data are of another place.
     await running.until(lambda: client.receive(CONFIGURATION))
     after = (await running.until(client.read_azimuth)).counts
     assert before != after

@@ -40,7 +40,7 @@ def test_a_speed_is_finite_and_above_0(speed: float) -> None:
         Pace().change(speed=speed)
 
 
-def test_observers_are_told_of_changes_alone() -> None:
+def test_observers_see_changes_alone() -> None:
     pace, seen = Pace(), []
     pace.observers.append(lambda: seen.append((pace.speed, pace.is_paused)))
     pace.change(paused=False)

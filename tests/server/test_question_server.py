@@ -93,7 +93,7 @@ async def test_questions_are_answered(
         ([b"  ", b"\n{Name R1}", b"\r\n\r\n{Name R1}\n\n"], 3),
     ],
 )
-async def test_blank_lines_are_told_from_the_ends_of_lines(
+async def test_blank_lines_differ_from_the_ends_of_lines(
     pieces: list[bytes], blank: int
 ) -> None:
     asked: list[str] = []
@@ -115,7 +115,7 @@ async def test_blank_lines_are_told_from_the_ends_of_lines(
     assert asked.count("") == blank
 
 
-async def test_victims_are_told_with_their_direction(empty_room: Scene) -> None:
+async def test_victims_are_reported_with_their_direction(empty_room: Scene) -> None:
     victim = Victim("Becky", (-4.0, 0.5, 0.1), yaw=1.0)
     scene = replace(empty_room, victims=(victim,))
     async with running(scene) as server, connected(server) as client:

@@ -7,7 +7,7 @@ import pytest
 from radarsim.server.peer_connections import LOG_INTERVAL, RefusalLog
 
 
-async def test_first_refusal_is_told_and_the_others_are_counted(
+async def test_first_refusal_is_reported_and_the_others_are_counted(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loop = asyncio.get_running_loop()

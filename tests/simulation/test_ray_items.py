@@ -29,10 +29,10 @@ def distance_to_walls(vehicle: Vehicle, name: str) -> float:
         turn = math.radians(normal)
         gap = wall - pose.x * math.cos(turn) - pose.y * math.sin(turn)
         off = abs(math.remainder(pose.yaw - turn, 2 * math.pi))
-        beside = max(off - HALF_ANGLE, 0)
-        incidence = abs(beside)
+        aside = max(off - HALF_ANGLE, 0)
+        incidence = abs(aside)
         if incidence < math.radians(75):
-            distances.append(gap / math.cos(beside))
+            distances.append(gap / math.cos(aside))
     return min(5, *distances)
 
 
@@ -110,9 +110,9 @@ def test_same_seed_gives_the_same_gps_and_another_robot_changes_nothing(
 ) -> None:
     alone, vehicle = spawn(empty_room, Pose2(-8, 3), "P2AT")
     first = [r for r in read(alone, vehicle, 60) if isinstance(r, Gps)]
-    beside, same = spawn(empty_room, Pose2(-8, 3), "P2AT")
-    beside.spawn("other", load_robot("P2DX"), Pose2(-4, 3))
-    assert first == [r for r in read(beside, same, 60) if isinstance(r, Gps)]
+    aside, same = spawn(empty_room, Pose2(-8, 3), "P2AT")
+    aside.spawn("other", load_robot("P2DX"), Pose2(-4, 3))
+    assert first == [r for r in read(aside, same, 60) if isinstance(r, Gps)]
 
 
 @pytest.mark.parametrize("class_name", ["P2AT", "P2DX"])

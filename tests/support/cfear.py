@@ -1,4 +1,4 @@
-"""CFEAR radar odometry, written anew from its publication.
+"""CFEAR radar odometry, written from its publication.
 
 It shares no code with what radarsim itself matches scans by. Source: D. Adolfsson, M.
 Magnusson, A. Alhashimi, A. J. Lilienthal and H. Andreasson, "CFEAR radarodometry:

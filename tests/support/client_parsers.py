@@ -3,7 +3,7 @@
 They are written from descriptions of these clients, share no code with the server, and
 know nothing of dialects. ``parse`` returns None for a line that its client skips
 without harm. An exception is where the client itself throws, crashes or loses the line.
-A parser has no rule for a type of sensor of which the client's rule is not known.
+A parser has no rule for a type of sensor if the client's rule is not known.
 """
 
 import re
@@ -15,7 +15,7 @@ from typing import Any, Protocol
 READ_BUFFER = 4096  # bytes; of a line with its end
 VEHICLES = ("GroundVehicle", "LeggedRobot", "NauticVehicle", "AerialVehicle")
 SONARS = tuple(f"{end}{i}" for end in "FR" for i in range(1, 9))
-HOKUYOS = ("Kenaf", "AirRobot")  # robots of which UsarCommander expects a Hokuyo
+HOKUYOS = ("Kenaf", "AirRobot")  # robots on which UsarCommander expects a Hokuyo
 STEERING_TYPES = ("SkidSteered", "AckermanSteered", "OmniDrive")
 
 
@@ -127,7 +127,7 @@ class RosParser:
     ) -> dict[str, Any]:
         """Parse the reading of a sensor."""
         if kind == "RangeScanner":
-            after = words[words.index("Range") + 1 :]  # whatever follows is a range
+            after = words[words.index("Range") + 1 :]  # the rest are ranges
             ranges = [float(n) for word in after for n in word.split(",")]
             assert len(ranges) <= self.MOST_BEAMS
             step, fov = float(values["Resolution"]), float(values["FOV"])

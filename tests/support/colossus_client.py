@@ -20,7 +20,7 @@ class ProtocolError(Exception):
 
 @dataclass(frozen=True)
 class Configuration:
-    """What the radar tells about itself."""
+    """The configuration that the radar sends."""
 
     azimuths: int  # a turn
     bin: float  # m

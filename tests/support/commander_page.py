@@ -48,7 +48,7 @@ class CommanderPage:
         return self.page.locator(f"#{name}").text_content() or ""
 
     def robot(self, name: str) -> dict[str, Any]:
-        """Return what the newest frame tells of a robot, nothing if it is not there."""
+        """Return the newest frame's entry of a robot, nothing if it is not there."""
         robots = self.frames[-1]["robots"] if self.frames else []
         return next((robot for robot in robots if robot["name"] == name), {})
 

@@ -1,9 +1,9 @@
 """Program: hear over DDS which frame has which parent, and print it as JSON.
 
-Arguments: the domain, and ``map`` to tell meanwhile where ``R1/odom`` is in ``map``, as
-a program that localises the robot does. It prints each pair of parent and child, and
-ends when it has heard of 50 poses of the robot. Its types are written by hand, from the
-definitions of ROS.
+Arguments: the domain, and ``map`` to publish meanwhile the transform from ``map`` to
+``R1/odom``, as a program that localises the robot does. It prints pairs of parent and
+child, and ends when it has heard of 50 poses of the robot. Its types are written by
+hand, from the definitions of ROS.
 """
 
 import json
@@ -63,8 +63,8 @@ def main() -> None:
         time.sleep(INTERVAL)
         for reader in readers:
             for message in reader.take(100):
-                told: Any = message.transforms
-                pairs += [(e.header.frame_id, e.child_frame_id) for e in told]
+                stamped: Any = message.transforms
+                pairs += [(e.header.frame_id, e.child_frame_id) for e in stamped]
     sys.stdout.write(json.dumps(sorted(set(pairs))))
     del kept
 

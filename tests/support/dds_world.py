@@ -2,7 +2,7 @@
 
 Arguments: the domain and the name of the robot. It ends when it has heard of the scene,
 the map, the robot's model, and a picture with its intrinsics. All but the picture may
-have been told before it came. Its types are written by hand, from the definitions of
+were published before it came. Its types are written by hand, from the definitions of
 ROS.
 """
 
@@ -159,8 +159,8 @@ def main() -> None:
         for name, reader in readers.items():
             for message in reader.take(1):
                 heard[name] = summary(message)
-    told = {name.removeprefix(f"{robot}/"): each for name, each in heard.items()}
-    sys.stdout.write(json.dumps(told))
+    named = {name.removeprefix(f"{robot}/"): each for name, each in heard.items()}
+    sys.stdout.write(json.dumps(named))
     del kept
 
 

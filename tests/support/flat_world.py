@@ -45,11 +45,11 @@ def cast(walls: Floats, pose: Pose2, bearings: Floats) -> Floats:
         directions[:, 1], sides[:, 0]
     )
     wide = starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]
-    beside = np.outer(directions[:, 1], starts[:, 0]) - np.outer(
+    aside = np.outer(directions[:, 1], starts[:, 0]) - np.outer(
         directions[:, 0], starts[:, 1]
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        ranges, along = wide / across, beside / across
+        ranges, along = wide / across, aside / across
     is_hit = (ranges > 0) & (along >= 0) & (along <= 1)
     nearest: Floats = np.where(is_hit, ranges, math.inf).min(axis=1, initial=math.inf)
     return nearest

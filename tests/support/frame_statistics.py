@@ -88,7 +88,7 @@ def cen2019_peaks(counts: NDArray[np.uint8], nearest: int = 15) -> int:
     """Count the keypoints of an image as a common front end does.
 
     The strongest bins, less where the image is steep, form regions along each
-    direction; those with another one beside them in a neighbouring direction count.
+    direction; those with another one next to them in a neighbouring direction count.
 
     Source: S. H. Cen and P. Newman, "Radar-only ego-motion estimation in difficult
     settings via graph matching", ICRA 2019, as public implementations have it.
@@ -100,8 +100,8 @@ def cen2019_peaks(counts: NDArray[np.uint8], nearest: int = 15) -> int:
     order = np.argsort(-strength, axis=None, kind="stable")[:CEN2019_BINS]
     marked = np.zeros(image.shape, np.bool_)
     marked.flat[order] = strength.flat[order] > strength.mean()
-    beside = np.roll(marked, 1, axis=0) | np.roll(marked, -1, axis=0)
+    aside = np.roll(marked, 1, axis=0) | np.roll(marked, -1, axis=0)
     marked[:, :nearest] = False
     # Regions along a direction: neighbouring directions are not joined.
     regions, _ = label(marked, [[0, 0, 0], [1, 1, 1], [0, 0, 0]])
-    return len(np.unique(regions[marked & beside]))
+    return len(np.unique(regions[marked & aside]))

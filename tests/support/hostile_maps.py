@@ -49,7 +49,7 @@ def of_mesh(name: str, content: str | bytes, material: str = "stone") -> Files:
 
 
 def _texts() -> Iterator[tuple[str, Callable[[], Files]]]:
-    """Yield maps that are hard to read, or to tell the errors of."""
+    """Yield maps that are hard to read, or whose errors are hard to report."""
     texts: dict[str, Callable[[], str | bytes]] = {
         "aliases of aliases": lambda: (
             "a0: &a0 [x, x, x, x, x, x, x, x, x]\n"

@@ -3,7 +3,7 @@
 Theory of operation
 ===================
 A robot drives along a path while the antenna turns, as in a simulation. The targets of
-each turn are matched with those of the last few turns; nothing else tells where the
+each turn are matched with those of the last few turns; nothing else shows where the
 robot is. As in Adolfsson and others, "CFEAR radarodometry" (IROS 2021), targets are the
 k strongest bins of each direction, a turn is unrolled by the motion that is estimated,
 and compared with a few keyframes by the shapes that their targets form.
@@ -61,7 +61,7 @@ class Estimate(NamedTuple):
 
     Attributes:
         truth: The poses.
-        estimated: The poses by odometry, the first of which is true.
+        estimated: The poses by odometry; the first one is true.
         peaks: (N,) peaks of each image, as ``cen2018_peaks`` counts them.
     """
 
@@ -199,7 +199,7 @@ def turns_along(
 
 
 def follow(turns: Iterator[Turn]) -> Estimate:
-    """Estimate the poses of turns; the first one tells where the radar begins."""
+    """Estimate the poses of turns; the first one is where the radar begins."""
     truth, estimated, peaks = [], [], []
     odometry: RadarOdometry | None = None
     for turn in turns:

@@ -1,9 +1,9 @@
 """Trials on random maps, judged by a raster.
 
-Side beams (0, 25 or 50 UU beside the centre) and the sensor (radar or laser) go by turn
+Side beams (0, 25 or 50 UU off the centre) and the sensor (radar or laser) go by turn
 over the maps.
 
-The raster is of the map's plan, and tells what a robot can reach there.
+The raster is of the map's plan, and shows what a robot can reach there.
 
 The distance of each cell's centre from the plan's blocks and discs is exact; cells that
 are far enough from everything are connected with their eight neighbours. Nothing is
@@ -51,7 +51,7 @@ _Cell = TypeVar("_Cell", bound=np.generic)
 
 
 class Expectation(StrEnum):
-    """What a navigator has to tell of a map."""
+    """The right verdict of a navigator on a map."""
 
     REACHED = "reached"
     NO_PATH = "no_path"
@@ -64,7 +64,7 @@ class RasterTruth:
     """The truth about a map.
 
     Attributes:
-        expectation: What a navigator has to tell.
+        expectation: The right verdict of a navigator.
         shortest: Length of the shortest path of a disc of ``ROBOT_RADIUS``, m; None if
             there is none.
     """
@@ -74,12 +74,12 @@ class RasterTruth:
 
 
 def raster_truth(map_: RandomMap, safety_distance: float, reach: float) -> RasterTruth:
-    """Compute what a navigator has to tell of a map.
+    """Compute the right verdict of a navigator on a map.
 
     Args:
         map_: The map.
         safety_distance: The navigator's, m.
-        reach: How far beside its beams the navigator's sensor sees, m; what it passes
+        reach: How far off its beams the navigator's sensor sees, m; what it passes
             looks that much wider.
     """
     raster = _Raster(map_)
@@ -165,7 +165,7 @@ def mission_to(goal: Point, algorithm: str, **more: Any) -> Mission:
 
 
 def random_trial_errors(number: int, algorithm: str) -> list[str]:
-    """Run an algorithm on a random map, and return what is wrong with the result.
+    """Run an algorithm on a random map, and return the errors of the result.
 
     Args:
         number: Number of the map.

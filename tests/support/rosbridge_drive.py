@@ -41,8 +41,8 @@ def main() -> None:
     topics[0].subscribe(heard["scans"].append)
     topics[1].subscribe(note_pose)
     assert is_complete.wait(TIMEOUT)
-    told = {"topics": ros.get_topics(), "time": ros.get_time().to_sec()}
-    sys.stdout.write(json.dumps({**told, **heard}))
+    answers = {"topics": ros.get_topics(), "time": ros.get_time().to_sec()}
+    sys.stdout.write(json.dumps({**answers, **heard}))
     sys.stdout.flush()
     os._exit(0)  # its threads have no end
 

@@ -51,15 +51,15 @@ def serve(*words: str) -> Iterator[Served]:
     readers = [Thread(target=lambda: complaints.extend(stderr))]
     try:
         readers[0].start()
-        told = ""
-        while "commander on" not in told:
+        printed = ""
+        while "commander on" not in printed:
             line = stdout.readline().decode()
-            assert line, f"it ended after {told!r} with {b''.join(complaints)!r}"
-            told += line
+            assert line, f"it ended after {printed!r} with {b''.join(complaints)!r}"
+            printed += line
         readers.append(Thread(target=stdout.read))
         readers[1].start()
         where = r"listening on ([\d.]+):(\d+).*commander on http://(.*)/#token=(\S+)"
-        found = re.search(where, told, re.DOTALL)
+        found = re.search(where, printed, re.DOTALL)
         assert found
         yield Served(found[3], found[4], (found[1], int(found[2])))
     finally:

@@ -1,4 +1,4 @@
-"""A browser without a window: what the page of the commander says and is told."""
+"""A browser without a window, which sends and receives the page's messages."""
 
 import asyncio
 import json

@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 
-# What programs begin with: how a user closes a window, and what is on the screen.
+# What programs begin with: how a user closes a window, and the content of the screen.
 _BEGIN = """
 from matplotlib import pyplot
 from PIL import Image, ImageGrab

@@ -221,7 +221,7 @@ def test_failed_task_is_a_row_with_its_error(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("count", "counts", ":6:1: counts: unknown key"),
         ("name: radar", "name: radr", ":4:16: sensor.name: 'radr'"),
@@ -232,19 +232,19 @@ def test_failed_task_is_a_row_with_its_error(
         ("lines: map", "lines: maps", "small.yaml:8:56: figure.lines: 'maps' (did"),
     ],
 )
-def test_mistakes_in_a_file_are_told_with_their_place(
-    small: Path, out: Path, old: str, new: str, told: str
+def test_mistakes_in_a_file_are_reported_with_their_place(
+    small: Path, out: Path, old: str, new: str, message: str
 ) -> None:
     small.write_text((SMALL + FIGURE_ENTRY).replace(old, new))
     run = sweep(small, "-o", out)
     assert run.code == 1
     assert f"{small}:" in run.err
-    assert told in run.err
+    assert message in run.err
     assert not out.exists()
 
 
 @pytest.mark.parametrize("name", ["foliage_room", "foliage_room@dry", "{}/mine.yaml"])
-def test_map_is_told_to_be_one(small: Path, name: str) -> None:
+def test_map_is_named_as_a_map(small: Path, name: str) -> None:
     name = name.format(small.parent)
     run = sweep(name, "-o", small.parent / "out")
     assert run.code == 1

@@ -51,7 +51,7 @@ def corner_of(
 
 
 def cross_section(scene: Scene, distance: float, beam_deg: float = 4) -> float:
-    """Return the cross section of what is straight ahead, dBsm."""
+    """Return the cross section of the object straight ahead, dBsm."""
     which = radar(beamwidth_az_deg=beam_deg, beamwidth_el_deg=beam_deg)
     power = echo_power(which, scene)[0]
     near = np.abs(which.ranges - distance) < 1
@@ -164,7 +164,7 @@ def test_corner_of_small_pieces_of_concrete_is_a_dihedral(a: float, b: float) ->
 
 
 def test_slopes_of_walls_spread_the_echo_beyond_a_narrow_beam() -> None:
-    """Two walls of slope s: a lobe of s sqrt(2) beside the line, and of s along it."""
+    """Two walls of slope s: a lobe of s sqrt(2) off the line, and of s along it."""
     narrow, slope = math.radians(12) / (4 * math.sqrt(math.log(2))), math.radians(2)
     ratio = 1 / math.hypot(1, math.sqrt(2) * slope / narrow)
     ratio /= math.hypot(1, slope / narrow)

@@ -100,7 +100,7 @@ def test_epoch_is_one_for_which_readers_assume_the_bins_if_they_can(
 
 
 def test_images_without_notes_have_the_bins_of_their_readers(tmp_path: Path) -> None:
-    """Files of the data sets themselves, by what is published of their layouts."""
+    """Files in the layouts that the data sets have published."""
     row = struct.pack("<qHB", TIME, 2803, 255) + bytes(range(5))
     png = Image.fromarray(np.frombuffer(row, np.uint8)[None])
     for layout, size in (("oxford", 0.0432), ("boreas", 0.0596)):
@@ -132,7 +132,7 @@ def test_images_without_notes_have_the_bins_of_their_readers(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("layout", "problem"), [("kitti", "expected one of"), ("boreas", "no .png files")]
 )
-def test_what_is_no_folder_of_a_data_set_is_told(
+def test_other_folders_than_a_data_set_are_reported(
     tmp_path: Path, layout: str, problem: str
 ) -> None:
     with pytest.raises(ValueError, match=problem):

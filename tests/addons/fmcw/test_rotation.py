@@ -49,7 +49,7 @@ def test_directions_come_in_order_and_a_few_sweeps_late(
     radar: FmcwRadar, foliage_room: Scene
 ) -> None:
     rotation = Rotation(radar, foliage_room, radarsim.generator_for(0))
-    rotation.advance(EYE, 90)  # of which nothing is received
+    rotation.advance(EYE, 90)  # nothing of it is received
     found = []
     for step in range(1, 11):
         for sector in rotation.advance(EYE, 10):
@@ -77,7 +77,7 @@ def test_each_direction_is_seen_from_where_the_radar_is_then() -> None:
     """A mast 10 m ahead of a radar that turns by 60 degrees a second.
 
     In a rigid body's frame the mast is at the angle by which the robot has turned when
-    the antenna looks there, whatever number of directions are looked into at once.
+    the antenna looks there, with any number of azimuths at once.
     """
     radar = radarsim.load_sensor("navtech_cts350x", fmcw={"sidelobe_db": -300}).fmcw
     settings = radar.settings
@@ -146,7 +146,7 @@ def test_robot_that_drives_seems_nearer_or_farther(heading_deg: float) -> None:
 
 
 def test_target_has_its_cross_section_and_its_velocity() -> None:
-    """A sphere of 0 dBsm, and a robot of which it is known how fast it drives."""
+    """A sphere of 0 dBsm, and a robot with a known speed."""
     sphere = Reflector("sphere", (20.0, 0.0, 1.0), rcs_dbsm=0.0)
     scene = Scene("sphere", "Sphere", reflectors=(sphere,))
     radar = radarsim.load_sensor("navtech_cts350x").fmcw

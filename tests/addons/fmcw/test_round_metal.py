@@ -27,7 +27,7 @@ def part_at(distance: float, mesh: Mesh, yaw_deg: float = 0.0) -> Part:
 
 
 def cross_section(part: Part, distance: float) -> float:
-    """Return the cross section of what is at a distance, dBsm, by a spectrum."""
+    """Return the cross section of an object at a distance, dBsm, by a spectrum."""
     turn = WIDE.spectrum(scene_of(part), EYE, radarsim.generator_for(0))
     near = np.abs(turn.ranges - distance) < 1
     unit = received_power(WIDE.settings, 1.0, distance)

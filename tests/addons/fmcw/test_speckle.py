@@ -1,4 +1,4 @@
-"""Speckle of what is rough, against closed forms: still, driving, turning, in a wind.
+"""Speckle of rough surfaces, against closed forms: still, driving, turning, in a wind.
 
 Source of the correlations: J. W. Goodman, Speckle Phenomena in Optics, 2007, for a
 Gaussian aperture; the field is correlated as the Fourier transform of the power of the
@@ -59,7 +59,7 @@ def power_correlation(first: NDArray[Any], second: NDArray[Any]) -> float:
 
 def test_speckle_of_terrain_is_exponential(which: FmcwRadar) -> None:
     """Measured at 95 GHz: standard deviation over mean 0.97 to 1."""
-    cells = np.abs(pattern(which)[::3]).ravel() ** 2  # of which each is independent
+    cells = np.abs(pattern(which)[::3]).ravel() ** 2  # each is independent
     assert cells.mean() == pytest.approx(1, abs=0.02)
     assert cells.std() / cells.mean() == pytest.approx(1, abs=0.03)
     ordered = np.sort(cells / cells.mean())

@@ -87,7 +87,7 @@ def test_setting_of_the_radar_can_be_changed(foliage_room: Scene) -> None:
     assert "20 azimuths of 300 bins" in repr(small.fmcw)
 
 
-def test_what_is_wrong_with_a_setting_is_told(foliage_room: Scene) -> None:
+def test_errors_of_a_setting_are_reported(foliage_room: Scene) -> None:
     with pytest.raises(PresetError, match="no setting 'binz'"):
         radarsim.load_sensor("navtech_cts350x", fmcw={"binz": 3})
     with pytest.raises(PresetError, match="at most c/2B"):

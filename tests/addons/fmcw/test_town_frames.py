@@ -1,4 +1,4 @@
-"""Frames along a street of the town, beside real ones of RADIATE.
+"""Frames along a street of the town, compared with real ones of RADIATE.
 
 Real values are those of images of its city and suburb sequences. They differ from place
 to place, and so do those of towns of other seeds: the limits are wide.

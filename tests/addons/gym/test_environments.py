@@ -40,7 +40,7 @@ starts:
 
 @pytest.fixture
 def two_rooms(tmp_path: Path) -> str:
-    """A room with a start, and one beside it to which no way leads."""
+    """A room with a start, and one next to it to which no way leads."""
     path = tmp_path / "two_rooms.yaml"
     path.write_text(CLOSED_MAP, encoding="utf-8")
     return str(path)
@@ -162,7 +162,7 @@ def test_some_of_many_robots_on_other_maps_are_reset(
 @pytest.mark.parametrize(
     "mask", [[True], np.ones(2), np.zeros(2, bool), np.ones((2, 1), bool), None]
 )
-def test_wrong_masks_are_told(mask: Any) -> None:
+def test_wrong_masks_are_reported(mask: Any) -> None:
     envs = VectorEnv(2, **FAST)
     envs.reset()
     with pytest.raises(
@@ -247,7 +247,7 @@ def test_observation_is_what_can_be_computed_by_hand(empty_room: Scene) -> None:
     np.testing.assert_allclose(seen["speeds"], [0.0, 0.5], atol=1e-6)
 
 
-def test_collision_is_told_and_may_end_the_episode() -> None:
+def test_collision_is_reported_and_may_end_the_episode() -> None:
     ahead = np.ones(2, np.float32)
     for ends in (False, True):
         env = GoToEnv(**ACROSS, ends_at_collision=ends, max_steps=300, **FAST)
@@ -302,12 +302,12 @@ def test_random_places_are_free_and_can_be_reached(two_rooms: str) -> None:
         ({"render_mode": "ansi"}, "'ansi', expected rgb_array, human or None"),
     ],
 )
-def test_wrong_settings_are_told(settings: dict[str, Any], words: str) -> None:
+def test_wrong_settings_are_reported(settings: dict[str, Any], words: str) -> None:
     with pytest.raises((ValueError, RadarsimError), match=words):
         GoToEnv(**settings)
 
 
-def test_wrong_options_and_actions_are_told() -> None:
+def test_wrong_options_and_actions_are_reported() -> None:
     env = GoToEnv(**ACROSS, **FAST)
     with pytest.raises(ValueError, match="x and y"):
         env.reset(options={"goal": (1.0, 1.0, 0.0)})

@@ -1,4 +1,4 @@
-"""COLLADA files are read as they are meant, and whatever is wrong with them is told."""
+"""COLLADA files are read as they are meant, and errors in them are reported."""
 
 import io
 import zipfile
@@ -92,7 +92,7 @@ def test_cameras_and_lights_are_not_missed() -> None:
     )
 
 
-def test_parts_that_cannot_be_read_are_told_and_others_are_read() -> None:
+def test_parts_that_cannot_be_read_are_reported_and_others_are_read() -> None:
     broken = box_geometry("h", (1, 1, 1)).replace("<param", "<other")
     text = box_file((2, 3, 4)).replace("</library_geo", f"{broken}</library_geo")
     meshes, problems = read_collada(text.encode())
@@ -102,7 +102,7 @@ def test_parts_that_cannot_be_read_are_told_and_others_are_read() -> None:
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[SLOW] * (n == "doubled")) for n in WRONG]
 )
-def test_wrong_file_is_told(name: str) -> None:
+def test_wrong_file_is_reported(name: str) -> None:
     with pytest.raises(MeshError) as caught:
         read_collada(WRONG[name].encode())
     assert "\n" not in str(caught.value)

@@ -98,7 +98,7 @@ def test_patterns_count_before_extras(import_file: Import, tmp_path: Path) -> No
     assert {part.material.name for part in scene.parts} == {"hedge"}
 
 
-def test_extras_that_are_not_read_are_told(import_file: Import, tmp_path: Path) -> None:
+def test_unread_extras_are_reported(import_file: Import, tmp_path: Path) -> None:
     path = tmp_path / "a.gltf"
     materials = (
         {"name": "A", "extras": {"density": 1, "season": "May"}},
@@ -121,7 +121,7 @@ def test_file_is_below_the_folder_of_the_map(
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_file_is_told(name: str, import_file: Import, tmp_path: Path) -> None:
+def test_wrong_file_is_reported(name: str, import_file: Import, tmp_path: Path) -> None:
     (tmp_path.parent / "b.bin").write_bytes(BINARY)
     path = tmp_path / "a.gltf"
     path.write_text(WRONG[name])
@@ -131,7 +131,7 @@ def test_wrong_file_is_told(name: str, import_file: Import, tmp_path: Path) -> N
     assert done.err.startswith(f"radarsim: {path}:")
 
 
-def test_default_material_and_unused_patterns_are_told(
+def test_default_material_and_unused_patterns_are_reported(
     import_file: Import, tmp_path: Path
 ) -> None:
     path = tmp_path / "a.gltf"

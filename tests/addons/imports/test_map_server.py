@@ -1,4 +1,4 @@
-"""Maps of map_server become boxes that cover what is occupied."""
+"""Maps of map_server become boxes that cover the occupied cells."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -154,7 +154,7 @@ def test_turned_plan_is_turned(import_file: Import, tmp_path: Path) -> None:
     assert high[:2] == pytest.approx([3.0, 9.0], abs=1e-4)
 
 
-def test_unknown_cells_and_unread_keys_are_told(
+def test_unknown_cells_and_unread_keys_are_reported(
     import_file: Import, tmp_path: Path
 ) -> None:
     path = write_plan(tmp_path, PLAN.replace("..", ".?"), KEYS + "floor: 2\n")
@@ -165,7 +165,7 @@ def test_unknown_cells_and_unread_keys_are_told(
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_file_is_told_with_its_line(
+def test_wrong_file_is_reported_with_its_line(
     name: str, import_file: Import, tmp_path: Path
 ) -> None:
     Image.new("L", (4, 4)).save(tmp_path.parent / "plan.pgm")

@@ -91,7 +91,7 @@ def test_ranges_are_those_of_the_map_written_by_hand(
         np.testing.assert_allclose(second, first, atol=1e-3)
 
 
-def test_what_is_left_out_is_told_with_its_line(
+def test_omissions_are_reported_with_their_line(
     import_world: Import, tmp_path: Path
 ) -> None:
     more = """
@@ -162,7 +162,7 @@ def test_includes_that_double_are_refused(
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_file_is_told_with_its_line(
+def test_wrong_file_is_reported_with_its_line(
     name: str, import_file: Import, tmp_path: Path
 ) -> None:
     path = write(tmp_path / "w.sdf", WRONG[name])
@@ -179,7 +179,7 @@ class Thing(NamedTuple):
         collision: The shape of its collision; empty for none.
         size: Size of the box that it becomes, m; None if it is left out.
         file: Name of its mesh file.
-        content: What is in that; empty if there is none.
+        content: Its content; empty if there is none.
     """
 
     collision: str
@@ -248,8 +248,8 @@ def test_worlds_with_meshes_are_imported_or_what_is_left_out_is_named(
             by_hand.append(f"  - {{name: {name}, {keys}, {turned}}}\n")
     done = import_world(text, "--model-path", str(models))
     assert done.code == int(2 * len(left_out) > count)
-    told = done.err.splitlines()[-1]
-    assert f"{len(left_out)} of {count} models left out" in told
+    summary = done.err.splitlines()[-1]
+    assert f"{len(left_out)} of {count} models left out" in summary
     named = set(re.findall(r"thing_\d+x", done.text))
     assert named == set(left_out)
     assert len(by_hand) == count - len(left_out) > 0

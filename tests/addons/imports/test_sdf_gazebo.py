@@ -1,4 +1,4 @@
-"""Worlds become what Gazebo shows: closed forms tell where things are, how large."""
+"""Worlds become what Gazebo shows: closed forms give places and sizes."""
 
 import math
 from collections.abc import Callable
@@ -105,7 +105,7 @@ def test_polyline_that_crosses_itself_is_left_out(import_world: Import) -> None:
 
 
 POSES = {
-    # Where the middle of a cube of 1 m is, and what is in its model.
+    # The middle of a cube of 1 m, and the contents of its model.
     "placement frame": (
         (4, 0, 1),
         "<pose>4 0 3 0 0 0</pose><frame name='hook'><pose>0 0 2 0 0 0</pose></frame>",
@@ -336,7 +336,7 @@ def test_file_that_is_included_has_one_model(
     assert "1 of 3 models left out: 1 not the first in an included file" in done.err
 
 
-def test_map_without_a_floor_is_told(import_world: Import) -> None:
+def test_map_without_a_floor_is_reported(import_world: Import) -> None:
     content = box_model(1, "<pose>3 0 0.5 0 0 0</pose>")
     assert "no floor below the start" in import_world(content).err
     assert "no floor" not in import_world(content, "--start", "3,0,0").err

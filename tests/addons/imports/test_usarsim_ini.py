@@ -93,12 +93,12 @@ def test_axes_become_those_of_the_robot(tmp_path: Path) -> None:
     assert scanner.rotation_deg == pytest.approx((0, -30, -90))
 
 
-def test_what_is_left_out_is_told(tmp_path: Path) -> None:
+def test_omissions_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.ini"
     path.write_text(P3AT.replace("P3AT", "Tarantula") + "MaxSpeed=3\n")
     words = ("import", str(path), "-o", str(tmp_path / "b.yaml"))
-    told = run_in_process(*words).text.splitlines()
-    assert told == [
+    printed = run_in_process(*words).text.splitlines()
+    assert printed == [
         f"{path}:1: Tarantula gets the body of a P3AT",
         f"{path}:6: a part of class 'USARCamera' is left out",
         f"{path}:9: the key 'MaxSpeed' is not read",
@@ -114,7 +114,7 @@ def test_text_may_be_in_another_encoding(tmp_path: Path, encoding: str) -> None:
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_file_is_told_with_its_line(name: str, tmp_path: Path) -> None:
+def test_wrong_file_is_reported_with_its_line(name: str, tmp_path: Path) -> None:
     path, out = tmp_path / "a.ini", tmp_path / "b.yaml"
     content = WRONG[name]
     path.write_bytes(content if isinstance(content, bytes) else content.encode())

@@ -36,7 +36,7 @@ def stamp_of(header: Any) -> tuple[int, int]:
 
 
 def rows_of(cloud: Any) -> Any:
-    """Return the points of a cloud by what it tells of its fields."""
+    """Return the points of a cloud by its description of the fields."""
     kinds = {PointField.FLOAT32: "<f4", PointField.UINT16: "<u2"}
     dtype = np.dtype(
         {
@@ -57,9 +57,9 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     topics.describe(None, [scanner], {}, 0.0)
     beams, ranges = np.arange(count), np.linspace(3.0, 90.0, count)
     lines = target_lines(4.0, "Navtech", beams, ranges, -60.0 - ranges)
-    told = [message for line in lines for message in topics.of_report(line)]
-    message = told[-1]
-    assert (len(told), message.topic) == (2, "/R1/Navtech/targets")
+    converted = [message for line in lines for message in topics.of_report(line)]
+    message = converted[-1]
+    assert (len(converted), message.topic) == (2, "/R1/Navtech/targets")
     assert not message.latched
     cloud = decoded(message)
     assert (cloud.header.frame_id, stamp_of(cloud.header)) == ("R1/Navtech", (4, 0))
@@ -71,9 +71,9 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     np.testing.assert_allclose(directions, expected, atol=1e-6)
     np.testing.assert_allclose(np.hypot(read["x"], read["y"]), ranges, rtol=1e-6)
     # The same as a scan of the drivers of radars, which other nodes of ROS read.
-    assert told[0].topic == "/R1/Navtech/radar_scan"
-    assert told[0].type == "radar_msgs/msg/RadarScan"
-    scan = decoded(told[0])
+    assert converted[0].topic == "/R1/Navtech/radar_scan"
+    assert converted[0].type == "radar_msgs/msg/RadarScan"
+    scan = decoded(converted[0])
     assert (scan.header.frame_id, stamp_of(scan.header)) == ("R1/Navtech", (4, 0))
     returns = np.array(
         [
@@ -84,9 +84,9 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     columns = [ranges, expected, np.zeros(count), -60.0 - ranges]
     np.testing.assert_allclose(returns, np.column_stack(columns), rtol=1e-6, atol=1e-6)
     assert all(math.isnan(each.doppler_velocity) for each in scan.returns)
-    sent = json.loads(message_json(told[0]))["returns"]
+    sent = json.loads(message_json(converted[0]))["returns"]
     assert {each["doppler_velocity"] for each in sent} <= {None}
-    assert "float32 doppler_velocity" in definition_of(told[0].type)
+    assert "float32 doppler_velocity" in definition_of(converted[0].type)
 
 
 @pytest.mark.parametrize("time", [math.nan, -1.0, math.inf])

@@ -25,9 +25,9 @@ def test_both_readers_find_all_messages(foliage_room: Scene, tmp_path: Path) -> 
     recorded_runs.write_run(recorded_runs.run_two_clients(foliage_room), folder)
     path = folder / file_name(folder)
     command = ["node", str(PROGRAM), str(packages), str(path)]
-    told = json.loads(subprocess.check_output(command, timeout=240))
+    found = json.loads(subprocess.check_output(command, timeout=240))
     expected = Counter(message.topic for message in BagReader(folder).messages())
-    assert told == {"indexed": expected, "stream": expected}
+    assert found == {"indexed": expected, "stream": expected}
     # A changed byte is noticed.
     content = bytearray(path.read_bytes())
     content[len(content) // 3] ^= 1

@@ -117,10 +117,10 @@ def test_recording_of_another_radar_model_says_why_it_differs(
     write_recording(folder, info, [*events[:first], changed, *events[first + 1 :]])
     done = run_in_process("replay", str(folder), "--verify")
     assert done.code == 1
-    told = " ".join(done.err.split())
-    assert "differs at" in told
-    is_told = "what FMCW radars detect is different" in told
-    assert is_told is (revision != RADAR_MODEL)
+    printed = " ".join(done.err.split())
+    assert "differs at" in printed
+    is_reported = "what FMCW radars detect is different" in printed
+    assert is_reported is (revision != RADAR_MODEL)
 
 
 def test_spectra_are_recorded_on_request_only(foliage_room: Scene) -> None:

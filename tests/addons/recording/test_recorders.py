@@ -111,5 +111,5 @@ def test_configuration_of_a_robot_is_kept_once_whatever_comes_first(conf: str) -
     recorder.begin(1, "R1")
     for time in (0.1, 0.2):
         recorder.received(1, f"STA {{Time {time}}}\r\n{conf}\r\n".encode())
-    told = [each.data.decode() for each in events if each.type is EventType.ROBOT]
-    assert told == ["R1\r\n", f"R1\r\n{conf}\r\n"]
+    recorded = [each.data.decode() for each in events if each.type is EventType.ROBOT]
+    assert recorded == ["R1\r\n", f"R1\r\n{conf}\r\n"]

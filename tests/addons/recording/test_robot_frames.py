@@ -119,7 +119,7 @@ def test_frames_lead_to_the_true_pose(empty_room: Scene, dialect: Dialect) -> No
     for time, matrix in odom.items():
         pose = run.truths[time]
         found = matrix @ base[time]
-        # To the digits that robots are told.
+        # To the digits on the wire.
         assert found[:3, 3] == pytest.approx(pose.position(), abs=2e-3)
         assert found[:3, :3] == pytest.approx(pose.rotation(), abs=2e-3)
 
@@ -142,7 +142,7 @@ def test_own_localization_leaves_out_the_correction_alone(
     assert len(run.frames("R1/odom", "R1/base_link")) > 40
 
 
-def test_ins_tells_the_pose_of_the_robot(empty_room: Scene) -> None:
+def test_ins_reports_the_pose_of_the_robot(empty_room: Scene) -> None:
     run = Run(empty_room, INIT)
     for message in run.topics["/R1/ins"]:
         assert message["header"]["frame_id"] == "map"

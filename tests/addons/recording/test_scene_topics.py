@@ -142,8 +142,8 @@ def test_scene_of_nothing_has_no_map_nor_one_that_a_robot_maps(
 
 
 def test_links_of_the_model_are_frames(bag: Path) -> None:
-    (told,) = messages_of(bag, "/R_1/robot_description")
-    robot: Any = ET.fromstring(told.data)
+    (described,) = messages_of(bag, "/R_1/robot_description")
+    robot: Any = ET.fromstring(described.data)
     frames = {
         transform.child_frame_id: transform
         for message in messages_of(bag, "/tf_static")
@@ -174,7 +174,7 @@ def test_links_of_the_model_are_frames(bag: Path) -> None:
     assert 0.1 < high <= model.height - model.origin_height
 
 
-def test_model_of_an_unknown_class_has_what_the_server_tells() -> None:
+def test_model_of_an_unknown_class_has_what_the_server_reports() -> None:
     lines = (
         "R9",
         "GEO {Type GroundVehicle} {Name Rover} {Dimensions 1,0.8,0.5} {COG 0,0,0}"
@@ -184,8 +184,8 @@ def test_model_of_an_unknown_class_has_what_the_server_tells() -> None:
     )
     event = RunEvent(EventType.ROBOT, 5, 1, "\r\n".join(lines).encode())
     converter = CallConverter(RecordingInfo(version="1"))
-    told = [message for _, message in converter.convert(event)]
-    (found,) = (each for each in told if each.topic == "/R9/robot_description")
+    described = [message for _, message in converter.convert(event)]
+    (found,) = (each for each in described if each.topic == "/R9/robot_description")
     assert found.latched
     robot = ET.fromstring(found.fields.data)
     sizes = [each.get("size") for each in robot.iter("box")]
@@ -269,5 +269,5 @@ def test_one_robot_can_go_without_its_name(foliage_room: Scene, tmp_path: Path) 
     }
     scans = messages_of(folder, "/lms200/scan")
     assert {scan.header.frame_id for scan in scans} == {"lms200"}
-    (told,) = messages_of(folder, "/robot_description")
-    assert 'link name="base_link"' in told.data
+    (described,) = messages_of(folder, "/robot_description")
+    assert 'link name="base_link"' in described.data

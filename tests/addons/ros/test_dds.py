@@ -28,7 +28,7 @@ from radarsim.protocol.reports import GroundTruth, WatchedLine
 
 TIMEOUT = 240  # s that a busy machine may need
 SUPPORT = Path(__file__).parents[2] / "support"
-DOMAIN = 1 + os.getpid() % 100  # tests beside each other have their own
+DOMAIN = 1 + os.getpid() % 100  # parallel tests have their own
 OPTIONS = ["--bridge", "dds", "--robot", "P3AT_Compare", "--start", "RobotStart1"]
 OPTIONS += ["--map", "R1", "--domain", str(DOMAIN)]
 foliage_server = pytest.mark.usarsim(map="foliage_room")
@@ -53,11 +53,11 @@ def test_participant_hears_scans_and_a_map_and_drives(
     ):
         assert "DDS domain" in line
         assert listener.stdout is not None
-        told = json.loads(listener.stdout.read())
+        received = json.loads(listener.stdout.read())
         watcher.watch(["R1"])
         poses = watch_until_it_stands(watcher)
-    check_map(told["map"])
-    heard = told["scans"]
+    check_map(received["map"])
+    heard = received["scans"]
     times = [scan["time"] for scan in heard]
     assert times == sorted(times)
     assert {scan["frame"] for scan in heard} == {"R1/lms200"}
@@ -83,7 +83,7 @@ def cell_at(grid: dict[str, Any], x: float, y: float) -> int:
 
 
 def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:
-    """Return poses of 1.5 s of simulated time or more, of which the last two agree."""
+    """Return poses of 1.5 s of simulated time or more; the last two agree."""
     poses: list[GroundTruth] = []
     while (
         not poses
@@ -98,22 +98,22 @@ def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:
     return poses
 
 
-def check_world(told: dict[str, Any]) -> None:
+def check_world(received: dict[str, Any]) -> None:
     """Check what a viewer has heard of a robot in the foliage room."""
-    alphas = {marker["ns"]: marker["alpha"] for marker in told["scene"]}
+    alphas = {marker["ns"]: marker["alpha"] for marker in received["scene"]}
     assert alphas["bush_1"] == pytest.approx(0.5)
     assert alphas["north_wall"] == 1.0
-    assert all(marker["points"] % 3 == 0 for marker in told["scene"])
-    grid = told["map"]
+    assert all(marker["points"] % 3 == 0 for marker in received["scene"])
+    grid = received["map"]
     assert (grid["frame"], {*grid["data"]}) == ("map", {0, 100})
     assert cell_at(grid, -7.0, 0.0) == 0  # the floor
     assert cell_at(grid, -10.5, 0.0) == 100  # a wall
-    links = ET.fromstring(told["robot_description"]).iter("link")
+    links = ET.fromstring(received["robot_description"]).iter("link")
     assert {"R1/base_link", "R1/lms200"} <= {link.get("name") for link in links}
-    picture = told["camera/image/compressed"]
+    picture = received["camera/image/compressed"]
     assert picture["frame"] == "R1/camera_optical"
     shown = Image.open(io.BytesIO(base64.b64decode(picture["jpeg"])))
-    info = told["camera/camera_info"]
+    info = received["camera/camera_info"]
     assert info["size"] == list(shown.size)
     assert info["k"][0] == pytest.approx(shown.size[0] / 2 / math.tan(math.radians(40)))
 
@@ -181,9 +181,9 @@ def test_each_frame_has_one_parent(
     command = [sys.executable, str(SUPPORT / "dds_frames.py"), str(DOMAIN)]
     command += ["map"] * by_other
     with bridge(usarsim_server, *OPTIONS, *options):
-        told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
-    parents = {child: parent for parent, child in told}
-    assert len(parents) == len(told)
+        received = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
+    parents = {child: parent for parent, child in received}
+    assert len(parents) == len(received)
     assert parents == {
         "R1/odom": "map",
         "R1/base_link": "R1/odom",

@@ -75,8 +75,8 @@ def test_protocol_is_that_of_foxgloves_sdk() -> None:
     )
     try:
         with connect(f"ws://127.0.0.1:{server.port}", subprotocols=[SDK]) as peer:
-            info, told = (json.loads(peer.recv(TIMEOUT)) for _ in range(2))
-            peer.send(subscription(7, told["channels"][0]["id"]))
+            info, data = (json.loads(peer.recv(TIMEOUT)) for _ in range(2))
+            peer.send(subscription(7, data["channels"][0]["id"]))
             while not channel.has_sinks():
                 time.sleep(0.01)
             channel.log(encode(POSE), log_time=1_500_000_000)
@@ -89,16 +89,16 @@ def test_protocol_is_that_of_foxgloves_sdk() -> None:
     first, second = (json.loads(each) for each in FoxgloveClient(board).waiting)
     kept = ("op", "name", "capabilities", "supportedEncodings")
     assert {key: first[key] for key in kept} == {key: info[key] for key in kept}
-    for each in told["channels"]:
+    for each in data["channels"]:
         each["id"] = 1  # the sdk numbers all channels of a process
-    assert second == told
+    assert second == data
     board.add(messages.clock(1.5), wanted=False)
     client.offer("/a", board.add(POSE, wanted=True), 0.0)
     client.offer("/clock", b"", 0.0)
     assert list(client.waiting) == [expected, expected_time]
 
 
-def test_new_topics_and_latched_messages_are_told() -> None:
+def test_new_topics_and_latched_messages_are_reported() -> None:
     board, client = subscribed()
     for last in ("first", "last"):
         board.add(messages.string("/b", last), wanted=False)
@@ -275,7 +275,7 @@ def test_foxgloves_own_client_reads_every_topic_and_drives(
         port = line.rpartition(":")[2].strip()
         program = SUPPORT / "foxglove_questions.mjs"
         words = ["node", str(program), str(tmp_path), port, "/R1/cmd_vel"]
-        told = json.loads(subprocess.check_output([*words, *wanted], timeout=TIMEOUT))
+        heard = json.loads(subprocess.check_output([*words, *wanted], timeout=TIMEOUT))
         with connect(f"ws://127.0.0.1:{port}", subprotocols=[SDK]) as peer:
             channel = await_topics(peer, "/R1/odom")["/R1/odom"]["id"]
             peer.send(subscription(1, channel))
@@ -285,13 +285,13 @@ def test_foxgloves_own_client_reads_every_topic_and_drives(
             odometry: Any = typestore().deserialize_cdr(
                 data[13:], "nav_msgs/msg/Odometry"
             )
-    assert told["status"] == []
-    assert told["info"]["name"] == "radarsim"
-    assert told["times"] == sorted(told["times"])
-    assert len(told["messages"]["/scene"]["markers"]) == 16
-    assert told["messages"]["/map"]["info"]["resolution"] == pytest.approx(0.05)
-    assert told["messages"]["/R1/lms200/scan"]["ranges"] == 181
-    stamp = told["messages"]["/R1/odom"]["header"]["stamp"]
-    told_at = told["stamps"]["/R1/odom"] / 1e9
-    assert told_at - stamp["sec"] - stamp["nanosec"] / 1e9 == pytest.approx(0, abs=0.05)
+    assert heard["status"] == []
+    assert heard["info"]["name"] == "radarsim"
+    assert heard["times"] == sorted(heard["times"])
+    assert len(heard["messages"]["/scene"]["markers"]) == 16
+    assert heard["messages"]["/map"]["info"]["resolution"] == pytest.approx(0.05)
+    assert heard["messages"]["/R1/lms200/scan"]["ranges"] == 181
+    stamp = heard["messages"]["/R1/odom"]["header"]["stamp"]
+    sent_at = heard["stamps"]["/R1/odom"] / 1e9
+    assert sent_at - stamp["sec"] - stamp["nanosec"] / 1e9 == pytest.approx(0, abs=0.05)
     assert odometry.pose.pose.position.x > 0.01

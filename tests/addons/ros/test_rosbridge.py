@@ -142,7 +142,7 @@ def test_twist_of_a_robot_at_its_free_start_adds_up_to_its_pose(
 
 
 @foliage_server
-def test_roslib_is_told_what_there_is(
+def test_roslib_asks_for_topics_and_types(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     install_packages(tmp_path, "roslib@2.1")
@@ -151,20 +151,20 @@ def test_roslib_is_told_what_there_is(
         with connect(f"ws://127.0.0.1:{port}") as connection:
             Side(connection).wait_for_topic("/R1/odom")
         command = ["node", str(program), str(tmp_path), str(port)]
-        told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
-    types = dict(zip(told["topics"]["topics"], told["topics"]["types"], strict=True))
+        data = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
+    types = dict(zip(data["topics"]["topics"], data["topics"]["types"], strict=True))
     assert types["/R1/odom"] == "nav_msgs/msg/Odometry"
     assert types["/R1/cmd_vel"] == "geometry_msgs/msg/Twist"
-    assert (told["nodes"], told["params"]) == (["/radarsim"], [])
-    assert told["scanners"] == ["/R1/lms200/scan"]
-    assert told["raw"]["topics"] == told["topics"]["topics"]
-    assert all(told["raw"]["typedefs_full_text"])
-    assert told["odometry"]["header"]["stamp"] == {"sec": "int32", "nanosec": "uint32"}
-    assert told["odometry"]["twist"]["covariance"] == ["float64"]
-    assert told["unknown"] == []
-    assert told["time"]["time"]["sec"] + told["time"]["time"]["nanosec"] > 0
-    assert told["time"]["time"]["secs"] == told["time"]["time"]["sec"]
-    assert told["beams"] == 181
+    assert (data["nodes"], data["params"]) == (["/radarsim"], [])
+    assert data["scanners"] == ["/R1/lms200/scan"]
+    assert data["raw"]["topics"] == data["topics"]["topics"]
+    assert all(data["raw"]["typedefs_full_text"])
+    assert data["odometry"]["header"]["stamp"] == {"sec": "int32", "nanosec": "uint32"}
+    assert data["odometry"]["twist"]["covariance"] == ["float64"]
+    assert data["unknown"] == []
+    assert data["time"]["time"]["sec"] + data["time"]["time"]["nanosec"] > 0
+    assert data["time"]["time"]["secs"] == data["time"]["time"]["sec"]
+    assert data["beams"] == 181
 
 
 def test_help_names_only_programs_that_connect() -> None:
@@ -310,13 +310,13 @@ def test_roslibpy_hears_scans_and_drives(
         with connect(f"ws://127.0.0.1:{port}") as connection:
             Side(connection).wait_for_topic("/R1/cmd_vel")
         command = [sys.executable, str(DRIVER), port, str(seconds)]
-        told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
-    assert {"/R1/lms200/scan", "/R1/cmd_vel", "/tf"} <= set(told["topics"])
-    assert told["time"] > 0
-    stamps = [scan["header"]["stamp"] for scan in told["scans"]]
+        data = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
+    assert {"/R1/lms200/scan", "/R1/cmd_vel", "/tf"} <= set(data["topics"])
+    assert data["time"] > 0
+    stamps = [scan["header"]["stamp"] for scan in data["scans"]]
     times = np.array([stamp["sec"] + stamp["nanosec"] / 1e9 for stamp in stamps])
     assert times[-1] - times[0] >= seconds
     np.testing.assert_allclose(np.diff(times), 0.1, atol=0.021)
-    x = [pose["pose"]["position"]["x"] for pose in told["poses"]]
+    x = [pose["pose"]["position"]["x"] for pose in data["poses"]]
     assert x[0] + 0.5 <= x[-1] < x[0] + 3.5
     assert x[-1] == x[-2]  # it stands, as no command comes any more

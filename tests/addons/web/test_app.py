@@ -115,7 +115,7 @@ async def close_code(web: str, *messages: str | bytes) -> int:
         return socket.close_code
 
 
-async def test_without_the_token_nothing_is_told(commander: Any) -> None:
+async def test_without_the_token_nothing_is_reported(commander: Any) -> None:
     wrong = '{"op": "hello", "token": "wrong"}'
     for first in (wrong, '{"op": "stop"}', "nonsense", b"\xff", ""):
         assert await close_code(commander.web, first) == 4401
@@ -132,7 +132,7 @@ async def test_who_sends_too_much_is_closed(commander: Any) -> None:
     assert await close_code(commander.web, hello, *stops) == 4429
 
 
-async def test_hello_tells_what_there_is_and_the_map_follows(page: Page) -> None:
+async def test_hello_lists_what_there_is_and_the_map_follows(page: Page) -> None:
     hello = page.hello
     assert hello["level"] == "DM-FoliageRoom"
     assert next(start["name"] for start in hello["starts"]) == "RobotStart1"
@@ -142,7 +142,7 @@ async def test_hello_tells_what_there_is_and_the_map_follows(page: Page) -> None
     assert (await page.hear("triangles"))["parts"]
 
 
-async def test_what_is_not_possible_is_told(page: Page) -> None:
+async def test_impossible_values_are_reported(page: Page) -> None:
     cases: list[tuple[dict[str, Any], str]] = [
         ({"op": "drive", "robot": "x", "v": 1, "w": 0}, "no robot 'x'"),
         ({"op": "nonsense"}, "nonsense"),

@@ -1,4 +1,4 @@
-"""What the server is asked to tell the commander, by who looks."""
+"""Requests of the commander to the server, by the pages that are visible."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -74,7 +74,7 @@ async def looking(commander: Any) -> AsyncIterator[Page]:
         yield page
 
 
-async def test_a_commander_that_nobody_looks_at_is_told_nothing(
+async def test_a_commander_that_nobody_looks_at_receives_nothing(
     wire: tuple[Wire, tuple[str, int]],
 ) -> None:
     seen, address = wire
@@ -83,7 +83,7 @@ async def test_a_commander_that_nobody_looks_at_is_told_nothing(
         assert seen.copies() == []
 
 
-async def test_it_is_told_nothing_any_more_when_the_last_page_is_hidden_or_gone(
+async def test_it_receives_nothing_any_more_when_the_last_page_is_hidden_or_gone(
     wire: tuple[Wire, tuple[str, int]],
 ) -> None:
     seen, address = wire

@@ -42,8 +42,8 @@ async def test_robot_is_seen_with_its_scans_and_echoes(page: Page) -> None:
 async def test_robot_drives_and_stops_when_nothing_more_is_heard(page: Page) -> None:
     name = await page.spawn()
     await page.send("drive", robot=name, v=0.5, w=0)
-    told = await page.hear("viewer", robot=name)
-    assert told["driver"] == "viewer 1"
+    reported = await page.hear("viewer", robot=name)
+    assert reported["driver"] == "viewer 1"
     await page.see(lambda frame: frame.robot(name).get("x", -8) > -7.95)
     await page.hear("viewer", robot=name, driver=None)  # nobody drives any more
     frame = await page.see(stands(name))
@@ -130,7 +130,7 @@ async def test_robot_is_spawned_where_one_clicks_and_removed(page: Page) -> None
     await page.see(lambda frame: not frame.robot(name))
 
 
-async def test_browser_is_told_why_a_robot_does_not_come(
+async def test_browser_learns_why_a_robot_does_not_come(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("radarsim.addons.web.robots.LONG_WAIT", 0.1)

@@ -61,11 +61,11 @@ async def test_all_robots_are_recorded_until_anybody_ends_it(
                 scan = await client.wait_for(RangeScan, name="lms200")
                 scans += [scan] if scan.time > start else []
             await other.send("record", on=False)
-            told = (await page.hear("recording", on=False, text=""))["text"]
-            while not told:
-                told = (await page.hear("recording", on=False))["text"]
+            reported = (await page.hear("recording", on=False, text=""))["text"]
+            while not reported:
+                reported = (await page.hear("recording", on=False))["text"]
     folder = only_folder(tmp_path)
-    assert str(folder) in told
+    assert str(folder) in reported
     sent = {round(scan.time, 2): scan.ranges for scan in scans}
     recorded = read(folder, "/R_1/lms200/scan")
     common = [(m.ranges, sent[t]) for m in recorded if (t := seconds(m)) in sent]
@@ -97,7 +97,7 @@ async def test_a_recording_is_complete_when_the_commander_ends(
     assert len(read(folder, "/R1/lms200/scan")) >= 2
 
 
-async def test_what_cannot_be_recorded_is_told_and_a_lost_server_ends_a_recording(
+async def test_what_cannot_be_recorded_is_reported_and_a_lost_server_ends_a_recording(
     foliage_room: Scene, tmp_path: Path
 ) -> None:
     target = tmp_path / "target"
@@ -118,7 +118,7 @@ async def test_what_cannot_be_recorded_is_told_and_a_lost_server_ends_a_recordin
             assert (folder / "metadata.yaml").exists()
 
 
-async def test_a_full_disk_is_told_and_ends_the_recording(
+async def test_a_full_disk_is_reported_and_ends_the_recording(
     server: tuple[str, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
@@ -140,7 +140,7 @@ async def test_a_full_disk_is_told_and_ends_the_recording(
             await page.hear("viewer", robot="R1")
 
 
-async def test_a_recording_that_fails_at_its_end_is_told_as_not_complete(
+async def test_a_recording_that_fails_at_its_end_is_reported_as_not_complete(
     server: tuple[str, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(

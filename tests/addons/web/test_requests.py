@@ -54,7 +54,7 @@ def test_requests_are_read(message: dict[str, Any]) -> None:
         pytest.param("[" * 4000, "JSON", id="deep"),
     ],
 )
-def test_what_is_wrong_is_told(message: str, text: str) -> None:
+def test_errors_are_reported(message: str, text: str) -> None:
     with pytest.raises(BadRequest, match=text):
         parse_request(message)
 
@@ -70,7 +70,7 @@ def test_lists_are_the_programs_own() -> None:
     assert keys == {*SensorSettings.model_fields} - {"medium", "ray_weights"}
 
 
-def test_settings_tell_how_they_can_be_changed() -> None:
+def test_settings_show_how_they_can_be_changed() -> None:
     settings = {
         each["key"]: each for each in make_offers(SimulationConfig())["settings"]
     }

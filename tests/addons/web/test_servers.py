@@ -40,7 +40,7 @@ async def test_robots_of_other_clients_are_seen_but_not_driven(commander: Any) -
         await page.see(lambda frame: not frame.robot(NAME))
 
 
-async def test_lost_server_is_told_and_found_again(empty_room: Scene) -> None:
+async def test_lost_server_is_reported_and_found_again(empty_room: Scene) -> None:
     first = Server(Host(empty_room))
     await first.start(port=0)
     with run_commander(first.address) as commander:
@@ -49,7 +49,7 @@ async def test_lost_server_is_told_and_found_again(empty_room: Scene) -> None:
             await page.send("drive", robot=name, v=0.2, w=0)
             await page.hear("viewer", driver=page.hello["viewer"])
             await first.stop()
-            assert name in (await page.hear("error"))["text"]  # its driver is told
+            assert name in (await page.hear("error"))["text"]  # its driver gets it
             await page.hear("lost")
             await page.see(lambda frame: not frame.header["robots"])
             second = Server(Host(empty_room))

@@ -29,7 +29,7 @@ async def test_range_changes_with_the_next_scan(page: Page) -> None:
     assert scan["settings"]["max_range"] == 3.0
 
 
-async def test_what_the_server_refuses_is_told_and_taken_back(page: Page) -> None:
+async def test_what_the_server_refuses_is_reported_and_undone(page: Page) -> None:
     name = await spawn(page)
     change = {"robot": name, "scanner": "lms200", "key": "resolution_deg"}
     await page.send("setting", **change, value=0.01)  # more rays than it allows

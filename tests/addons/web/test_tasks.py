@@ -31,7 +31,7 @@ async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
         assert frame.robot(name)["x"] > -7.4
         await page.see(lambda frame: abs(frame.robot(name)["yaw"] - math.pi / 2) < 0.1)
     async with open_page(commander) as page:
-        path = await page.hear("path", robot=name)  # a new browser is told as well
+        path = await page.hear("path", robot=name)  # a new browser gets it as well
         assert path["goal"] == [-7.0, 0.0]
         assert path["heading"] == pytest.approx(math.pi / 2)
         assert path["points"][0] == pytest.approx([-8.0, 0.0], abs=0.1)
@@ -97,8 +97,8 @@ async def test_exploring_shows_a_map_until_it_is_cancelled(page: Page) -> None:
 async def test_map_can_have_the_colours_of_materials(page: Page) -> None:
     name = await page.spawn("P3AT", pose=[-8.0, 0.0, 0.0])
     await page.send("map", robot=name, on=True, colours="material")
-    told = await page.hear("map")
-    assert told["colours"] == "material"
-    assert [FAMILY_COLOURS[Family.FOLIAGE], "foliage"] in told["legend"]
+    reported = await page.hear("map")
+    assert reported["colours"] == "material"
+    assert [FAMILY_COLOURS[Family.FOLIAGE], "foliage"] in reported["legend"]
     await page.send("map", robot="x", on=True)
     assert "'x'" in (await page.hear("error"))["text"]

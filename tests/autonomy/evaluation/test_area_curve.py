@@ -14,7 +14,7 @@ from radarsim.autonomy.navigation.runner import TripMeter
 
 
 class GrowingGrid(OccupancyGrid):
-    """A grid of which some cells are sensed, as many as are wanted."""
+    """A grid with a given number of sensed cells."""
 
     def __init__(self) -> None:
         super().__init__(0.1)
@@ -57,7 +57,7 @@ def test_samples_are_few_and_in_order_and_end_with_the_last(
     assert curve.samples[-1].area == pytest.approx(counts[-1] * 0.01)
 
 
-def test_long_runs_are_sampled_less_often_but_shares_are_told_to_a_second() -> None:
+def test_long_runs_are_sampled_less_often_but_shares_are_exact_to_a_second() -> None:
     curve = curve_of([k // 2 for k in range(2001)], step=1.0)
     assert MOST_SAMPLES / 2 <= len(curve.samples) <= MOST_SAMPLES
     assert curve.reached == {
@@ -68,7 +68,7 @@ def test_long_runs_are_sampled_less_often_but_shares_are_told_to_a_second() -> N
     assert curve.to_dict()["reachable_coverage"][0] == 0
 
 
-def test_without_a_scene_nothing_is_told_of_the_floor() -> None:
+def test_without_a_scene_nothing_is_reported_of_the_floor() -> None:
     curve, grid, trip = AreaCurve(), GrowingGrid(), TripMeter()
     curve.add(trip, grid)
     assert set(curve.to_dict()) == {"time", "path_length", "area"}

@@ -1,4 +1,4 @@
-"""A hedge with two gaps, one of which leads into a dead end: who sees it beforehand."""
+"""A hedge with two gaps, one into a dead end: who sees it beforehand."""
 
 from pathlib import Path
 

@@ -51,8 +51,8 @@ def path_in_smoke(angles: Floats) -> Floats:
     """Return how far beams go inside the column of smoke, m."""
     low, high = cloud_bounds("smoke")
     middle, radius = (low + high)[:2] / 2 - SENSOR[:2], (high - low)[0] / 2
-    beside = middle[0] * np.sin(angles) - middle[1] * np.cos(angles)
-    half = np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
+    aside = middle[0] * np.sin(angles) - middle[1] * np.cos(angles)
+    half = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
     ahead = middle[0] * np.cos(angles) + middle[1] * np.sin(angles) > 0
     return np.where(ahead, 2 * half, 0.0)
 

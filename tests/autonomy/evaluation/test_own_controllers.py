@@ -35,7 +35,7 @@ def tangent_bug(robot: LocalRobot, goal: Point) -> bool:
 
 
 def drive_straight(robot: LocalRobot, goal: Point) -> None:
-    """Drive to a point, whatever is in the way."""
+    """Drive to a point, through obstacles."""
     while math.dist((robot.pose.x, robot.pose.y), goal) > 0.2:
         pose = robot.pose
         bearing = math.atan2(goal[1] - pose.y, goal[0] - pose.x) - pose.yaw
@@ -85,7 +85,7 @@ def test_claim_that_there_is_no_path_is_right_where_there_is_none() -> None:
     assert found.detour == {}
 
 
-def test_table_tells_intervals() -> None:
+def test_table_shows_intervals() -> None:
     (row,) = evaluate(lambda *_: False, maps=["bug_closed_box"], seeds=1).rows
     # Wilson's interval of 10 of 10 begins at 1 / (1 + z² / 10), with z = 1.96.
     found = Evaluation((row,) * 10)

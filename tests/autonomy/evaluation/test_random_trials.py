@@ -28,7 +28,7 @@ def test_what_is_expected_follows_from_the_gap(gap: float, expected: str) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(20))
-def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
+def test_random_map_gets_the_right_verdict_and_nothing_is_touched(number: int) -> None:
     algorithm = ("bug1", "tangentbug", "bug2", "planned")[number % 4]
     assert not random_trial_errors(number, algorithm)
 
@@ -58,5 +58,5 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
         ),
     ],
 )
-def test_map_that_was_told_wrongly_once(number: int, algorithm: str) -> None:
+def test_map_that_once_got_a_wrong_verdict(number: int, algorithm: str) -> None:
     assert not random_trial_errors(number, algorithm)

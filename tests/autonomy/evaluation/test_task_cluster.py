@@ -117,7 +117,7 @@ def test_cluster_without_workers_ends_the_sweep(*, is_gone: bool, why: str) -> N
 
 
 class Registering:
-    """A client of distributed with workers that die while they are told what to do."""
+    """A client of distributed with workers that die while they receive a task."""
 
     def __init__(self, deaths: int) -> None:
         self.deaths = deaths

@@ -117,7 +117,7 @@ def test_every_motion_source_gives_a_map(empty_room: Scene, seed: Any) -> None:
     assert exploration.trip.start.y == pytest.approx(3.5, abs=0.05)
 
 
-def test_robot_without_odometry_is_told_with_what_it_has(empty_room: Scene) -> None:
+def test_robot_without_odometry_is_reported_with_what_it_has(empty_room: Scene) -> None:
     with pytest.raises(ClientError, match="no pose from odometry within 2 s") as error:
         run(
             empty_room,

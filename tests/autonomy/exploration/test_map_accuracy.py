@@ -1,6 +1,6 @@
 """Maps of whole drives, against oracles that share no code with map or score.
 
-A map is read from its files, as others read them. What is where is read from the map
+A map is read from its files, as others read them. The truth is read from the map
 file of the scene, and where the robot was from the lines of its server.
 """
 
@@ -203,7 +203,7 @@ def away(shape: Any) -> Floats:
     return np.asarray(shapely.distance(shapely.points(X, Y), shape), np.float64)
 
 
-def beside(cells: int) -> float:
+def span_of(cells: int) -> float:
     """Return the largest distance of the centre of a cell so many cells away, m."""
     return (cells + 0.5) * SIZE + 1e-9
 
@@ -220,7 +220,7 @@ def hidden() -> Mask:
 
 
 def occupied_near(nav: NavMap, name: str) -> int:
-    close = away(ROOM[name].exterior) <= beside(2)
+    close = away(ROOM[name].exterior) <= span_of(2)
     return int(np.count_nonzero(close & (nav.at(X, Y) == 100)))
 
 
@@ -322,7 +322,7 @@ def test_walls_are_mapped_where_they_are(robot: Robot, cells: int) -> None:
     occupied = nav_of(robot).at(X, Y) == 100
     off = away(INNER.exterior)
     of_walls = occupied & (away(FOLIAGE) > 0.3) & (~within(INNER) | (off < 0.5))
-    assert np.mean(off[of_walls] <= beside(cells)) >= 0.95
+    assert np.mean(off[of_walls] <= span_of(cells)) >= 0.95
     along = np.linspace(0, INNER.exterior.length, 1000)
     walls = shapely.line_interpolate_point(INNER.exterior, along)
     seen = shapely.multipoints(np.column_stack([X[of_walls], Y[of_walls]]))
@@ -334,7 +334,7 @@ def test_almost_nothing_is_mapped_in_free_air(robot: Robot) -> None:
     found = nav_of(robot).at(X, Y)
     sensed_air = air() & (found != -1)
     off = np.minimum(away(SOLID), away(FOLIAGE))
-    false = (found == 100) & air() & (off > beside(2))
+    false = (found == 100) & air() & (off > span_of(2))
     assert np.count_nonzero(sensed_air) > 80_000
     assert np.count_nonzero(false) / np.count_nonzero(sensed_air) < 0.005
 

@@ -293,7 +293,7 @@ def sensed_with(near: dict[float, float]) -> Observation:
     [
         pytest.param({}, STRAIGHT, STRAIGHT, id="nothing"),
         pytest.param({0: 0.6}, STRAIGHT, STRAIGHT, id="something in the band"),
-        pytest.param({90: 0.4}, STRAIGHT, STRAIGHT, id="beside"),
+        pytest.param({90: 0.4}, STRAIGHT, STRAIGHT, id="at the side"),
         pytest.param({0: 0.4}, STRAIGHT, Twist(0.0, 1.0), id="ahead"),
         pytest.param({0: 0.4}, Twist(0.3, -0.5), Twist(0.0, -0.5), id="turning"),
         pytest.param({0: 0.4}, Twist(-0.3, 0.1), Twist(-0.3, 0.1), id="backward"),

@@ -101,7 +101,7 @@ def test_floor_is_unvisited_where_it_was_seen_from_afar() -> None:
 def test_cells_of_any_size_give_the_same_floor(resolution: float) -> None:
     floor = TraversabilityMap(seen(ROOM, MIDDLE, resolution=resolution), SAFETY)
     assert floor.is_open(-3.0, 2.0)
-    assert not floor.is_open(2.0, -0.2 + 1.0)  # beside a box
+    assert not floor.is_open(2.0, -0.2 + 1.0)  # next to a box
     assert floor.find_path(MIDDLE, floor.disc(-4.0, 2.0, 0.3))
 
 

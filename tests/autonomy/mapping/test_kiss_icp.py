@@ -87,7 +87,7 @@ def by_kiss_icp(scans: list[PlanarScan], start: Pose2, voxel_size: float) -> Tra
 def test_poses_are_several_times_as_accurate_as_those_of_kiss_icp(
     tmp_path: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither is told the motion between scans, and both match the same points."""
+    """Neither gets the motion between scans, and both match the same points."""
     map_file: str | Path = place
     plan = ExplorationPlan(waypoints=IN_ROOM, speed=0.6)
     if place == "office":

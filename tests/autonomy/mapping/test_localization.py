@@ -48,10 +48,10 @@ def square_room(x: float, y: float) -> np.ndarray[Any, Any]:
     return np.asarray(ranges.min(axis=1))
 
 
-def reports_of(k: int, x: float, told: float) -> tuple[Ins, RangeScan]:
+def reports_of(k: int, x: float, ins_x: float) -> tuple[Ins, RangeScan]:
     ranges = square_room(x, 0.3)
     scan = RangeScan(0.1 * k, "x", SCANNER.resolution, SCANNER.fov, ranges)
-    return Ins(0.1 * k, "INS", Pose3(told, 0.3, 0.0)), scan
+    return Ins(0.1 * k, "INS", Pose3(ins_x, 0.3, 0.0)), scan
 
 
 def test_pose_is_found_although_the_ins_measures_a_tenth_too_much() -> None:

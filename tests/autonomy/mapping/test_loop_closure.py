@@ -73,7 +73,7 @@ def test_a_loop_of_corridors_closes_and_takes_the_drift_with_it() -> None:
 
 
 def keyframe(pose: Pose2, station: float, least_x: float) -> Keyframe:
-    """Return what is seen of a room east of some x."""
+    """Return the seen points of a room east of some x."""
     places, along = look(EMPTY_ROOM, pose).points()
     is_seen = places[:, 0] + pose.x > least_x
     seen: tuple[Floats, Floats] = (places[is_seen], along[is_seen])
@@ -84,7 +84,7 @@ def keyframe(pose: Pose2, station: float, least_x: float) -> Keyframe:
 @pytest.mark.parametrize(
     ("x", "least_x", "closes"),
     [(2.8, -2.0, True), (0.5, -2.0, False), (0.5, -9.0, True)],
-    ids=["same place", "beside, half known", "beside, all known"],
+    ids=["same place", "near, half known", "near, all known"],
 )
 def test_a_loop_closes_beside_an_old_place_only_if_almost_all_fits(
     x: float, least_x: float, closes: bool

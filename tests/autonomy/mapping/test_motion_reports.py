@@ -42,7 +42,7 @@ def test_motion_goes_on_for_as_long_as_between_two_reports(
     assert guessed == pytest.approx(time - 0.2)
 
 
-def test_what_is_guessed_is_told_between_scans() -> None:
+def test_guesses_are_reported_between_scans() -> None:
     motion = reports((0.1, Pose2(0.0, 0.0)), (0.2, Pose2(0.1, 0.0)))
     guessed = []
     for time in (0.2, 0.22, 0.28):
@@ -58,7 +58,7 @@ def test_what_is_guessed_is_told_between_scans() -> None:
 
 
 @pytest.mark.parametrize("times", [(math.nan, math.nan), (0.1, 0.1), (0.2, 0.1)])
-def test_times_that_do_not_advance_tell_no_speed(times: tuple[float, float]) -> None:
+def test_times_that_do_not_advance_give_no_speed(times: tuple[float, float]) -> None:
     poses = Pose2(0.0, 0.0), Pose2(0.1, 0.0)
     motion = reports(*zip(times, poses, strict=True))
     assert motion.at(0.3) == (Pose2(0.1, 0.0), 0.0)

@@ -174,7 +174,7 @@ def test_without_a_motion_source_there_is_no_dead_reckoning(
 @pytest.mark.parametrize(
     ("turn", "expected"),
     [
-        pytest.param(0.001, (1, 0), id="as true as the first scans tell"),
+        pytest.param(0.001, (1, 0), id="as true as the first scans"),
         pytest.param(-0.003, (4, 4), id="turned"),
         pytest.param(None, (4, 0), id="not shown by the first scans"),
     ],

@@ -74,7 +74,7 @@ def test_thick_echoes_from_both_sides_of_thin_walls_leave_the_pose() -> None:
     def seen(pose: Pose2) -> ScanPoints:
         places, along = look(cross, pose).points()
         off = rng.integers(-1, 2, len(along))[:, None] * 0.1
-        # A ray beside the beam ends where it meets the same wall.
+        # A ray next to the beam ends where it meets the same wall.
         normals = np.round(inward_normals(places, along))
         turn = math.cos(pose.yaw), math.sin(pose.yaw)
         assert turn == (1.0, 0.0)

@@ -33,7 +33,7 @@ def on_circle(angle: float) -> Pose2:
 
 
 def boundary() -> FollowedBoundary:
-    """The circle, of which landmarks are passed up to 0.7 m beside them."""
+    """The circle, whose landmarks are passed up to 0.7 m away."""
     bumpers = Bumpers(safety_distance=0.45)
     followed = FollowedBoundary(WallFollower(bumpers, SpeedLimits()))
     followed.add_landmark(on_circle(0.0), math.pi / 2, 0.0)

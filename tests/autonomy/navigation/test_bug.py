@@ -242,7 +242,7 @@ def test_goal_too_near_to_an_obstacle_is_reached_or_has_no_path(
 
 
 def gate(width: float) -> list[shapely.Polygon]:
-    """A wall across, with a gap beside the line to the goal."""
+    """A wall across, with a gap off the line to the goal."""
     return [
         shapely.box(-0.1, -4, 0.1, -width / 2),
         shapely.box(-0.1, width / 2, 0.1, 4),

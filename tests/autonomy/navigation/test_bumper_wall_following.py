@@ -70,7 +70,7 @@ def test_turn_that_no_bumper_ends_ends_after_a_circle() -> None:
         world.move(twist)
         turned += abs(twist.turn) * 0.1
         twist, _ = follow.step(world.scan())
-    assert turned <= 2 * math.pi + 0.6  # and past what is ahead
+    assert turned <= 2 * math.pi + 0.6  # and past the obstacle ahead
 
 
 @pytest.mark.parametrize("algorithm", [Algorithm.BUG1, Algorithm.BUG2])

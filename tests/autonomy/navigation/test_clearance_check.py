@@ -1,4 +1,4 @@
-"""Starts and goals inside the safety distance are told."""
+"""Starts and goals inside the safety distance are reported."""
 
 from contextlib import nullcontext
 from dataclasses import replace
@@ -19,7 +19,7 @@ WALL = shapely.box(2, -1, 2.5, 1)
 GOAL = (4.0, 3.0)
 
 
-def test_start_beside_a_wall_is_told_by_the_first_scan() -> None:
+def test_start_near_a_wall_is_reported_by_the_first_scan() -> None:
     world = flatland(WALL, at=Pose2(1.58, 0.2))
     with pytest.raises(TooNearError, match=r"start 1\.58 0\.20 is 0\.42 m from"):
         ClearanceCheck(BUMPERS).check(world.scan(), GOAL)
@@ -32,7 +32,7 @@ def test_start_at_the_safety_distance_is_good() -> None:
         world.move(STILL)
 
 
-def test_goal_beside_a_wall_is_told_as_soon_as_that_stands() -> None:
+def test_goal_near_a_wall_is_reported_as_soon_as_that_stands() -> None:
     world, check = flatland(WALL, at=Pose2(0.4, 0.0)), ClearanceCheck(BUMPERS)
     for _ in range(20):  # another goal comes first
         check.check(world.scan(), GOAL)

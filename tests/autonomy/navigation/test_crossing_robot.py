@@ -68,21 +68,21 @@ def test_crossing_robot_is_let_by_and_not_touched(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("speed", "beside", "begin"),
+    ("speed", "aside", "begin"),
     [
         pytest.param(0.2, 0.1, 6.0, id="slow"),
         pytest.param(0.3, 0.0, 6.0, id="as fast"),
-        pytest.param(0.3, 0.3, 7.0, id="beside on the left"),
-        pytest.param(0.3, -0.3, 8.0, id="beside on the right, over the goal"),
+        pytest.param(0.3, 0.3, 7.0, id="on the left"),
+        pytest.param(0.3, -0.3, 8.0, id="on the right, over the goal"),
         pytest.param(0.5, 0.0, 7.0, id="faster"),
-        pytest.param(0.5, -0.1, 6.0, id="faster, a little beside"),
+        pytest.param(0.5, -0.1, 6.0, id="faster, a little to the side"),
     ],
 )
 def test_planned_path_leads_round_a_robot_that_comes_the_other_way(
-    speed: float, beside: float, begin: float
+    speed: float, aside: float, begin: float
 ) -> None:
     """To stand, or to back off before it, would never end: it drives on and on."""
-    pose = Pose2(begin, beside, math.pi)
+    pose = Pose2(begin, aside, math.pi)
     result = drive_past("planned", pose, speed, time_limit=60.0)
     # without the other robot it takes 26.7 s and 7.9 m
     assert result.time < 40

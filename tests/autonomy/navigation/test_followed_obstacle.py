@@ -11,7 +11,7 @@ from radarsim.autonomy.plans import Algorithm
 from radarsim.geometry import Floats, Point, Pose2
 
 RADIUS = 0.1  # m, of the poles
-REACH = 0.2  # m; how far the side beams are beside each beam
+REACH = 0.2  # m; from each beam to its side beams
 BEARINGS: Floats = np.radians(np.arange(360.0) - 180.0)
 
 

@@ -67,7 +67,7 @@ def test_gap_that_is_too_narrow_for_a_disc_is_passed(y: float) -> None:
 @pytest.mark.parametrize(
     ("gap", "footprint"), [pytest.param(0.5, HULL, id="gap"), pytest.param(0.66, None)]
 )
-def test_no_path_is_told_where_nothing_passes(
+def test_no_path_is_reported_where_nothing_passes(
     gap: float, footprint: Footprint | None
 ) -> None:
     world = flatland(*gate(gap), at=Pose2(-2.5, 0.3, 0.4))
@@ -135,8 +135,8 @@ def test_nothing_that_is_seen_is_driven_into() -> None:
     behind = -ahead
     assert not follower.is_blocked(behind)
     assert follower.twist(Pose2(0.0, 0.0), behind) is not None
-    beside = np.array([[1.0, HULL.width / 2 + LEAST_ROOM / 2]])
-    assert follower.is_blocked(beside)
+    aside = np.array([[1.0, HULL.width / 2 + LEAST_ROOM / 2]])
+    assert follower.is_blocked(aside)
 
 
 def test_what_is_seen_within_the_footprint_is_in_error() -> None:

@@ -39,9 +39,9 @@ def room_with_gap(low: float, high: float) -> Floats:
 
 def swept(path: Floats) -> list[shapely.Geometry]:
     """Return what the footprint covers in each motion of a path."""
-    half, beside = HULL.length / 2, HULL.width / 2
-    corners = np.array([(half, beside), (half, -beside), (-half, -beside)])
-    corners = np.vstack([corners, [(-half, beside)]])
+    half, aside = HULL.length / 2, HULL.width / 2
+    corners = np.array([(half, aside), (half, -aside), (-half, -aside)])
+    corners = np.vstack([corners, [(-half, aside)]])
     areas = []
     for begin, end in pairwise(path):
         turn = math.remainder(end[2] - begin[2], 2 * math.pi)
@@ -62,8 +62,8 @@ def check(path: Floats, points: Floats, least: float) -> None:
         way = end[:2] - begin[:2]
         if way.any():
             assert begin[2] == end[2]
-            beside = way @ (-math.sin(end[2]), math.cos(end[2]))
-            assert abs(beside) < 1e-6
+            aside = way @ (-math.sin(end[2]), math.cos(end[2]))
+            assert abs(aside) < 1e-6
     places = shapely.multipoints(points)
     assert min(area.distance(places) for area in swept(path)) > least
 
@@ -155,8 +155,8 @@ def test_no_motion_overlaps_what_was_seen(
 
 
 def test_start_nearer_than_the_margin_is_left_and_not_approached() -> None:
-    beside = HULL.width / 2 + 0.005
-    points = line((-1, beside), (1, beside))
+    aside = HULL.width / 2 + 0.005
+    points = line((-1, aside), (1, aside))
     path = plan_footprint(HULL, points, Pose2(0.0, 0.0), (3.0, -1.0))
     assert path is not None
     check(path, points, 0.004)

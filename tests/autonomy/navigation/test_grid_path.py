@@ -27,8 +27,8 @@ def cheapest(cost: Floats, start: tuple[int, int]) -> Floats:
                 step = math.hypot(down - 1, across - 1)
                 if not step:
                     continue
-                beside = padded[down : down + 5, across : across + 6]
-                best = np.minimum(best, beside + step * cost)
+                aside = padded[down : down + 5, across : across + 6]
+                best = np.minimum(best, aside + step * cost)
     return best
 
 

@@ -34,8 +34,8 @@ def test_lengths_are_those_of_a_swept_disc() -> None:
     close = np.abs(directions.lengths - exact) < 0.1
     # a direction that grazes the end of something may miss it between two beams
     jumps = np.abs(np.diff(exact, append=exact[:1])) > 0.3
-    beside = jumps | np.roll(jumps, 1) | np.roll(jumps, 2) | np.roll(jumps, -1)
-    assert (close | beside).all()
+    aside = jumps | np.roll(jumps, 1) | np.roll(jumps, 2) | np.roll(jumps, -1)
+    assert (close | aside).all()
     assert close.mean() > 0.95
 
 

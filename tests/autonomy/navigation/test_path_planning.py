@@ -1,4 +1,4 @@
-"""Paths that are planned on what is seen so far."""
+"""Paths that are planned on the cells seen so far."""
 
 import math
 from dataclasses import replace
@@ -146,7 +146,7 @@ def test_only_what_is_open_to_the_border_may_be_joined_outside() -> None:
     rows, columns = np.indices((20, 30))
     wall = columns == 15
     assert may_join_outside(~wall, (10, 5), (10, 25))
-    # a larger grid opens no way to what is closed, and none is needed without the wall
+    # a larger grid opens no way to closed cells, and none is needed without the wall
     assert not may_join_outside(~wall, (10, 5), (10, 15))
     assert not may_join_outside(~wall, (10, 5), (15, 10))
     ring = np.maximum(abs(rows - 10), abs(columns - 22)) == 3
@@ -177,9 +177,9 @@ def test_who_waited_has_not_looked_for_a_path_meanwhile() -> None:
     cell = shapely.box(-1, -1, 1, 1).difference(shapely.box(-0.9, -0.9, 0.9, 0.9))
     world = flatland(cell, at=Pose2(0.1, 0.2))
     planned, seen = navigator(Algorithm.PLANNED, (6.0, 0.4)), world.scan()
-    told = []
+    reported = []
     for time in (0.0, 20.0, *np.arange(20.5, 25.1, 0.5)):
         planned.step(replace(seen, time=float(time)))
-        told.append(planned.activity is Activity.NO_PATH)
-    assert not any(told[:-1])
-    assert told[-1]
+        reported.append(planned.activity is Activity.NO_PATH)
+    assert not any(reported[:-1])
+    assert reported[-1]

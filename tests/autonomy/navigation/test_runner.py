@@ -246,7 +246,7 @@ def test_slam_needs_the_motion_of_an_ins(empty_room: Scene) -> None:
         pytest.param(b"{Type INS}", "; expected poses from ground_truth", id="one"),
     ],
 )
-def test_robot_without_odometry_is_told_with_what_it_has(
+def test_robot_without_odometry_is_reported_with_what_it_has(
     empty_room: Scene, lines: bytes, hint: str
 ) -> None:
     host = Host(empty_room, config=SimulationConfig(UDK))

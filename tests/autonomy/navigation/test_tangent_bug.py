@@ -53,7 +53,7 @@ segments = st.tuples(*[coordinates] * 4)
 
 
 @given(segment=segments, walls=st.lists(segments, min_size=1, max_size=5))
-def test_segments_cross_walls_as_shapely_tells(
+def test_segments_cross_walls_as_shapely_computes(
     segment: tuple[float, ...], walls: list[tuple[float, ...]]
 ) -> None:
     line = shapely.LineString([segment[:2], segment[2:]])

@@ -36,7 +36,7 @@ def scan(time: float, pose: Pose2, *, touched: bool = False) -> Observation:
 
 
 def touch_at(pose: Pose2, twist: Twist) -> TouchMemory:
-    """Return what is kept after a touch at a pose."""
+    """Return the memory after a touch at a pose."""
     memory = TouchMemory(LENGTH, WIDTH, S)
     assert not memory.notice(scan(0.0, pose), STOP)
     assert memory.notice(scan(0.1, pose, touched=True), twist)
@@ -224,7 +224,7 @@ def test_who_seems_to_overlap_what_is_seen_drives_before_it_turns() -> None:
 
 def test_turn_into_what_is_seen_becomes_a_way_out() -> None:
     memory, pose, turn = TouchMemory(LENGTH, WIDTH, S), Pose2(0.0, 0.0), Twist(0.0, 0.8)
-    # A pole beside the hull: the corners of a robot that turns would meet it.
+    # A pole next to the footprint: the corners of a robot that turns would meet it.
     pole = np.array([0.05 + 0.27j])
     for k in range(60):
         there = (pole - (pose.x + 1j * pose.y)) * np.exp(-1j * pose.yaw)

@@ -36,7 +36,7 @@ FOLLOWERS = pytest.mark.parametrize(
 
 
 def alongside(follow: WallFollower, *, distance: float) -> Pose2:
-    """A pose beside a boundary at y = 0 that is above the robot."""
+    """A pose at a boundary at y = 0 that is above the robot."""
     # facing east on the boundary's side, for either direction along it
     return Pose2(0.0, -distance, 0.0 if follow.wall_on_left else math.pi)
 

@@ -1,4 +1,4 @@
-"""Pictures of maps: cells, path, robot, outlines, and a legend of what is there."""
+"""Pictures of maps: cells, path, robot, outlines, and a legend of these."""
 
 import io
 import math

@@ -1,4 +1,4 @@
-"""Outlines of what is truly there, by what it is to a robot and its radar."""
+"""Outlines of true objects, by what they are to a robot and its radar."""
 
 import numpy as np
 import pytest

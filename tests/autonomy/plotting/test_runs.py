@@ -94,7 +94,7 @@ def legend(figure: Figure) -> list[str]:
 
 
 def drawn(figure: Figure) -> dict[str, float]:
-    """Give the length of what is drawn in each colour as a way or as the map."""
+    """Give the length of the lines in each colour as a way or as the map."""
     lengths: dict[str, float] = {}
     for lines in figure.axes[0].collections:
         if isinstance(lines, LineCollection):

@@ -40,7 +40,7 @@ FLOOR = cuboid((400, 400, 0.2), (0, 0, -0.1), GROUND)
 def picture(
     *parts: Part, air: Material | None = None, boxes: Floats | None = None
 ) -> Floats:
-    """Return what is seen from 1 m above the origin, along x."""
+    """Return the view from 1 m above the origin, along x."""
     scene = Scene("room", "DM-Room", parts, air=air)
     rows = np.zeros((0, 8)) if boxes is None else boxes
     pixels = Renderer(scene).render(View(EYE, Boxes(rows)))
@@ -136,7 +136,7 @@ def test_what_takes_light_veils_what_is_behind_it_by_its_density(
         expected = share * colour(Family[family]) + (1 - share) * expected
     pixels = picture(WALL, *parts, air=air)
     assert pixels[60, 80] == pytest.approx(expected, abs=0.51)
-    if air:  # what is far is hidden
+    if air:  # far objects are hidden
         assert pixels[0, 0] == pytest.approx(colour(Family.SMOKE), abs=0.51)
 
 

@@ -214,8 +214,8 @@ def test_invalid_request_gives_a_diagnostic_and_no_effect(
     foliage_room: Scene, order: bytes, text: str
 ) -> None:
     client = spawn_client(foliage_room)
-    (told,) = client.host.receive(client.number, order)
-    assert told.text == text
+    (diagnostic,) = client.host.receive(client.number, order)
+    assert diagnostic.text == text
     assert echoes_in(receive_lines(client, 20)) == []
     client.send(ECHOES_ON + order)
     assert echoes_in(receive_lines(client, 10))

@@ -39,8 +39,8 @@ def connected(host: Host) -> int:
 
 def spawned(host: Host, init: bytes = INIT) -> int:
     number = connected(host)
-    told = host.receive(number, init)
-    assert [each for each in told if each.kind != "outside"] == []
+    reported = host.receive(number, init)
+    assert [each for each in reported if each.kind != "outside"] == []
     assert host.has_robot(number)
     return number
 
@@ -287,7 +287,7 @@ def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
     assert host.simulation.vehicles[0].robot.pose.x == 0
 
 
-def test_misspelt_field_is_told_with_what_it_leads_to(host: Host) -> None:
+def test_misspelt_field_is_reported_with_its_effect(host: Host) -> None:
     spawned(host, b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
     number = connected(host)
     run_ticks(host, 100)
@@ -467,9 +467,9 @@ def test_spawns_pause_after_a_search_for_a_free_place(foliage_room: Scene) -> No
     taken = b"INIT {ClassName P3AT} {Start RobotStart1}\r\n"  # a free place is near
     for line in (bush, bush, bush, taken, taken, taken):
         host.receive(connected(host), line)
-    told = [tick for tick in range(100) for _ in host.step()]
-    assert len(told) == 5
-    assert min(b - a for a, b in pairwise(told)) > 1
+    reported = [tick for tick in range(100) for _ in host.step()]
+    assert len(reported) == 5
+    assert min(b - a for a, b in pairwise(reported)) > 1
 
 
 def test_robots_are_spawned_in_the_order_in_which_they_were_asked_for(
@@ -514,23 +514,23 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     assert host.has_robot(clients[-1])
 
 
-def test_place_outside_the_map_is_taken_and_told(
+def test_place_outside_the_map_is_accepted_and_reported(
     empty_room: Scene, tmp_path: Path
 ) -> None:
     host = Host(empty_room)
     number = connected(host)
-    (told,) = host.receive(number, b"INIT {ClassName P3AT} {Location 300,-2,0}\r\n")
+    (reported,) = host.receive(number, b"INIT {ClassName P3AT} {Location 300,-2,0}\r\n")
     assert host.has_robot(number)
-    assert told.kind == "outside"
-    assert told.text.startswith(
+    assert reported.kind == "outside"
+    assert reported.text.startswith(
         "INIT at (300.00, 2.00), which is outside the map: x from -10"
     )
     box = "objects: [{name: a, box: [1, 1, 1], position: [50, 0, 1], material: brick}]"
     (tmp_path / "far.yaml").write_text(f"version: 1\n{box}\n")
     far = Host(load_map(tmp_path / "far.yaml"))
     number = connected(far)
-    (told,) = far.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
-    assert told.kind == "start, outside"
+    (reported,) = far.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert reported.kind == "start, outside"
     nothing = Host(Scene("nothing", "DM-Nothing"))
     number = connected(nothing)
     assert nothing.receive(number, b"INIT {ClassName P3AT}\r\n") == []

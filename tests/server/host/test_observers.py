@@ -1,4 +1,4 @@
-"""Observers are told what is done to a host, and change nothing."""
+"""Observers see all calls of a host, and change nothing."""
 
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host, HostObserver
@@ -54,7 +54,7 @@ def drive_a_robot(host: Host) -> list[bytes]:
     return taken
 
 
-def test_observers_are_told_of_every_call_in_order(empty_room: Scene) -> None:
+def test_observers_see_every_call_in_order(empty_room: Scene) -> None:
     first, second = Notes(), Notes()
     host = Host(empty_room, observers=[first])
     host.add_observer(second)
@@ -66,11 +66,11 @@ def test_observers_are_told_of_every_call_in_order(empty_room: Scene) -> None:
     assert kinds.count("step") == 12
     received = [call[2] for call in first.calls if call[0] == "receive"]
     assert received[0] == INIT
-    told = [call[2] for call in first.calls if call[0] in ("take", "finish")]
-    assert told == [data for data in taken[:-1] if data] + taken[-1:]
+    seen = [call[2] for call in first.calls if call[0] in ("take", "finish")]
+    assert seen == [data for data in taken[:-1] if data] + taken[-1:]
     executed = [call[2] for call in first.calls if call[0] == "execute"]
     assert executed[0] == "R1"
-    # Commands that have waited are executed in the ticks, which are told as well.
+    # Commands that have waited are executed in the ticks, which are reported as well.
     assert len(executed) > len(received)
 
 

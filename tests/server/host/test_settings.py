@@ -220,7 +220,7 @@ def test_clients_share_the_rays_that_they_add(
     assert refusals(one, twice) == []
     assert refusals(one, f"{twice} max_range=20") == []
     (error,) = refusals(other, twice)
-    assert "1200" in error  # what is left
+    assert "1200" in error  # the rest
     assert refusals(other, "max_range=20") == []
     assert refusals(one, same) == []
     assert refusals(other, twice) == []

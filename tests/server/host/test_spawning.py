@@ -90,14 +90,14 @@ def test_a_search_that_takes_long_delays_its_client_alone(host: Host) -> None:
     number = begin(host, HUMMER + b"GETGEO {Type Robot}\r\n")
     assert host.is_busy(number)
     host.take(driver)
-    told = []
+    diagnostics = []
     for _ in range(3):
         host.receive(driver, b"GETGEO {Type Robot}\r\n")
-        told += host.step()
+        diagnostics += host.step()
         assert b"GEO {Type GroundVehicle}" in host.take(driver)
     while host.is_busy(number):
-        told += host.step()
-    assert [each.kind for who, each in told if who == number] == [
+        diagnostics += host.step()
+    assert [each.kind for who, each in diagnostics if who == number] == [
         "no place",
         "GETGEO without robot",
     ]
@@ -138,9 +138,9 @@ def test_starts_are_looked_at_within_the_work_of_ticks(foliage_room: Scene) -> N
 
 def test_a_client_without_a_place_waits_before_it_searches_again(host: Host) -> None:
     begin(host, 2 * HUMMER)
-    told = [tick for tick in range(200) for _ in host.step()]
-    assert len(told) == 2
-    assert told[1] - told[0] > 50
+    diagnostics = [tick for tick in range(200) for _ in host.step()]
+    assert len(diagnostics) == 2
+    assert diagnostics[1] - diagnostics[0] > 50
 
 
 def test_clients_without_a_place_leave_most_ticks_to_others(

@@ -80,8 +80,8 @@ def test_p3at_carries_what_the_original_mounts(host: Host, class_name: str) -> N
     text = "\n".join(run(host, number, 30))
     is_p3at = class_name.startswith("P3AT")
     for kind in OWN_TYPES:
-        told = re.findall(rf"^(\w+) .*{{Type {kind}}}", text, re.MULTILINE)
-        assert set(told) == (set() if is_p3at else {"GEO", "CONF", "SEN"})
+        verbs = re.findall(rf"^(\w+) .*{{Type {kind}}}", text, re.MULTILINE)
+        assert set(verbs) == (set() if is_p3at else {"GEO", "CONF", "SEN"})
     has_touch = "{Type Touch} {Name Bumper} {Touch False}" in text
     assert has_touch is not is_p3at
     assert f"{{Name {'GndTruth' if is_p3at else 'GroundTruth'}}}" in text

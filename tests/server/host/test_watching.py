@@ -69,7 +69,7 @@ def without_echoes(data: bytes) -> bytes:
 
 
 def news(data: bytes) -> list[bytes]:
-    """Return the lines that tell of robots, and answers of other kinds."""
+    """Return the lines that report robots, and answers of other kinds."""
     lines = lines_of(data)
     return [x for x in lines if x.startswith(b"NFO") and b"{Watching" not in x]
 
@@ -163,7 +163,7 @@ def test_client_and_watcher_both_ask_for_echoes_of_different_scanners(
 
 
 @DIALECTS
-def test_watcher_of_all_is_told_which_robots_there_are(
+def test_watcher_of_all_learns_which_robots_there_are(
     empty_room: Scene, dialect: Dialect
 ) -> None:
     host = Host(empty_room, config=SimulationConfig(dialect))

@@ -104,7 +104,7 @@ class ReferenceRobot:
         gap = self._gap(pose, lines)
         # A robot nearer than ``CONTACT_GAP`` slides on; it is not pushed back first.
         clearance = max(2 * MARGIN, min(CONTACT_GAP, gap))
-        # Without the turn second: beside a wall it may be the turn that is blocked.
+        # Without the turn second: near a wall it may be the turn that is blocked.
         for target in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
             freed = self._push_out(target, lines, clearance)
             moved = math.hypot(freed.x - pose.x, freed.y - pose.y) if freed else 0.0

@@ -27,10 +27,10 @@ def nearest_box(
         if abs(ex * dy - ey * dx) > radius or number == carrier_id:
             continue
         ahead = slab(c * dx + s * dy, c * ex + s * ey, length)
-        beside = slab(c * dy - s * dx, c * ey - s * ex, width)
+        aside = slab(c * dy - s * dx, c * ey - s * ex, width)
         above = slab(float(origin[2]) - z, ez, height)
-        near = max(ahead[0], beside[0], above[0])
-        far = min(ahead[1], beside[1], above[1])
+        near = max(ahead[0], aside[0], above[0])
+        far = min(ahead[1], aside[1], above[1])
         t = near if near >= 0.0 else far
         if near <= far and 0.0 <= t <= nearest:
             nearest, box_id = t, int(number)

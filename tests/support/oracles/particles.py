@@ -3,7 +3,7 @@
 Theory of operation
 ===================
 Grains far smaller than a wave absorb in proportion to their mass and to the frequency,
-whatever their size (Rayleigh's law). So a radar, whose waves are millimetres long,
+of any size (Rayleigh's law). So a radar, whose waves are millimetres long,
 hardly sees dust of tens of micrometres, and smoke even less.
 
 From light, larger grains remove twice what a disc of their size covers, because

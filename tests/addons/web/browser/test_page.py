@@ -80,11 +80,11 @@ def test_addresses_with_a_wrong_token_and_without_one_say_so(
     served: Served, browser: Browser
 ) -> None:
     address = served.url.partition("#")[0]
-    for fragment, told in (("#token=wrong", "wrong token"), ("", "no token")):
+    for fragment, message in (("#token=wrong", "wrong token"), ("", "no token")):
         context = browser.new_context()  # no token is left from before
         page = CommanderPage(context.new_page())
         page.page.goto(address + fragment)
-        page.until(lambda page=page, told=told: page.text("link") == told)  # type: ignore[misc]
+        page.until(lambda page=page, message=message: page.text("link") == message)  # type: ignore[misc]
         assert page.frames == []
         assert page.text("level") == ""
         context.close()

@@ -21,7 +21,7 @@ class WithoutWatch(Host):
         return super().receive(number, b"".join(known))
 
 
-def test_a_lost_server_is_told_and_a_new_one_is_found(
+def test_a_lost_server_is_reported_and_a_new_one_is_found(
     empty_room: Scene, open_page: OpenPage
 ) -> None:
     first, second = (ServerThread(Host(empty_room), speed=1.0) for _ in range(2))
