@@ -349,6 +349,11 @@ def test_reports_are_encoded_in_the_compat_dialect(
     assert report.encode(COMPAT) == line
     # What is read from it writes the same line; a little more than pi is read as -pi.
     read = reports.decode_report(line)
+    if isinstance(
+        report, (packages.PackageConf, packages.PackageGeo, reports.CameraConf)
+    ):
+        assert read is None  # no client needs them
+        return
     assert read is not None
     assert read.encode(COMPAT) == line or "3.1416" in line
 
