@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from radarsim.errors import MalformedMessage, list_names
+from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import (
     TRACE_COLOURS,
     Action,
@@ -27,7 +27,6 @@ from radarsim.protocol.commands import (
     SetViewports,
     ShowCamera,
     Trace,
-    Unsupported,
     Watch,
     parse_command,
 )
@@ -82,7 +81,7 @@ def handle(host: Host, client: Client, line: str) -> Handled:
     reading = len(line) // CHARACTERS_A_UNIT
     dialect = host.config.dialect
     try:
-        command, unknown, unsupported = parse_command(line, dialect)
+        command, unknown = parse_command(line, dialect)
     except MalformedMessage as error:
         malformed = Diagnostic.of_malformed(line, error)
         # A line in UTF-16, of a client of today that needs to be told.
@@ -102,10 +101,6 @@ def handle(host: Host, client: Client, line: str) -> Handled:
         diagnostic = _execute(host, client, command)
     if diagnostic is not None and _is_answered(command):
         client.reply(CommandError(diagnostic.text), dialect)
-    if unsupported:
-        fields = list_names(unsupported)
-        others = Diagnostic.of_unsupported(command.verb, f" with {fields}")
-        diagnostic = join_diagnostics(others, diagnostic)
     if unknown:
         work += SUGGESTION_WORK
         others = Diagnostic.of_unknown_field(command, unknown[0])
@@ -129,8 +124,6 @@ def _execute(
             problem = control(host.simulation, client, command)
         case ShowCamera():
             problem = show_camera(host.simulation, command)
-        case Unsupported():
-            problem = Diagnostic.of_unsupported(command.verb)
         case _:
             vehicle = _find_robot(client, command.verb)
             if isinstance(vehicle, Diagnostic):
