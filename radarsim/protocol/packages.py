@@ -7,7 +7,7 @@ each from the key ``Link`` on.
 
 from collections.abc import Iterator, Sequence
 from math import nan
-from typing import Annotated, ClassVar, Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
@@ -98,34 +98,19 @@ class PackageState(LineReport):
         return "ASTA" if dialect.has_actuators else self.verb
 
 
-class LinkLimits(NamedTuple):
-    """What a link can do; a smallest angle above the largest means no limits.
-
-    Attributes:
-        max_speed: rad/s; NaN if it is not reported.
-        max_torque: As reported to clients.
-        min_angle: rad.
-        max_angle: rad.
-    """
-
-    max_speed: float
-    max_torque: float
-    min_angle: float
-    max_angle: float
-
-
 class PackageConf(LineReport):
     """The limits of the links of mission packages, which is only written.
 
     Attributes:
         type: Type of the packages in the spelling of the request.
-        packages: Name and links of each package.
+        packages: Name and links of each package, with the limits that
+            ``presets.robots.Link`` has.
     """
 
     verb: ClassVar[str] = "CONF"
 
     type: str
-    packages: tuple[tuple[str, tuple[LinkLimits, ...]], ...]
+    packages: tuple[tuple[str, Sequence[Any]], ...]
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         is_actuator = self.type.lower() == ACTUATOR
