@@ -43,29 +43,17 @@ from typing import Any, Final
 CUTOFF: Final = 0.6  # of difflib's ratio, from 0 to 1, above which names are similar
 MAX_LENGTH: Final = 80  # of a name in a message
 MAX_NAMES: Final = 100  # that are listed in a message, and that are compared
+# Where the words of the operating system say less; for both kinds of permission, and
+# for full disks and quotas, one wording.
 _WORDS: Final = {
     errno.EACCES: "no permission",
     errno.EADDRINUSE: "the port is in use by another program",
     errno.EADDRNOTAVAIL: "no address of this machine",
-    errno.ECONNABORTED: "the other side has closed the connection",
-    errno.ECONNREFUSED: "nothing listens there",
-    errno.ECONNRESET: "the other side has closed the connection",
-    errno.EEXIST: "a file of that name",
     errno.EDQUOT: "the disk is full",
-    errno.EFBIG: "the file would be too large",
-    errno.EHOSTUNREACH: "there is no way to it",
     errno.EISDIR: "a folder of that name",
-    errno.ELOOP: "links that lead back to themselves",
-    errno.EMFILE: "too many open files",
-    errno.ENAMETOOLONG: "the name is too long",
-    errno.ENETUNREACH: "there is no way to it",
-    errno.ENOENT: "no such file or folder",
     errno.ENOSPC: "the disk is full",
     errno.ENOTDIR: "no such folder",
     errno.EPERM: "no permission",
-    errno.EPIPE: "the other side has closed the connection",
-    errno.EROFS: "the disk is read-only",
-    errno.ETIMEDOUT: "no answer in time",
 }
 
 
@@ -274,7 +262,7 @@ def describe_os_error(error: OSError | UnicodeError) -> str:
     if number in _WORDS:
         return _WORDS[number]
     if isinstance(error, TimeoutError):
-        return _WORDS[errno.ETIMEDOUT]
+        number = errno.ETIMEDOUT  # that of asyncio has none
     text = os.strerror(number) if number > 0 else str(error)
     return text[:1].lower() + text[1:]
 

@@ -253,13 +253,22 @@ def waiting_bytes(transport: asyncio.BaseTransport) -> int:
     return int.from_bytes(found, sys.byteorder)
 
 
-def has_hung_up(transport: asyncio.BaseTransport) -> bool:
-    """Return whether a peer sends no more, as a transport that is not read hides."""
+def find_hung_up(numbers: Iterable[int]) -> list[tuple[int, bool]]:
+    """Return the sockets whose peers send no more, and whether these are gone.
+
+    A transport that is not read does not report that. Empty where the system cannot
+    say.
+
+    Args:
+        numbers: Numbers of the open files that are sockets.
+    """
     if sys.platform != "linux":
-        return False
+        return []
     poller = select.poll()
-    poller.register(transport.get_extra_info("socket").fileno(), select.POLLRDHUP)
-    return bool(poller.poll(0))
+    for number in numbers:
+        poller.register(number, select.POLLRDHUP)
+    gone = select.POLLHUP | select.POLLERR  # which poll reports without being asked
+    return [(number, bool(event & gone)) for number, event in poller.poll(0)]
 
 
 def peer_name(transport: asyncio.BaseTransport) -> str:

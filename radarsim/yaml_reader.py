@@ -8,32 +8,24 @@ are text. Tags, duplicate keys, numbers that are not finite, and aliases that mu
 into more values than any hand-written file contains are refused.
 """
 
-# libyaml parses, and nodes are composed here from its events: a map of 40,000 objects
-# takes 2 s of CPU time, where pure Python parsers took a minute. Loaders that compose
-# nodes or data themselves resolve scalars by YAML 1.1, and keep the last of duplicate
-# keys without a word.
+# libyaml parses and composes nodes: a map of 40,000 objects takes 1 s of CPU time, and
+# took a minute by parsers in Python. Scalars and keys are read here, as PyYAML resolves
+# scalars by YAML 1.1, and keeps the last of duplicate keys without an error.
 
+import gc
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
-from yaml import MarkedYAMLError
+from yaml import Mark, MarkedYAMLError, Node
+from yaml.composer import ComposerError
 from yaml.cyaml import CParser
-from yaml.events import (
-    AliasEvent,
-    DocumentStartEvent,
-    Event,
-    MappingEndEvent,
-    MappingStartEvent,
-    ScalarEvent,
-    SequenceEndEvent,
-    SequenceStartEvent,
-)
+from yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
 from radarsim.validation import describe_invalid, describe_unknown_key, short_repr
 
@@ -41,14 +33,12 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
 # Of the text, which does not keep the rest from being read: where, and a message.
 YamlProblem: TypeAlias = tuple[Position, KeyPath, str]
-_ValueEvent: TypeAlias = (
-    AliasEvent | ScalarEvent | SequenceStartEvent | MappingStartEvent
-)
 
 MAX_BYTES = 1024 * 1024
 MAX_VALUES = 500_000  # with aliases expanded
 MAX_KEY = 80  # characters of a key in a problem
 MAX_DEPTH = 32  # of nested lists and dicts, including those used as keys
+_TOO_DEEP = f"more than {MAX_DEPTH} levels"
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -63,33 +53,6 @@ _CONSTANTS: dict[str, bool | None] = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
-
-
-@dataclass(slots=True, eq=False)
-class Node:
-    """A value and its position.
-
-    Attributes:
-        position: Line and column of the value.
-        value: A scalar, a list of nodes, or a dict of nodes.
-        key_positions: Positions of the keys of a dict; None for anything else.
-        size: Number of values in it, itself included.
-        depth: Number of levels below it, 0 for a scalar.
-    """
-
-    position: Position
-    value: "dict[str, Node] | list[Node] | str | float | bool | None"
-    key_positions: dict[str, Position] | None = None
-    size: int = 1
-    depth: int = 0
-
-    def to_plain(self) -> object:
-        """Return the value without positions."""
-        if isinstance(self.value, dict):
-            return {key: node.to_plain() for key, node in self.value.items()}
-        if isinstance(self.value, list):
-            return [node.to_plain() for node in self.value]
-        return self.value
 
 
 class UnreadableYaml(Exception):
@@ -124,20 +87,19 @@ class YamlFile:
             keys: Keys and list indices from the outside in.
             of_key: Point at the last key instead of at its value.
         """
-        node, position = self._root, self._root.position
+        node = marked = self._root
         for key in keys:
-            child = None
-            if isinstance(node.value, dict):
-                child = node.value.get(str(key))
-            elif isinstance(node.value, list) and isinstance(key, int):
-                child = node.value[key] if key < len(node.value) else None
-            if child is None:
-                position = node.position
+            pairs: Iterable[tuple[Node, Node]] = ()
+            if isinstance(node, MappingNode):
+                pairs = (pair for pair in node.value if pair[0].value == str(key))
+            elif isinstance(node, SequenceNode) and isinstance(key, int):
+                pairs = ((item, item) for item in node.value[key : key + 1])
+            found = next(iter(pairs), None)
+            if found is None:
+                marked = node
                 break
-            positions = node.key_positions if of_key else None
-            position = positions[str(key)] if positions else child.position
-            node = child
-        return _place(self.path, position)
+            marked, node = found[not of_key], found[1]
+        return _place(self.path, _position(marked))
 
     def problem(
         self, keys: Sequence[str | int], message: str, *, of_key: bool = False
@@ -199,40 +161,43 @@ def read_yaml(path: Path) -> YamlFile:
 def parse_yaml(path: Path, text: str) -> YamlFile:
     """Parse YAML text; ``path`` names it in problems."""
     try:
-        root, found = compose(text)
+        data, root, found = compose(text)
     except UnreadableYaml as error:
         return _unreadable(path, error.position, error.message)
     problems = (
         _format_problem(_place(path, position), keys, message)
         for position, keys, message in sorted(found, key=lambda problem: problem[0])
     )
-    return YamlFile(path, root.to_plain(), tuple(problems), root)
+    return YamlFile(path, data, tuple(problems), root)
 
 
 def parse_plain(text: str) -> object:
-    """Parse YAML text of which no positions are needed; numbers may be infinite.
+    """Parse YAML text whose positions are not needed; numbers may be infinite.
 
     Raises:
         ValueError: If there is any problem.
     """
     try:
-        root, problems = compose(text, finite=False)
+        data, _, problems = compose(text, finite=False)
     except UnreadableYaml as error:
         raise ValueError(error.message) from error
     if problems:
         raise ValueError(problems[0][2])
-    return root.to_plain()
+    return data
 
 
-def compose(text: str, *, finite: bool = True) -> tuple[Node, list[YamlProblem]]:
-    """Compose the nodes of the one document in a text.
+def compose(
+    text: str, *, finite: bool = True
+) -> tuple[object, Node, list[YamlProblem]]:
+    """Read the one document in a text.
 
     Args:
         text: The text.
-        finite: Whether infinite numbers, and what is no number, are problems.
+        finite: Whether infinite numbers and NaN are problems.
 
     Returns:
-        The root, and all problems after which reading can continue.
+        The data, the node of all of it, and all problems after which reading can
+        continue.
 
     Raises:
         UnreadableYaml: At the first problem after which it cannot.
@@ -240,19 +205,28 @@ def compose(text: str, *, finite: bool = True) -> tuple[Node, list[YamlProblem]]
     if wrong := _NOT_ALLOWED.search(text):
         message = f"not YAML: character {wrong[0]!r}"
         raise UnreadableYaml(_position_at(text, wrong.start()), message)
-    composer = _Composer(CParser(text).get_event, finite=finite)
+    reader, collects = _Reader(finite=finite), gc.isenabled()
+    gc.disable()  # the collector would look at all nodes again and again
     try:
-        return composer.compose(), composer.problems
+        root = _Parser(text).get_single_node() or _node_at((1, 1))
+        data = reader.read(root, ())
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         position = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         # libyaml may point behind the end of a text that breaks off
         position = min(position, _position_at(text, len(text)))
         reason = error.problem or error.context
+        if isinstance(error, ComposerError):
+            reason = ", ".join(filter(None, (error.context, error.problem)))
         if mark and text[mark.index : mark.index + 1] == "\t":
             reason = "a tab, expected blanks"  # libyaml does not always name it
         message = f"not YAML: {reason}"
         raise UnreadableYaml(position, message) from error
+    finally:
+        if collects:
+            gc.enable()
+    found = [(place, keys, text) for (place, text), keys in reader.problems.items()]
+    return data, root, found
 
 
 def _position_at(text: str, index: int) -> Position:
@@ -260,88 +234,70 @@ def _position_at(text: str, index: int) -> Position:
     return before.count("\n") + 1, index - before.rfind("\n")
 
 
-class _Composer:
-    """Composes nodes from the events of a YAML stream and collects problems."""
+class _Parser(CParser):  # type: ignore[misc]
+    """Composes nodes that have a tag only if the text has one, down to a depth."""
 
-    def __init__(self, next_event: Callable[[], Any], *, finite: bool) -> None:
-        self.problems: list[YamlProblem] = []
-        self._next = next_event
+    _depth = 0
+
+    def descend_resolver(self, parent: Node | None, _: object) -> None:
+        self._depth += 1
+        if parent is not None and self._depth > MAX_DEPTH + 1:
+            raise UnreadableYaml(_position(parent), _TOO_DEEP)
+
+    def ascend_resolver(self) -> None:
+        self._depth -= 1
+
+    def resolve(self, *_: object) -> None:
+        return None
+
+
+class _Reader:
+    """Reads the data in nodes.
+
+    Attributes:
+        problems: The keys of each problem, by its position and its message.
+    """
+
+    def __init__(self, *, finite: bool) -> None:
+        self.problems: dict[tuple[Position, str], KeyPath] = {}
         self._finite = finite
-        self._keys: list[str | int] = []  # of the node that is being composed
-        self._anchors: dict[str, Node] = {}
         self._values = 0
 
-    def compose(self) -> Node:
-        """Read to the end of the stream."""
-        root: Node | None = None
-        while (event := self._next()) is not None:
-            if isinstance(event, DocumentStartEvent) and root is not None:
-                raise UnreadableYaml(
-                    _position(event), "a second document, expected one"
-                )
-            if isinstance(event, _ValueEvent):
-                root = self._node(event)
-        return root or Node((1, 1), None)
-
-    def _node(self, event: _ValueEvent) -> Node:
-        if isinstance(event, AliasEvent):
-            node = self._anchors.get(event.anchor)
-            if node is None:  # missing, or the alias is inside of what it names
-                name = short_repr(event.anchor)
-                self._report(event, f"alias {name}, expected an anchor before it")
-                return Node(_position(event), None)
-            # with all that it stands for: a few lines may expand to gigabytes
-            self._count(event, node.size, len(self._keys) + node.depth)
-            return node
-        self._count(event, 1, len(self._keys))
-        if event.tag is not None:
-            self._report(event, f"tag {short_repr(event.tag)}, expected none")
-        if isinstance(event, ScalarEvent):
-            node = Node(_position(event), self._scalar(event))
-        elif isinstance(event, SequenceStartEvent):
-            node = self._sequence(event)
-        else:
-            node = self._mapping(event)
-        if event.anchor is not None:
-            self._anchors[event.anchor] = node
-        return node
-
-    def _sequence(self, event: Event) -> Node:
-        items: list[Node] = []
-        while type(item := self._next()) is not SequenceEndEvent:
-            self._keys.append(len(items))
-            items.append(self._node(item))
-            self._keys.pop()
-        return Node(_position(event), items, None, *_size_and_depth(items))
-
-    def _mapping(self, event: Event) -> Node:
-        values: dict[str, Node] = {}
-        positions: dict[str, Position] = {}
-        while type(item := self._next()) is not MappingEndEvent:
-            key = self._key(item)
-            self._keys.append(key)
-            value = self._node(self._next())
+    def read(self, node: Node, keys: KeyPath) -> object:
+        """Return the data of a node; a few lines with aliases may mean gigabytes."""
+        self._values += 1
+        if self._values > MAX_VALUES:
+            raise UnreadableYaml(_position(node), f"more than {MAX_VALUES} values")
+        if len(keys) > MAX_DEPTH:
+            raise UnreadableYaml(_position(node), _TOO_DEEP)
+        if node.tag is not None:
+            self._report(node, keys, f"tag {short_repr(node.tag)}, expected none")
+        if isinstance(node, ScalarNode):
+            return self._scalar(node, keys)
+        if isinstance(node, SequenceNode):
+            return [self.read(item, (*keys, i)) for i, item in enumerate(node.value)]
+        values: dict[str, object] = {}
+        lines: dict[str, int] = {}
+        for key_node, value_node in node.value:
+            key = self._key(key_node, keys)
+            value = self.read(value_node, (*keys, key))
             if key in values:
-                first = f"first in line {positions[key][0]}"
-                self._report(item, f"duplicate key, {first}")
+                first = f"first in line {lines[key]}"
+                self._report(key_node, (*keys, key), f"duplicate key, {first}")
             else:
-                values[key], positions[key] = value, _position(item)
-            self._keys.pop()
-        totals = _size_and_depth(values.values())
-        return Node(_position(event), values, positions, *totals)
+                values[key], (lines[key], _) = value, _position(key_node)
+        return values
 
-    def _key(self, event: _ValueEvent) -> str:
-        if isinstance(event, ScalarEvent) and event.tag is None:
-            return str(event.value)
-        self._keys.append("?")
-        self._node(event)  # reads to its end, and reports its problems
-        self._keys.pop()
-        self._report(event, "a key that is no plain text, expected a name")
+    def _key(self, node: Node, keys: KeyPath) -> str:
+        if isinstance(node, ScalarNode) and node.tag is None:
+            return str(node.value)
+        self.read(node, (*keys, "?"))  # reports its problems
+        self._report(node, keys, "a key that is no plain text, expected a name")
         return ""
 
-    def _scalar(self, event: ScalarEvent) -> str | float | bool | None:
-        text: str = event.value
-        is_quoted = bool(event.style)  # or a block of text
+    def _scalar(self, node: ScalarNode, keys: KeyPath) -> str | float | bool | None:
+        text: str = node.value
+        is_quoted = bool(node.style)  # or a block of text
         if not is_quoted and text in _CONSTANTS:
             return _CONSTANTS[text]
         # The first character spares nearly all texts of a map the regular
@@ -359,38 +315,30 @@ class _Composer:
         else:
             return text
         if self._finite and not math.isfinite(value):
-            self._report(event, f"{short_repr(text)}, expected a finite number")
+            message = f"{short_repr(text)}, expected a finite number"
+            self._report(node, keys, message)
             return 1.0  # a value that causes no further problems
         return value
 
-    def _count(self, event: Event, values: int, depth: int) -> None:
-        self._values += values
-        if self._values > MAX_VALUES:
-            raise UnreadableYaml(_position(event), f"more than {MAX_VALUES} values")
-        if depth > MAX_DEPTH:
-            raise UnreadableYaml(_position(event), f"more than {MAX_DEPTH} levels")
-
-    def _report(self, event: Event, message: str) -> None:
-        self.problems.append((_position(event), tuple(self._keys), message))
+    def _report(self, node: Node, keys: KeyPath, message: str) -> None:
+        # once, however many aliases the node has
+        self.problems.setdefault((_position(node), message), keys)
 
 
-def _size_and_depth(nodes: Collection[Node]) -> tuple[int, int]:
-    """Return the size and the depth of a list or dict of these nodes."""
-    size, depth = 1, 0
-    for node in nodes:
-        size += node.size
-        depth = max(depth, node.depth)
-    return size, depth + 1
-
-
-def _position(event: Event) -> Position:
-    mark = event.start_mark
+def _position(node: Node) -> Position:
+    mark = node.start_mark
     return mark.line + 1, mark.column + 1
+
+
+def _node_at(position: Position) -> Node:
+    line, column = position
+    mark = Mark("", 0, line - 1, column - 1, None, 0)
+    return ScalarNode(None, "", mark, mark)
 
 
 def _unreadable(path: Path, position: Position, message: str) -> YamlFile:
     problem = _format_problem(_place(path, position), (), message)
-    return YamlFile(path, None, (problem,), Node(position, None))
+    return YamlFile(path, None, (problem,), _node_at(position))
 
 
 def _place(path: Path, position: Position) -> str:

@@ -66,4 +66,4 @@ def test_other_errors_are_described() -> None:
     assert describe_os_error(OSError("Odd")) == "odd"
     with pytest.raises(FileNotFoundError) as missing:
         Path("/no/such/file").read_bytes()
-    assert describe_os_error(missing.value) == "no such file or folder"
+    assert describe_os_error(missing.value) == "no such file or directory"

@@ -8,7 +8,7 @@ the safe side.
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, Self, TypeAlias
 
 import numpy as np
 
@@ -34,17 +34,10 @@ _HALF_DIGIT: Final = 0.006  # m; half of the last digit of a range, and a little
 _FAR: Final = 1e3  # m; assumed range of beams without return, to compute their bearings
 
 
-@dataclass(frozen=True, slots=True)
-class ScannerLimits:
-    """Reported settings of a scanner; range limits in m, angles in rad."""
-
-    max_range: float
-    min_range: float
-    resolution: float
-    fov: float
-
-
-UNLIMITED: Final = ScannerLimits(math.inf, 0.0, math.nan, math.nan)
+# Reported settings of a scanner: maximum and minimum range, m, resolution and field of
+# view, rad.
+_Limits: TypeAlias = tuple[float, float, float, float]
+UNLIMITED: Final[_Limits] = (math.inf, 0.0, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +270,7 @@ class ScannerDescriptions:
             str, str
         ] = {}  # in their first spelling; all keys are casefolded
         self._mounts: dict[str, Pose3] = {}
-        self._limits: dict[str, ScannerLimits] = {}
+        self._limits: dict[str, _Limits] = {}
 
     def add(self, report: Report) -> None:
         """Add an answer; other reports have no effect."""
@@ -285,8 +278,8 @@ class ScannerDescriptions:
             for name, mount in report.mounts:
                 self._mounts[self._key(name)] = mount
         elif isinstance(report, ScannerConf):
-            for name, *numbers in report.items:
-                self._limits[self._key(name)] = ScannerLimits(*numbers)
+            for name, *limits in report.items:
+                self._limits[self._key(name)] = tuple(limits)
 
     def _key(self, name: str) -> str:
         key = name.casefold()
@@ -326,22 +319,23 @@ class ScannerDescriptions:
                 # Users look scanners up by the name in their scans, so that spelling
                 # counts.
                 spelling = name if scan is None else scan.name
-                nearest, farthest = limits.min_range, limits.max_range
+                farthest, nearest = limits[:2]
                 scanners.append(
                     ScannerInfo(spelling, mount, nearest, farthest, *layout)
                 )
         return tuple(scanners)
 
 
-def _check_scanner(name: str, limits: ScannerLimits, mount: Pose3) -> None:
+def _check_scanner(name: str, limits: _Limits, mount: Pose3) -> None:
+    max_range, _, resolution, fov = limits
     far = math.hypot(mount.x, mount.y, mount.z)
     wrong = ""
-    if limits.max_range <= 0:
-        wrong = f"MaxRange {limits.max_range:g}, expected more than 0"
-    elif limits.fov < 0 or _is_too_wide(limits.fov, limits.resolution):
-        wrong = f"FOV {limits.fov:g}, expected 0 to a whole turn in radians"
-    elif 0 < limits.resolution < limits.fov / MAX_BEAMS:
-        text = f"Resolution {limits.resolution:g} for FOV {limits.fov:g}"
+    if max_range <= 0:
+        wrong = f"MaxRange {max_range:g}, expected more than 0"
+    elif fov < 0 or _is_too_wide(fov, resolution):
+        wrong = f"FOV {fov:g}, expected 0 to a whole turn in radians"
+    elif 0 < resolution < fov / MAX_BEAMS:
+        text = f"Resolution {resolution:g} for FOV {fov:g}"
         wrong = f"{text}, expected at most {MAX_BEAMS} beams"
     elif far > MAX_MOUNT_DISTANCE:
         text = f"mount {far:g} m from the robot's centre"
@@ -358,14 +352,14 @@ def _is_too_wide(fov: float, resolution: float) -> bool:
 
 
 def _beam_layout(
-    limits: ScannerLimits, scan: RangeScan | None
+    limits: _Limits, scan: RangeScan | None
 ) -> tuple[float, float, int] | None:
     """Return resolution, field of view and number of beams; None if unknown."""
     if scan is not None:
         gaps = len(scan.ranges) - 1
         return (scan.fov / gaps if gaps else scan.resolution), scan.fov, gaps + 1
-    if not (limits.resolution > 0 and limits.fov >= 0):
+    _, _, resolution, fov = limits
+    if not (resolution > 0 and fov >= 0):
         return None
     # Both have few digits, so the quotient may be a little below a whole number.
-    gaps = int(limits.fov / limits.resolution + 0.02)
-    return limits.resolution, limits.fov, gaps + 1
+    return resolution, fov, int(fov / resolution + 0.02) + 1

@@ -71,7 +71,6 @@ TRACE_COLOURS: Final = {
 # lines: USARSim for UDK (repository hrnr/robocup-usarsim),
 # ``USARBotAPI/classes/WorldController.uc`` and ``BotConnection.uc``.
 CONTROLLER: Final = "WorldController"  # class of robots; it has no body
-UNSUPPORTED_ACTIONS: Final = ("Conveyor", "Rotate", "SetWP", "AddWP", "ClearWP")
 NOWHERE: Final = (0.0, 0.0, 0.0)  # as the original, in which what is missing is 0
 CUBE: Final = (1.0, 1.0, 1.0)
 LARGEST_PLACE: Final = 1e4  # m; rad
@@ -638,31 +637,14 @@ class Watch(KeyedCommand):
     clock: Annotated[bool, "Clock", *SWITCH] = False
 
 
-@dataclass(frozen=True, slots=True)
-class Unsupported:
-    """A command that other USARSim servers know and this one accepts without effect."""
-
-    keys: ClassVar[Sequence[str]] = ()
-
-    verb: str
-
-    def values(self) -> Values:
-        """Return nothing; the fields of the command are not kept."""
-        return ()
-
-
 # Those that need a robot.
 RobotCommand: TypeAlias = (
     Drive | MovePackage | MultiDrive | Trace | SetViewports | SetItem
 )
 OtherCommand: TypeAlias = (
-    GetStartPoses | GetGeo | GetConf | ShowCamera | Control | Watch | Unsupported
+    GetStartPoses | GetGeo | GetConf | ShowCamera | Control | Watch
 )
 Command: TypeAlias = Init | RobotCommand | OtherCommand
-
-# A command, keys of fields that it does not have, since clients of other servers send
-# some, and keys of fields for vehicles that this server does not have.
-Parsed: TypeAlias = tuple[Command, Sequence[str], Sequence[str]]
 
 COMMANDS: Final = {
     command.verb: command
@@ -679,63 +661,13 @@ _NEEDLESS_KEYS: Final = {
     Control.verb: ["Material", "Memory"],
 }
 
-# Fields for boats, and for single wheels and joints.
-_UNSUPPORTED_KEYS: Final = {
-    Drive.verb: [
-        "Propeller",
-        "Rudder",
-        "SternPlane",
-        "WheelNumber",
-        "WheelSpeed",
-        "WheelSteer",
-        "Steer",
-        "Bone",
-        "Axis",
-    ]
-}
 
-# Types of items of the servers of all generations that no robot carries here.
-UNSUPPORTED_TYPES: Final = frozenset(
-    [
-        "Acoustic",
-        "Actuator",
-        "CO2Sensor",
-        "Effecter",
-        "Gripper",
-        "HumanMotion",
-        "Joint",
-        "MisPkg",
-        "ObjectSensor",
-        "RangeImager",
-        "RFID",
-        "Sound",
-        "ToolChanger",
-        "VictSensor",
-    ]
-)
-
-# Verbs of the servers of all generations that do nothing to a wheeled robot here.
-_UNSUPPORTED: Final = frozenset(
-    [
-        "CAMERA",
-        "GETCLOSESTPATHNODE",
-        "GETNFO",
-        "GETPATHNODES",
-        "GOTO",
-        "MOVE",
-        "PAUSE",
-        "PING",
-        "TEST",
-    ]
-)
-
-
-def parse_command(line: str, dialect: Dialect) -> Parsed:
+def parse_command(line: str, dialect: Dialect) -> tuple[Command, Sequence[str]]:
     """Parse one line of a client.
 
     Returns:
-        The command, and the keys of its line that have no effect. Of a command without
-        effect there are none, and fields that drive commands of common clients have
+        The command, and the keys of fields that it does not have, since clients of
+        other servers send some. Fields that drive commands of common clients have
         without need are not among them.
 
     Raises:
@@ -743,35 +675,21 @@ def parse_command(line: str, dialect: Dialect) -> Parsed:
             a field that is not readable.
     """
     message = decode_message(line, keeps_closed=True)
-    # The original never answers with an error, so that what other servers know and this
-    # one does not has to pass in silence too.
     verb = message.verb.upper()
-    if verb in _UNSUPPORTED:
-        return Unsupported(verb), [], []
     if verb not in COMMANDS:
         expected = expected_one_of(message.verb, sorted(COMMANDS))
         raise MalformedMessage(f"verb {expected}")
     form: Any = COMMANDS[verb]
-    if verb == Control.verb:
-        for action in UNSUPPORTED_ACTIONS:
-            if action.casefold() == (message.get("Type") or "").casefold():
-                return Unsupported(f"{verb} {action}"), [], []
     if verb == SetItem.verb and message.get("Opcode") is None:
         wanted = (message.get("Type") or "").casefold()
         if wanted == "viewports":
             form = SetViewports
         elif wanted == "camera" and message.get("Client"):
             form = ShowCamera
-        for kind in UNSUPPORTED_TYPES:
-            # They have fields of their own instead, such as those of Gripper.
-            if kind.casefold() == wanted:
-                return Unsupported(kind), [], []
     command: Command = form.decode(message, dialect)
     known = {key.lower() for key in (*command.keys, *_NEEDLESS_KEYS.get(verb, ()))}
-    of_others = {key.lower() for key in _UNSUPPORTED_KEYS.get(verb, ())}
-    keys = [key for key, _ in message.segments if key.lower() not in known]
-    unknown = [key for key in keys if key.lower() not in of_others]
-    return command, unknown, [key for key in keys if key.lower() in of_others]
+    keys = (key for key, _ in message.segments)
+    return command, [key for key in keys if key.lower() not in known]
 
 
 def encode_command(command: Command) -> str:

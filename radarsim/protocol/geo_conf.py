@@ -7,7 +7,7 @@ missing; such a number is NaN.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import degrees, nan, pi, radians
+from math import degrees, nan
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 
 from radarsim.geometry import Pose3
@@ -27,7 +27,6 @@ from radarsim.protocol.fields import (
 )
 from radarsim.protocol.line_template import marks, reduce_text, vector_marks
 from radarsim.protocol.message import Message, Triple, parse_flipped, parse_number
-from radarsim.protocol.packages import PackageConf, PackageGeo
 
 _VEHICLES: Final = frozenset(
     ("groundvehicle", "leggedrobot", "nauticvehicle", "aerialvehicle")
@@ -310,10 +309,10 @@ _FOV_KEYS: Final = ("CameraDefFov", "CameraMinFov", "CameraMaxFov", "CameraFov")
 
 
 class CameraConf(LineReport):
-    """The settings of cameras.
+    """The settings of cameras, which is only written.
 
     Servers for UDK write degrees, and no blanks between fields; those for UT2004 write
-    radians. Angles of more than 2 pi are read as degrees.
+    radians.
 
     Attributes:
         type: Type of the items in the spelling of the request.
@@ -324,18 +323,6 @@ class CameraConf(LineReport):
 
     type: str
     cameras: tuple[CameraLimits, ...]
-
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        cameras = []
-        for item in message.items():
-            x, y, width, height = map(item.number_or_nan, _PIXEL_KEYS)
-            fovs = [item.number_or_nan(key) for key in _FOV_KEYS]
-            first, *others = (radians(a) if a > 2 * pi else a for a in fovs)
-            smallest, largest, present = others
-            angles = first, smallest, largest, present
-            cameras.append(CameraLimits(item.name, (x, y), (width, height), angles))
-        return cls(message.require("Type"), tuple(cameras))
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         segments = [Segment("Type", reduce_text(self.type))]
@@ -379,11 +366,9 @@ class NameConf(LineReport):
     names: Annotated[tuple[str, ...], ItemNames("Name")]
 
 
+_UNREAD: Final = ("JointType", *_FOV_KEYS)
 # By a key that no report after it has.
 _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
-    ("JointType", PackageConf),
-    ("CameraFov", CameraConf),
-    ("CameraDefFov", CameraConf),
     ("BeamAngle", SonarConf),
     ("MaxRange", ScannerConf),
     ("ScanInterval", IntervalConf),
@@ -392,26 +377,30 @@ _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
 )
 
 
-def decode_geo(message: Message) -> LineReport:
-    """Read a GEO message.
+def decode_geo(message: Message) -> LineReport | None:
+    """Read a GEO message; return None for one about mission packages.
 
     Raises:
         MalformedMessage: If a field is missing or not readable.
     """
     if _is_of_robot(message):
         return (AerialGeo if is_aerial(message) else RobotGeo).decode(message)
-    is_package = message.get("Link") is not None
-    return (PackageGeo if is_package else ItemGeo).decode(message)
+    return None if message.get("Link") is not None else ItemGeo.decode(message)
 
 
-def decode_conf(message: Message) -> LineReport:
+def decode_conf(message: Message) -> LineReport | None:
     """Read a CONF message; its keys determine the kind of report.
+
+    Returns:
+        None for one about mission packages or cameras.
 
     Raises:
         MalformedMessage: If a field is missing or not readable.
     """
     if _is_of_robot(message):
         return (AerialConf if is_aerial(message) else RobotConf).decode(message)
+    if any(message.get(key) is not None for key in _UNREAD):
+        return None
     found = [report for key, report in _CONFS if message.get(key) is not None]
     return (found[0] if found else NameConf).decode(message)
 

@@ -260,14 +260,9 @@ def _parse_plain_list(text: str) -> Floats | None:
         return None
 
 
-def parse_flag(text: str, *, any_case: bool = True) -> bool:
-    """Parse a truth value: ``true`` is true, everything else is false.
-
-    Args:
-        text: Value of the field.
-        any_case: Whether ``True`` is true as well.
-    """
-    return (text.lower() if any_case else text) == "true"
+def parse_flag(text: str) -> bool:
+    """Parse a truth value: ``true`` in any case is true, everything else is false."""
+    return text.lower() == "true"
 
 
 Triple: TypeAlias = tuple[float, float, float]

@@ -6,9 +6,8 @@ each from the key ``Link`` on.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from math import nan
-from typing import Annotated, ClassVar, Final, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
@@ -19,7 +18,7 @@ from radarsim.protocol.line_template import (
     reduce_text,
     vector_marks,
 )
-from radarsim.protocol.message import Message, parse_flipped, parse_number
+from radarsim.protocol.message import Message, parse_number
 
 ABSOLUTE, RATE = 0, 1  # orders of links: an angle, rad; a speed, rad/s
 BANG_BANG, RELATIVE = 3, 10  # also an angle; how much farther to turn, rad
@@ -99,42 +98,19 @@ class PackageState(LineReport):
         return "ASTA" if dialect.has_actuators else self.verb
 
 
-class LinkLimits(NamedTuple):
-    """What a link can do; a smallest angle above the largest means no limits.
-
-    Attributes:
-        max_speed: rad/s; NaN if it is not reported.
-        max_torque: As reported to clients.
-        min_angle: rad.
-        max_angle: rad.
-    """
-
-    max_speed: float
-    max_torque: float
-    min_angle: float
-    max_angle: float
-
-
 class PackageConf(LineReport):
-    """What the links of mission packages can do.
+    """The limits of the links of mission packages, which is only written.
 
     Attributes:
         type: Type of the packages in the spelling of the request.
-        packages: Name and links of each package.
+        packages: Name and links of each package, with the limits that
+            ``presets.robots.Link`` has.
     """
 
     verb: ClassVar[str] = "CONF"
 
     type: str
-    packages: tuple[tuple[str, tuple[LinkLimits, ...]], ...]
-
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        packages = tuple(
-            (name, tuple(map(_read_limits, links)))
-            for name, links in _packages_of(message)
-        )
-        return cls(message.require("Type"), packages)
+    packages: tuple[tuple[str, Sequence[Any]], ...]
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         is_actuator = self.type.lower() == ACTUATOR
@@ -158,28 +134,8 @@ class PackageConf(LineReport):
         return segments
 
 
-def _packages_of(message: Message) -> Iterator[tuple[str, list[Message]]]:
-    """Yield the name and the links of each package."""
-    starts = [k for k, (key, _) in enumerate(message.segments) if key.lower() == "name"]
-    for start, end in pairwise([*starts, None]):
-        part = Message(message.verb, message.segments[start:end])
-        yield part.require("Name"), list(_links_of(part))
-
-
-def _read_limits(link: Message) -> LinkLimits:
-    """Read what a link can do, in the keys of any generation."""
-    speed = link.get("MaxSpeed") or link.get("MaxRotationSpeed")
-    low = "MinRange" if link.get("MinRange") else "MinValue"
-    return LinkLimits(
-        parse_number(speed) if speed else nan,
-        link.parse("MaxTorque", parse_number),
-        link.parse(low, parse_number),
-        link.parse(low.replace("Min", "Max"), parse_number),
-    )
-
-
 class PackageGeo(LineReport):
-    """Where the links of mission packages are.
+    """The poses of the links of mission packages, which is only written.
 
     Attributes:
         type: Type of the packages in the spelling of the request.
@@ -193,14 +149,6 @@ class PackageGeo(LineReport):
     type: str
     packages: tuple[tuple[str, tuple[Pose3, ...]], ...]
     robot: str
-
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        packages = tuple(
-            (name, tuple(map(_read_pose, links)))
-            for name, links in _packages_of(message)
-        )
-        return cls(message.require("Type"), packages, message.get("Mount") or "")
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         place = vector_marks(dialect.mount)
@@ -221,8 +169,3 @@ class PackageGeo(LineReport):
                 segments.append(Segment("Location", place, numbers[:3]))
                 segments.append(Segment("Orientation", place, numbers[3:]))
         return segments
-
-
-def _read_pose(link: Message) -> Pose3:
-    place = link.parse("Location", parse_flipped)
-    return Pose3(*place, *link.parse("Orientation", parse_flipped))

@@ -26,8 +26,8 @@ that it finds in the whole scene, bit for bit: which triangles Embree proposes d
 but each is intersected by the same operations.
 
 Rule 1: a scene does not change after it is built. Embree would ignore later additions.
-Rule 2: input is checked: shapes, finite vertices, indices in range. Embree reads beyond
-the ends of arrays and drops whole meshes without an error.
+Rule 2: parts check their meshes: shapes, finite vertices, indices in range. Embree only
+gets copies of the triangles, as it reads beyond the ends of arrays.
 Rule 3: a ray that starts outside the scene is first advanced to the sphere around it,
 so that Embree handles no numbers larger than the scene's.
 
@@ -47,7 +47,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from radarsim.engine import Packed, address, engine
 from radarsim.errors import EngineError
@@ -173,20 +173,19 @@ class EmbreeScene:
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
     """
 
-    def __init__(self, meshes: Sequence[tuple[ArrayLike, ArrayLike]]) -> None:
-        """Check and copy the meshes and build the scene.
+    def __init__(self, meshes: Sequence[tuple[Floats, NDArray[Any]]]) -> None:
+        """Copy the meshes and build the scene.
 
         Args:
-            meshes: The triangles of each part: (V, 3) m, at most 1 km from the scene's
-                centre, the origin; and (F, 3) vertex indices.
+            meshes: The triangles of each part: (V, 3) m, finite, at most 1 km from the
+                scene's centre, the origin; and (F, 3) vertex indices.
 
         Raises:
-            EngineError: If Embree cannot be opened, or a mesh is invalid.
+            EngineError: If Embree cannot be opened.
         """
         library = open_library()
-        checked = [_checked(index, *mesh) for index, mesh in enumerate(meshes)]
-        counts = [len(faces) for _, faces in checked]
-        self.triangles = _triangles(checked, sum(counts))
+        counts = [len(faces) for _, faces in meshes]
+        self.triangles = _triangles(meshes, sum(counts))
         owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
         radius = _radius(self.triangles)
         margin = RELATIVE_MARGIN * radius
@@ -256,40 +255,15 @@ def _address_of(function: "ctypes._NamedFuncPointer") -> int:
     return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
-def _checked(
-    index: int, vertices: ArrayLike, faces: ArrayLike
-) -> tuple[Floats, NDArray[Any]]:
-    """Return the vertices, tiny numbers set to 0, and the faces of a mesh."""
-    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
-    for name, array in (("vertices", vertices), ("faces", faces)):
-        if array.ndim != 2 or array.shape[1] != 3:
-            raise EngineError(
-                f"{name} of shape {array.shape}, expected (n, 3), in mesh {index}"
-            )
-    if faces.dtype.kind not in "iu":
-        raise EngineError(f"faces of {faces.dtype}, expected integers, in mesh {index}")
-    if not np.isfinite(vertices).all():
-        row = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
-        raise EngineError(
-            f"vertex {row} is {vertices[row].tolist()}, expected finite numbers,"
-            f" in mesh {index}"
-        )
-    if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
-        raise EngineError(
-            f"face indices {faces.min()} to {faces.max()}, expected 0 to"
-            f" {len(vertices) - 1}, in mesh {index}"
-        )
-    return np.where(np.abs(vertices) < TINY, 0.0, vertices), faces
-
-
 def _triangles(meshes: Sequence[tuple[Floats, NDArray[Any]]], count: int) -> Floats:
-    """Return the corners of all triangles, (T, 9) m, mesh after mesh."""
+    """Return the corners of all triangles, (T, 9) m, tiny numbers set to 0."""
     triangles = np.zeros((count, 9))
     end = 0
     for vertices, faces in meshes:
+        rounded = np.where(np.abs(vertices) < TINY, 0.0, vertices)
         start, end = end, end + len(faces)
         for i, corner in enumerate(faces.T):  # all at once would take the memory twice
-            triangles[start:end, 3 * i : 3 * i + 3] = vertices[corner]
+            triangles[start:end, 3 * i : 3 * i + 3] = rounded[corner]
     return triangles
 
 

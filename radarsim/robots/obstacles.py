@@ -9,7 +9,7 @@ nothing, however large the map.
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import cache, cached_property
-from typing import Final, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 import numpy as np
 import shapely
@@ -27,6 +27,9 @@ from radarsim.robots.footprint import (
     line_table,
 )
 from radarsim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from radarsim.robots.robot import Robot
 
 Result = TypeVar("Result")
 
@@ -186,20 +189,6 @@ def _all_open(positions: Floats) -> NDArray[np.bool_]:
     return np.ones(len(positions), np.bool_)
 
 
-class Body(Protocol):
-    """An object with a footprint on the floor, such as a robot."""
-
-    @property
-    def pose(self) -> Pose2:
-        """Pose on the floor, map frame."""
-        ...
-
-    @property
-    def footprint(self) -> Footprint:
-        """Rectangle that it occupies on the floor."""
-        ...
-
-
 class Obstacles:
     """The slices of everything solid above one floor.
 
@@ -266,9 +255,9 @@ class Obstacles:
         return lines[: engine.find_walls(self._table, 0, x, y, distance, lines)]
 
     def clear(
-        self, footprint: Footprint, pose: Pose2, others: Sequence[Body] = ()
+        self, footprint: Footprint, pose: Pose2, others: "Sequence[Robot]" = ()
     ) -> bool:
-        """Return whether a footprint overlaps no obstacle and no other body."""
+        """Return whether a footprint overlaps no obstacle and no other robot."""
         place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
         lines = self._lines_near(pose.x, pose.y, footprint.radius)
         if footprint.gaps(place, lines)[0] <= MARGIN:
@@ -279,7 +268,7 @@ class Obstacles:
         self,
         footprint: Footprint,
         pose: Pose2,
-        others: Callable[[], Sequence[Body]] = tuple,
+        others: "Callable[[], Sequence[Robot]]" = tuple,
         *,
         within: float = 1.0,
         is_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
@@ -290,7 +279,7 @@ class Obstacles:
         Args:
             footprint: Footprint to be placed.
             pose: Requested pose. If it is free, the search ends before its first step.
-            others: Returns the bodies that are there now, as they move between steps.
+            others: Returns the robots that are there now, as they move between steps.
             within: Radius of the search, m.
             is_open: Returns which of (N, 2) positions, m, are permitted.
             work: What the caller does before the search, and again at the place that it
@@ -349,8 +338,8 @@ def finish(steps: Generator[int, None, Result]) -> Result:
         return result
 
 
-def overlaps(footprint: Footprint, pose: Pose2, other: Body) -> bool:
-    """Return whether a footprint at a pose overlaps another body."""
+def overlaps(footprint: Footprint, pose: Pose2, other: "Robot") -> bool:
+    """Return whether a footprint at a pose overlaps that of a robot."""
     distance = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
     if distance > footprint.radius + other.footprint.radius:
         return False

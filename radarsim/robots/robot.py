@@ -121,6 +121,8 @@ class Bicycle(NamedTuple):
 class Robot:
     """A robot that drives at its latched wheel speeds; a member of a ``Fleet``.
 
+    All speeds and angles of commands are finite, as lines have no others.
+
     The wheels turn at their set-points even while something blocks the robot, as those
     of the original do, whose motors are stronger than their grip: odometry then counts
     a distance that was not driven.
@@ -221,14 +223,7 @@ class Robot:
             right: Speed of the right wheels, likewise.
             normalized: Whether this command and later ones are percentages.
             light: Whether the headlight is on.
-
-        Raises:
-            ValueError: If a speed is not finite.
         """
-        if not all(math.isfinite(speed) for speed in (left or 0, right or 0)):
-            raise ValueError(
-                f"wheel speeds {left!r}, {right!r}, expected finite numbers"
-            )
         # Stays as it is until a command says otherwise, also for commands without it.
         self._normalized = self._normalized if normalized is None else normalized
         self.light = self.light if light is None else light
@@ -252,16 +247,13 @@ class Robot:
             rear: Angle of the rear wheels, likewise.
 
         Raises:
-            ValueError: If a number is not finite, or the robot is skid-steered.
+            ValueError: If the robot is skid-steered.
         """
         if self.bicycle is None:
             raise ValueError(f"{self.model.name} is skid-steered, expected drive()")
         row = self.row
         front = float(row["front_steer"]) if front is None else front
         rear = float(row["rear_steer"]) if rear is None else rear
-        if not all(map(math.isfinite, (speed, front, rear))):
-            text = f"speed {speed!r} and angles {front!r}, {rear!r}"
-            raise ValueError(f"{text}, expected finite numbers")
         front, rear = self.bicycle.limit(front, rear)
         spin = self.wheel_drive.spin(speed, normalized=self._normalized)
         row["front_steer"], row["rear_steer"] = front, rear
@@ -287,14 +279,12 @@ class Robot:
             normalized: Whether these are percentages of the highest speeds.
 
         Raises:
-            ValueError: If a number is not finite, or the robot does not fly.
+            ValueError: If the robot does not fly.
         """
         flight, model = self.model.flight, self.model
         if flight is None:
             raise ValueError(f"{model.name} does not fly, expected drive()")
         speeds = (ahead, left, up, turn)
-        if not all(math.isfinite(speed or 0.0) for speed in speeds):
-            raise ValueError(f"speeds {speeds!r}, expected finite numbers")
         row, radius, half_track = self.row, model.wheel_radius, model.track / 2
         before = (
             (row["right_spin"] + row["left_spin"]) / 2 * radius,

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 from annotated_types import Ge, Le, Len, MaxLen
-from pydantic import BaseModel, ConfigDict, FailFast, ValidationError
+from pydantic import BaseModel, FailFast, ValidationError
 from pydantic_core import ErrorDetails
 
 from radarsim.geometry import Floats
@@ -52,10 +52,8 @@ _Item = TypeVar("_Item")
 _Items: TypeAlias = Annotated[list[_Item], MaxLen(MAX_NODES), FailFast()]
 
 
-class _Object(BaseModel):
+class _Object(BaseModel, extra="ignore"):
     """A JSON object; keys that do not matter here are dropped."""
-
-    model_config = ConfigDict(extra="ignore")
 
 
 _AnyObject = TypeVar("_AnyObject", bound=_Object)

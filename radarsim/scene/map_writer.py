@@ -6,6 +6,7 @@ they were. Primitives, copies and variants are written as what was built of them
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import yaml
 from radarsim.files import write_atomically
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import PLAIN_KEYS, Losses, Material, library_material
-from radarsim.scene.scene import REFLECTOR, Part, Scene, Trial
+from radarsim.scene.scene import REFLECTOR, Part, Scene
 
 
 def material_keys(material: Material) -> dict[str, Any]:
@@ -114,7 +115,7 @@ def write_map(scene: Scene, path: Path) -> None:
             _placed_keys(each.position, each.yaw, name=each.name, size=list(each.size))
             for each in scene.crates
         ],
-        "trial": _trial_keys(scene.trial),
+        "trial": scene.trial and {**asdict(scene.trial), "goal": [*scene.trial.goal]},
     }
     content = {key: value for key, value in content.items() if value not in (None, [])}
     text = yaml.dump(
@@ -163,10 +164,3 @@ def _placed_keys(
     angle = None if yaw is None else _degrees(yaw)
     keys = {**others, "position": list(position), "yaw_deg": angle}
     return {key: value for key, value in keys.items() if value is not None}
-
-
-def _trial_keys(trial: Trial | None) -> dict[str, Any] | None:
-    if trial is None:
-        return None
-    goal, distance = list(trial.goal), trial.safety_distance
-    return {"start": trial.start, "goal": goal, "safety_distance": distance}

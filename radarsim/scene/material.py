@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
 from annotated_types import Ge, Le
-from pydantic import BaseModel, ConfigDict, PlainValidator, Strict, TypeAdapter
+from pydantic import BaseModel, PlainValidator, Strict, TypeAdapter
 
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets import SourcedValue, preset_names, read_preset
@@ -199,7 +199,7 @@ PLAIN_KEYS: Final = tuple(
 )
 
 
-class LibraryEntry(BaseModel):
+class LibraryEntry(BaseModel, extra="forbid", frozen=True):
     """A file of the library.
 
     Attributes:
@@ -214,8 +214,6 @@ class LibraryEntry(BaseModel):
             degrees; ``transmission_db`` the loss on the way through a pane, in each
             band, dB.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     about: str
     numbers: dict[str, SourcedValue]

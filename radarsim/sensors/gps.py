@@ -21,7 +21,7 @@ from dataclasses import replace
 from typing import ClassVar, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import NotNegative
@@ -55,15 +55,13 @@ SATELLITES: Final = np.array(
 # fmt: on
 
 
-class GpsSettings(BaseModel):
+class GpsSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a GPS receiver.
 
     Attributes:
         max_noise: Three standard deviations of north and east with 4 satellites, m.
         min_noise: Three standard deviations of north and east with 12 satellites, m.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     max_noise: NotNegative
     min_noise: NotNegative

@@ -3,7 +3,7 @@
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from radarsim.engine import engine
 from radarsim.geometry import Pose3
@@ -17,7 +17,7 @@ INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of th
 _Share = Annotated[float, Field(ge=0, le=10, strict=True)]
 
 
-class InsSettings(BaseModel):
+class InsSettings(BaseModel, extra="forbid", frozen=True):
     """Drift of an inertial navigation system; all zero for none.
 
     Attributes:
@@ -26,8 +26,6 @@ class InsSettings(BaseModel):
             drawn once per run.
         angle_bias: Largest mean of the relative error of each angle, drawn likewise.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     sigma: _Share = 0.05
     position_bias: _Share = 0.5e-3

@@ -1,7 +1,7 @@
 """The scan of a radar or a laser, its echoes, and the objects that they came from."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -141,14 +141,21 @@ class Echoes:
     @property
     def targets(self) -> dict[int, Target]:
         """The objects that the echoes came from, by their values in ``parts``."""
-        return {part: self._target(part) for part in np.unique(self.parts).tolist()}
+        return {part: self.target(part) for part in np.unique(self.parts).tolist()}
 
-    def _target(self, part: int) -> Target:
-        count = len(self.scene_parts)
-        if part >= count:
-            return Target.of(f"robot {part - count}", ROBOT, self.settings)
-        scene_part = self.scene_parts[part]
-        return Target.of(scene_part.object_name, scene_part.material, self.settings)
+    def target(self, part: int, robot_names: Mapping[int, str] | None = None) -> Target:
+        """Return the object that a part belongs to.
+
+        Args:
+            part: As in ``parts``.
+            robot_names: Names of the robots, by their ids; None for the ids.
+        """
+        robot = part - len(self.scene_parts)
+        if robot >= 0:
+            name = robot_names[robot] if robot_names else f"robot {robot}"
+            return Target.of(name, ROBOT, self.settings)
+        found = self.scene_parts[part]
+        return Target.of(found.object_name, found.material, self.settings)
 
     def to_lists(self) -> list[list[dict[str, Any]]]:
         """Return a list of echoes for each beam, as JSON types."""

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 from typing import ClassVar, Final, Generic, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import Angle, Positive
@@ -35,15 +35,13 @@ AHEAD: Final = (1.0, 0.0, 0.0)
 BREATH: Final = 0.1  # m within which breath has not mixed with the air
 
 
-class SearchSettings(BaseModel):
+class SearchSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a sensor that looks for victims or tags.
 
     Attributes:
         max_range: Longest distance of what it notices, m.
         fov_deg: Angle of the whole cone in which it notices that, degrees.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     max_range: Positive
     fov_deg: Angle

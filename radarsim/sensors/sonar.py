@@ -23,7 +23,7 @@ from dataclasses import replace
 from typing import ClassVar, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import NotNegative, Positive, RightAngle
@@ -43,7 +43,7 @@ _ANGLES: Final = np.array([*_LEVEL, *_CIRCLES])
 RAYS_PER_CONE: Final = len(_ANGLES)
 
 
-class SonarSettings(BaseModel):
+class SonarSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a sonar.
 
     Attributes:
@@ -53,8 +53,6 @@ class SonarSettings(BaseModel):
         max_incidence_deg: Largest angle between a ray and the normal of a surface that
             sends sound back, degrees; the ray on the axis has no such limit.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     beam_angle_deg: RightAngle
     min_range: NotNegative

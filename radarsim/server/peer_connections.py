@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from radarsim.listening import (
     configure_socket,
-    has_hung_up,
+    find_hung_up,
     listen,
     peer_name,
     raise_file_limit,
@@ -158,6 +158,13 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         self._grace: asyncio.TimerHandle | None = None  # aborts after eof
         self._looks = 0  # in succession that found a flood
 
+    @property
+    def file_number(self) -> int:
+        """Number of the open file that is its socket."""
+        assert self._transport is not None
+        number: int = self._transport.get_extra_info("socket").fileno()
+        return number
+
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin, or refuse the peer if there are too many."""
         assert isinstance(transport, asyncio.Transport)
@@ -200,7 +207,7 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         """End the connection of a peer that is not read, and has gone or floods."""
         if self._transport is None:
             return
-        if has_hung_up(self._transport):
+        if find_hung_up([self.file_number]):
             self._end_in_time()
         self._looks = self._looks + 1 if self._floods() else 0
         if self._looks >= FLOOD_LOOKS:

@@ -6,12 +6,15 @@ import asyncio
 import gc
 import logging
 import math
-import select
-import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from radarsim.listening import exit_code_of_signal, first_of, log_refused_accepts
+from radarsim.listening import (
+    exit_code_of_signal,
+    find_hung_up,
+    first_of,
+    log_refused_accepts,
+)
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.peer_connections import (
     PeerConnection,
@@ -188,8 +191,9 @@ class Server(PeerServer):
     def tick(self) -> None:
         """Advance simulated time by 10 ms, if it passes, and send what is due."""
         connections = self.by_number
-        for connection, is_gone in _hung_up(self.held):
-            connection.hang_up(is_gone=is_gone)
+        by_file = {connection.file_number: connection for connection in self.held}
+        for number, is_gone in find_hung_up(by_file):
+            by_file[number].hang_up(is_gone=is_gone)
         for number, diagnostic in self.host.step(passes=self.pace.take_tick()):
             if number in connections:  # the host can have other clients
                 connections[number].log_diagnostics([diagnostic])
@@ -212,21 +216,6 @@ class Server(PeerServer):
         self._after_tick()
 
 
-def _hung_up(held: Collection[Connection]) -> list[tuple[Connection, bool]]:
-    """Return those whose peers send no more, and whether they are gone.
-
-    A transport that is not read does not tell. Empty where the system cannot say.
-    """
-    if sys.platform != "linux" or not held:
-        return []
-    poller = select.poll()
-    by_file = {connection.file_number: connection for connection in held}
-    for number in by_file:
-        poller.register(number, select.POLLRDHUP)
-    gone = select.POLLHUP | select.POLLERR  # which poll reports without being asked
-    return [(by_file[number], bool(event & gone)) for number, event in poller.poll(0)]
-
-
 class Connection(PeerConnection):
     """One TCP connection: passes bytes between a client and the host."""
 
@@ -241,13 +230,6 @@ class Connection(PeerConnection):
         self._number = 0
         self._sends_no_more = False
         self._logged_kinds: set[str] = set()
-
-    @property
-    def file_number(self) -> int:
-        """Number of the open file that is its socket."""
-        assert self._transport is not None
-        number: int = self._transport.get_extra_info("socket").fileno()
-        return number
 
     def _most(self) -> int:
         return self._server.max_clients

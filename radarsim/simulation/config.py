@@ -228,13 +228,8 @@ class SimulationConfig:
                 return 1 / load_fmcw_settings(self.sensor_name(item)).rotation_hz
             rate = settings.scan_rate_hz
             return 1 / rate if rate else self.dialect.scan_interval_of(item.sensor)
-        intervals = {
-            "INS": self.dialect.ins_interval,
-            "Tachometer": self.dialect.tachometer_interval,
-            "Sonar": self.dialect.sonar_interval,
-            "GPS": self.dialect.gps_interval,
-        }
-        return intervals.get(item.type, DEFAULT_INTERVAL)
+        attribute = f"{item.type.lower()}_interval"  # such as ``gps_interval``
+        return float(getattr(self.dialect, attribute, DEFAULT_INTERVAL))
 
 
 def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:

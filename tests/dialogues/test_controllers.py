@@ -205,7 +205,7 @@ CREATED = "CONTROL {Type Create} {ClassName WCCrate} {Name c}"
         ("CONTROL", "'CONTROL', expected a field '{Type ...}'"),
         (
             "CONTROL {Type rotate} {Name foo} {Speed 0,0,1}",
-            "not supported: CONTROL Rot",
+            "CONTROL Type: 'rotate' (did you mean 'Create'?), expected one of",
         ),
         (f"{CREATED} {{Colour red}}", "CONTROL field 'Colour', expected one of"),
     ],

@@ -1,17 +1,14 @@
 import re
 from contextlib import suppress
 from math import inf, nan
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import radarsim
 from radarsim.errors import MalformedMessage, ProtocolError
 from radarsim.geometry import Pose3
 from radarsim.protocol.commands import (
-    UNSUPPORTED_TYPES,
     Act,
     Action,
     Command,
@@ -27,7 +24,6 @@ from radarsim.protocol.commands import (
     SetViewports,
     ShowCamera,
     Trace,
-    Unsupported,
     encode_command,
     parse_command,
     parse_pose,
@@ -159,7 +155,7 @@ WRITTEN_AGAIN = {
 )
 def test_commands_are_read_and_written(line: str, command: Command, again: str) -> None:
     for dialect in (COMPAT, UDK):
-        assert parse_command(line, dialect) == (command, [], [])
+        assert parse_command(line, dialect) == (command, [])
     assert encode_command(command) == again
     assert parse_command(again, UDK)[0] == command
 
@@ -183,15 +179,9 @@ def test_links_that_cannot_be_read_are_refused(line: str, problem: str) -> None:
 
 
 def test_unknown_fields_are_reported() -> None:
-    line = "drive {Left 1} {colour red} {RIGHT 1} {Steer 2} {Steer 3}"
+    line = "drive {Left 1} {colour red} {RIGHT 1} {Steer 2}"
     parsed = parse_command(line, COMPAT)
-    assert parsed == (Drive(1, 1), ["colour"], ["Steer", "Steer"])
-
-
-def test_manual_names_all_that_is_not_supported() -> None:
-    page = (Path(radarsim.__file__).parent / "docs/protocol.md").read_text()
-    named = set(re.findall(r"`([^`]+)`", page.partition("### Not supported")[2]))
-    assert named >= UNSUPPORTED_TYPES
+    assert parsed == (Drive(1, 1), ["colour", "Steer"])
 
 
 def test_true_in_capitals_is_true_in_compat_only() -> None:
@@ -200,20 +190,12 @@ def test_true_in_capitals_is_true_in_compat_only() -> None:
     assert parse_command(line, UDK)[0] == Drive(None, None, False, False, True)
 
 
-@pytest.mark.parametrize(
-    "verb",
-    [
-        *("camera", "GETCLOSESTPATHNODE", "GETNFO", "GETPATHNODES"),
-        *("GOTO", "MOVE", "PAUSE", "PING", "TEST"),
-    ],
-)
-def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
-    command = parse_command(f"{verb} {{Name a}}", COMPAT)[0]
-    assert command == Unsupported(verb.upper())
-    assert command.values() == ()
-
-
 MALFORMED = {
+    "a verb of other servers": (
+        "PING",
+        "verb 'PING', expected one of ['ACT', 'CONTROL', 'DRIVE', 'GETCONF', 'GETGEO',"
+        " 'GETSTARTPOSES', 'INIT', 'MISPKG', 'MULTIDRIVE', 'SET', 'TRACE', 'WATCH']",
+    ),
     "one bad number": (
         "DRIVE {Left 1} {Right abc}",
         "DRIVE Right: 'abc', expected a number",
@@ -299,7 +281,6 @@ COMMANDS = st.one_of(
     st.builds(GetGeo, TEXTS, st.none() | TEXTS),
     st.builds(GetConf, TEXTS, st.none() | TEXTS),
     st.builds(SetItem, TEXTS, st.none() | TEXTS, TEXTS, st.just("") | TEXTS),
-    st.builds(Unsupported, st.sampled_from(["PAUSE", "PING"])),
 )
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import Link
 from radarsim.protocol import packages, reports, rescue
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.fields import ItemReport, LineReport, SensorReport
@@ -71,7 +72,20 @@ COMPAT_LINES: dict[str, tuple[reports.Report, str]] = {
     ),
     "what links can do": (
         packages.PackageConf(
-            "MisPkg", (("Cam", (packages.LinkLimits(0.17, 20, -0.16, 0.4),)),)
+            "MisPkg",
+            (
+                (
+                    "Cam",
+                    (
+                        Link(
+                            max_speed=0.17,
+                            max_torque=20,
+                            min_angle=-0.16,
+                            max_angle=0.4,
+                        ),
+                    ),
+                ),
+            ),
         ),
         "CONF {Type MisPkg} {Name Cam} {Link 1} {JointType Revolute} "
         "{MaxSpeed 0.1700} {MaxTorque 20.0000} {MinRange -0.1600} {MaxRange 0.4000}",
@@ -349,6 +363,11 @@ def test_reports_are_encoded_in_the_compat_dialect(
     assert report.encode(COMPAT) == line
     # Its report writes the same line; a little more than pi is read as -pi.
     read = reports.decode_report(line)
+    if isinstance(
+        report, (packages.PackageConf, packages.PackageGeo, reports.CameraConf)
+    ):
+        assert read is None  # no client needs them
+        return
     assert read is not None
     assert read.encode(COMPAT) == line or "3.1416" in line
 

@@ -109,10 +109,9 @@ def test_vector_is_the_same_in_all_forms(
     assert parse_numbers(text, 3) == values
 
 
-def test_only_lower_case_true_is_true_unless_any_case_is_allowed() -> None:
+def test_only_the_word_true_is_true() -> None:
     texts = ["true", "True", "TRUE", "false", "1", "yes", ""]
-    assert [parse_flag(t, any_case=False) for t in texts] == [True] + [False] * 6
-    assert [parse_flag(t, any_case=True) for t in texts] == [True] * 3 + [False] * 4
+    assert [parse_flag(text) for text in texts] == [True] * 3 + [False] * 4
 
 
 @given(value=WRITABLE, decimals=st.integers(1, 6))

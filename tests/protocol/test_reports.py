@@ -14,12 +14,7 @@ from radarsim.protocol import reports
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.echoes import target_lines
 from radarsim.protocol.message import Message, decode_message
-from radarsim.protocol.packages import (
-    LinkLimits,
-    PackageConf,
-    PackageGeo,
-    PackageState,
-)
+from radarsim.protocol.packages import PackageState
 
 
 def test_lines_end_with_crlf_and_are_ascii() -> None:
@@ -136,28 +131,6 @@ REPORTS = st.one_of(
         PackageState,
         *(TIMES, NAMES),
         st.lists(st.tuples(NUMBERS, st.just(-20.0)), max_size=3).map(tuple),
-    ),
-    st.builds(
-        PackageConf,
-        st.sampled_from(["MisPkg", "mispkg", "Actuator"]),
-        st.lists(
-            st.tuples(
-                NAMES,
-                st.lists(st.builds(LinkLimits, *[NUMBERS] * 4), min_size=1).map(tuple),
-            ),
-            min_size=1,
-            max_size=3,
-        ).map(tuple),
-    ),
-    st.builds(
-        PackageGeo,
-        st.sampled_from(["MisPkg", "Actuator"]),
-        st.lists(
-            st.tuples(NAMES, st.lists(POSES, min_size=1, max_size=3).map(tuple)),
-            min_size=1,
-            max_size=3,
-        ).map(tuple),
-        NAMES,
     ),
     # Not of motion, whose two blanks one client needs.
     st.builds(reports.Sound, TIMES, NAMES, NUMBERS, NUMBERS),
@@ -341,13 +314,6 @@ def _transmitted(report: reports.Report, dialect: Dialect) -> reports.Report:
             changes["battery"] = max(report.battery, dialect is not UDK)
         case PackageState(links=links) if dialect is UDK:
             changes["links"] = tuple((angle, nan) for angle, _ in links)
-        case PackageConf(type=kind, packages=packages) if kind == "Actuator":
-            changes["packages"] = tuple(
-                (name, tuple(link._replace(max_speed=nan) for link in links))
-                for name, links in packages
-            )
-        case PackageGeo(type=kind) if kind != "Actuator":
-            changes["robot"] = ""
         case reports.RobotGeo() if dialect is UDK:
             changes["dimensions"] = (report.wheel_base, report.wheel_separation, 0.0)
         case reports.ItemGeo(mounts=mounts) if dialect is not UDK or not mounts:
@@ -563,10 +529,16 @@ def test_targets_of_a_turn_fill_lines(targets: int, sizes: list[int]) -> None:
         assert read.dbm == pytest.approx(line.dbm, abs=0.0051)
 
 
-def test_links_before_any_name_belong_to_no_package() -> None:
-    report = reports.decode_report("GEO {Type MisPkg} {Link 1} {ParentLink -1}")
-    assert isinstance(report, reports.PackageGeo)
-    assert report.packages == ()
+@pytest.mark.parametrize(
+    "line",
+    [
+        "GEO {Type MisPkg} {Name Cam} {Link 1} {ParentLink -1} {Location 0,0,0}",
+        "CONF {Type MisPkg} {Name Cam} {Link 1} {MaxRange 2} {JointType Revolute}",
+        "CONF {Type Camera} {Name Camera} {CameraDefFov 0.8} {CameraMinFov 0.4}",
+    ],
+)
+def test_links_and_cameras_are_of_unknown_kinds(line: str) -> None:
+    assert reports.decode_report(line) is None
 
 
 def test_a_package_may_have_no_links() -> None:

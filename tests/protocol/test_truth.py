@@ -4,8 +4,6 @@ import pytest
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.message import decode_message
-from radarsim.protocol.packages import PackageConf
 from radarsim.protocol.questions import END, answer_truth
 
 ACTORS = (
@@ -36,21 +34,3 @@ def test_fields_of_a_question_limit_the_answer(
     lines = answer.decode("ascii").splitlines()
     assert [each.split("}")[0] for each in lines[:-1]] == [f"{{Name {n}" for n in names]
     assert answer.endswith(END)
-
-
-@pytest.mark.parametrize(
-    ("speed", "low", "high"),
-    [
-        ("MaxSpeed", "MinRange", "MaxRange"),
-        ("MaxRotationSpeed", "MinValue", "MaxValue"),
-    ],
-)
-def test_links_of_packages_are_read_in_the_keys_of_any_generation(
-    speed: str, low: str, high: str
-) -> None:
-    line = (
-        "CONF {Type MisPkg} {Name Cam} {Link 1} {JointType Revolute}"
-        f" {{{speed} 0.5}} {{MaxTorque 20}} {{{low} -1}} {{{high} 2}}"
-    )
-    conf = PackageConf.decode(decode_message(line))
-    assert conf.packages == (("Cam", ((0.5, 20.0, -1.0, 2.0),)),)

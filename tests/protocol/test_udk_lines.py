@@ -1,9 +1,10 @@
-from math import nan, pi, radians
+from math import pi, radians
 
 import numpy as np
 import pytest
 
 from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import Link
 from radarsim.protocol import packages, reports
 from radarsim.protocol.dialect import UDK
 
@@ -54,7 +55,20 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
     ),
     "what links can do": (
         packages.PackageConf(
-            "MisPkg", (("Cam", (packages.LinkLimits(1.571, 20, -0.16, 0.4),)),)
+            "MisPkg",
+            (
+                (
+                    "Cam",
+                    (
+                        Link(
+                            max_speed=1.571,
+                            max_torque=20,
+                            min_angle=-0.16,
+                            max_angle=0.4,
+                        ),
+                    ),
+                ),
+            ),
         ),
         "CONF {Type MisPkg} {Name Cam} {Link 1} {JointType Revolute} "
         "{MaxRotationSpeed 1.5710} {MaxTorque 20.0000} {MinRange -0.1600} "
@@ -64,8 +78,28 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
         packages.PackageConf(
             "Actuator",
             (
-                ("Cam", (packages.LinkLimits(nan, 20, -0.16, 0.4),)),
-                ("Arm", (packages.LinkLimits(nan, 4, -2.086, 2.086),)),
+                (
+                    "Cam",
+                    (
+                        Link(
+                            max_speed=1.571,
+                            max_torque=20,
+                            min_angle=-0.16,
+                            max_angle=0.4,
+                        ),
+                    ),
+                ),
+                (
+                    "Arm",
+                    (
+                        Link(
+                            max_speed=1.571,
+                            max_torque=4,
+                            min_angle=-2.086,
+                            max_angle=2.086,
+                        ),
+                    ),
+                ),
             ),
         ),
         "CONF {Type Actuator} {Name Cam} {Link 1} {JointType Revolute} "

@@ -1,6 +1,5 @@
 import ctypes.util
 import importlib.metadata
-import math
 import subprocess
 import sys
 from pathlib import Path
@@ -16,28 +15,6 @@ from radarsim.raycast.embree import EmbreeScene
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 FACE = np.array([[0, 1, 2]])
-
-
-@pytest.mark.parametrize(
-    ("vertices", "faces", "text"),
-    [
-        (TRIANGLE[:, :2], FACE, "vertices of shape (3, 2), expected (n, 3)"),
-        (TRIANGLE.ravel(), FACE, "vertices of shape (9,), expected (n, 3)"),
-        (TRIANGLE, FACE * 1.0, "faces of float64, expected integers"),
-        (
-            np.vstack([TRIANGLE, [[0, math.nan, 0]]]),
-            FACE,
-            "vertex 3 is [0.0, nan, 0.0], expected finite numbers",
-        ),
-        (TRIANGLE, [[0, 1, 3]], "face indices 0 to 3, expected 0 to 2"),
-        (TRIANGLE, [[-1, 1, 2]], "face indices -1 to 2, expected 0 to 2"),
-    ],
-    ids=["flat", "a row", "real faces", "nan", "too high", "negative"],
-)
-def test_invalid_meshes_are_rejected(vertices: Any, faces: Any, text: str) -> None:
-    with pytest.raises(EngineError) as caught:
-        EmbreeScene([(TRIANGLE, FACE), (vertices, faces)])
-    assert str(caught.value) == f"{text}, in mesh 1"
 
 
 def test_error_of_embree_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:

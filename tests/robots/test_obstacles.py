@@ -1,5 +1,6 @@
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,7 +82,7 @@ def test_obstacles_are_surfaces_and_bodies_are_filled() -> None:
         pytest.param(StandingBody(Pose2(9, 9)), True, id="far away"),
     ],
 )
-def test_bodies_do_not_overlap(other: StandingBody, free: bool) -> None:
+def test_bodies_do_not_overlap(other: Any, free: bool) -> None:
     assert Obstacles().clear(ROBOT, Pose2(0, 0), [other]) is free
 
 
@@ -96,7 +97,7 @@ def test_nearest_free_pose_keeps_the_yaw() -> None:
 
 def test_nearest_free_pose_avoids_other_bodies() -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
-    statue = StandingBody(Pose2(-0.35, 7))
+    statue: Any = StandingBody(Pose2(-0.35, 7))
     here, bodies = Pose2(-0.2, 7), [statue]
     pose = finish(obstacles.search_free_pose(ROBOT, here, lambda: bodies))
     assert pose is not None

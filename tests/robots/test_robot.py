@@ -91,18 +91,6 @@ def test_halt_stops_the_wheels() -> None:
     assert driven.pose == Pose2(0, 0)
 
 
-@pytest.mark.parametrize("speed", [math.nan, math.inf, -math.inf])
-def test_speed_that_is_not_finite_is_rejected_without_effect(speed: float) -> None:
-    driven = robot()
-    with pytest.raises(ValueError, match="expected finite numbers"):
-        driven.drive(speed, 1, light=True)
-    with pytest.raises(ValueError, match="expected finite numbers"):
-        driven.drive(1, speed, normalized=True)
-    run(driven, 1)
-    assert driven.pose == Pose2(0, 0)
-    assert not driven.light
-
-
 def test_body_frame_is_above_the_floor_by_its_height() -> None:
     upstairs = robot(Pose2(1, 2, 0.5), floor=3.0)
     assert upstairs.body == Pose3(1, 2, 3.146, 0, 0, 0.5)

@@ -6,11 +6,12 @@ what it carries.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from radarsim.errors import MalformedMessage, list_names
+from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import (
     TRACE_COLOURS,
+    Act,
     Action,
     Command,
     Control,
@@ -27,7 +28,6 @@ from radarsim.protocol.commands import (
     SetViewports,
     ShowCamera,
     Trace,
-    Unsupported,
     Watch,
     parse_command,
 )
@@ -54,6 +54,8 @@ from radarsim.server.host.replies import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from radarsim.server.host.host import Host
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
@@ -82,7 +84,7 @@ def handle(host: Host, client: Client, line: str) -> Handled:
     reading = len(line) // CHARACTERS_A_UNIT
     dialect = host.config.dialect
     try:
-        command, unknown, unsupported = parse_command(line, dialect)
+        command, unknown = parse_command(line, dialect)
     except MalformedMessage as error:
         malformed = Diagnostic.of_malformed(line, error)
         # A line in UTF-16, of a client of today that needs to be told.
@@ -102,10 +104,6 @@ def handle(host: Host, client: Client, line: str) -> Handled:
         diagnostic = _execute(host, client, command)
     if diagnostic is not None and _is_answered(command):
         client.reply(CommandError(diagnostic.text), dialect)
-    if unsupported:
-        fields = list_names(unsupported)
-        others = Diagnostic.of_unsupported(command.verb, f" with {fields}")
-        diagnostic = join_diagnostics(others, diagnostic)
     if unknown:
         work += SUGGESTION_WORK
         others = Diagnostic.of_unknown_field(command, unknown[0])
@@ -117,44 +115,12 @@ def _execute(
     host: Host, client: Client, command: RobotCommand | OtherCommand
 ) -> Diagnostic | None:
     """Execute a command other than INIT; return why it had not its full effect."""
-    problem: Diagnostic | None = None
-    match command:
-        case GetStartPoses():
-            _tell_starts(host, client, command)
-        case GetGeo() | GetConf():
-            problem = _answer(host, client, command)
-        case Watch():
-            problem = host.watchers.watch(client, command)
-        case Control():
-            problem = control(host.simulation, client, command)
-        case ShowCamera():
-            problem = show_camera(host.simulation, command)
-        case Unsupported():
-            problem = Diagnostic.of_unsupported(command.verb)
-        case _:
-            vehicle = _find_robot(client, command.verb)
-            if isinstance(vehicle, Diagnostic):
-                return vehicle
-            problem = _execute_on(host.simulation, vehicle, command)
-    return problem
-
-
-def _execute_on(
-    simulation: Simulation, vehicle: Vehicle, command: RobotCommand
-) -> Diagnostic | None:
-    """Execute a command to a robot; return why it had not its full effect."""
-    match command:
-        case Drive():
-            return _drive(vehicle, command)
-        case MovePackage() | MultiDrive():
-            return move_links(vehicle, command.verb, command.orders)
-        case Trace():
-            _trace(simulation, vehicle, command)
-            return None
-        case SetViewports():
-            return set_viewports(vehicle, command)
-        case _:
-            return set_items(simulation, vehicle, command)
+    if type(command) in _TO_HOST:
+        return _TO_HOST[type(command)](host, client, command)
+    vehicle = _find_robot(client, command.verb)
+    if isinstance(vehicle, Diagnostic):
+        return vehicle
+    return _TO_ROBOT[type(command)](host.simulation, vehicle, command)
 
 
 def _find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
@@ -211,7 +177,7 @@ def _changes_settings(command: SetItem) -> bool:
     return command.opcode.upper() == SETTING
 
 
-def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     """Drive a robot, as far as the command has what its drive needs."""
     if command.value is not None and command.joint is not None:
         order = LinkOrder(command.joint, None, command.value, command.order)
@@ -258,6 +224,12 @@ def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     return None
 
 
+def _move(
+    _: Simulation, vehicle: Vehicle, command: MovePackage | MultiDrive
+) -> Diagnostic | None:
+    return move_links(vehicle, command.verb, command.orders)
+
+
 def _trace(simulation: Simulation, vehicle: Vehicle, command: Trace) -> None:
     """Begin or end a trail."""
     interval = round(100 * min(max(command.interval, 0.01), LONGEST_TRACE))
@@ -268,7 +240,7 @@ def _trace(simulation: Simulation, vehicle: Vehicle, command: Trace) -> None:
         simulation.trails.end(vehicle.robot)
 
 
-def _tell_starts(host: Host, client: Client, question: GetStartPoses) -> None:
+def _send_starts(host: Host, client: Client, question: GetStartPoses) -> None:
     """Reply with the start poses."""
     key = _reply_key(host, client, question)
     if key not in host.known_replies:
@@ -349,3 +321,24 @@ def _describe(vehicle: Vehicle, question: Question) -> Report | Diagnostic:
         return report
     of_type = items_reporting(vehicle.model, item_type)
     return describe_missing(vehicle, question, of_type)
+
+
+# What executes the commands that need no robot, and those that do; it returns why one
+# had not its full effect.
+_TO_HOST: Final[dict[type, Callable[[Host, Client, Any], Diagnostic | None]]] = {
+    GetStartPoses: _send_starts,
+    GetGeo: _answer,
+    GetConf: _answer,
+    Watch: lambda host, client, command: host.watchers.watch(client, command),
+    Control: lambda host, client, command: control(host.simulation, client, command),
+    ShowCamera: lambda host, _, command: show_camera(host.simulation, command),
+}
+_TO_ROBOT: Final[
+    dict[type, Callable[[Simulation, Vehicle, Any], Diagnostic | None]]
+] = {
+    Drive: _drive,
+    **dict.fromkeys((MovePackage, Act, MultiDrive), _move),
+    Trace: _trace,
+    SetViewports: lambda _, vehicle, command: set_viewports(vehicle, command),
+    SetItem: set_items,
+}

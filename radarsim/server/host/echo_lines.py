@@ -26,7 +26,7 @@ from radarsim.protocol.echoes import (
 )
 from radarsim.protocol.line_template import fill_lines
 from radarsim.protocol.reports import to_bytes
-from radarsim.sensors.scan import KINDS, ROBOT, Echoes, Target
+from radarsim.sensors.scan import KINDS, Echoes
 
 MOST_SENSORS: Final = 100  # that are kept; clients can change their settings
 MOST_HEADS: Final = 2000  # of a sensor; robots come and go
@@ -42,12 +42,7 @@ def describe_target(
         part: As in ``Echoes.parts``.
         robot_names: Names of the robots, by their numbers.
     """
-    count = len(echoes.scene_parts)
-    if part >= count:
-        target = Target.of(robot_names[part - count], ROBOT, echoes.settings)
-    else:
-        found = echoes.scene_parts[part]
-        target = Target.of(found.object_name, found.material, echoes.settings)
+    target = echoes.target(part, robot_names)
     nothing = np.zeros(0)
     beams = nothing.astype(np.int64)
     own: tuple[Any, ...] = (*astuple(target), beams, nothing, (), nothing, nothing)

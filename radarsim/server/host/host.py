@@ -135,7 +135,7 @@ class Host:
         if not isinstance(config, SimulationConfig):
             raise TypeError(f"config {config!r:.80}, expected a SimulationConfig")
         config.check()
-        self.simulation = Simulation(scene, config=config, seed=seed)
+        self.simulation: Simulation = Simulation(scene, config=config, seed=seed)
         self._clients: dict[int, Client] = {}
         self._last_number = 0
         self._observers: list[HostObserver] = []
@@ -144,7 +144,7 @@ class Host:
         self._spent: set[int] = set()  # have used up some of their commands
         self._replying: set[int] = set()  # have replies that wait for the next tick
         self._unsent: set[int] = set()  # have bytes that are to be sent
-        self.watchers = Watchers(config.dialect, self._unsent)
+        self.watchers: Watchers = Watchers(config.dialect, self._unsent)
         self.spawner = Spawner(self.simulation, self.watchers)
         self.known_replies: dict[tuple[str | None, ...], bytes] = {}
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK

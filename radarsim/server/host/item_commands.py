@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list_names
 from radarsim.presets.sensors import parse_settings
 from radarsim.protocol.commands import (
-    UNSUPPORTED_TYPES,
     GetConf,
     GetGeo,
     SetItem,
@@ -148,9 +147,6 @@ def describe_missing(
         of_type: The items of the command's type.
     """
     item_type, name = command.type, command.name
-    for unsupported in UNSUPPORTED_TYPES:
-        if unsupported.casefold() == item_type.casefold():
-            return Diagnostic.of_unsupported(unsupported)
     if name is not None and of_type:
         expected = expected_one_of(name, [item.name for item in of_type])
         text = f"{command.verb} of {of_type[0].type} {expected}"

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.protocol import reports
 from radarsim.protocol.images import HEIGHT, WIDTH
-from radarsim.protocol.packages import ACTUATOR, LinkLimits
+from radarsim.protocol.packages import ACTUATOR
 from radarsim.sensors.wheels import ENCODER_RESOLUTION
 from radarsim.simulation.config import SimulationConfig
 
@@ -73,7 +73,7 @@ def configuration(
     if not items:
         return None
     if items[0].links:
-        packages = tuple((item.name, _link_limits(item)) for item in items)
+        packages = tuple((item.name, item.links) for item in items)
         return reports.PackageConf(item_type, packages)
     return _settings_of(items, item_type, config)
 
@@ -143,43 +143,42 @@ def camera_configuration(
     return reports.CameraConf(item_type, tuple(cameras)) if cameras else None
 
 
-def _link_limits(item: Item) -> tuple[LinkLimits, ...]:
-    return tuple(
-        LinkLimits(link.max_speed, link.max_torque, link.min_angle, link.max_angle)
-        for link in item.links
-    )
+def _scanner_row(
+    item: Item, config: SimulationConfig
+) -> tuple[str, float, float, float, float]:
+    scanner = config.scanner_settings(item)
+    angles = math.radians(scanner.resolution_deg), math.radians(scanner.fov_deg)
+    return (item.name, scanner.max_range, scanner.min_range, *angles)
+
+
+def _sonar_row(
+    item: Item, config: SimulationConfig
+) -> tuple[str, float, float, float, float]:
+    sonar, interval = config.settings_of(item), config.interval(item)
+    angle = math.radians(sonar.beam_angle_deg)
+    return item.name, sonar.max_range, sonar.min_range, angle, interval
+
+
+# By the type of items, the report of their settings, and the row of each item.
+_CONFS: Final[
+    dict[str, tuple[type[reports.ItemConf], Callable[[Item, SimulationConfig], Any]]]
+] = {
+    "RangeScanner": (reports.ScannerConf, _scanner_row),
+    "Sonar": (reports.SonarConf, _sonar_row),
+    "Encoder": (reports.EncoderConf, lambda item, _: (item.name, ENCODER_RESOLUTION)),
+    "Touch": (reports.TouchConf, lambda item, _: (item.name, TOUCH_DIAMETER)),
+    **dict.fromkeys(
+        ("GroundTruth", "INS", "Odometry", "Tachometer", "GPS"),
+        (reports.IntervalConf, lambda item, config: (item.name, config.interval(item))),
+    ),
+}
 
 
 def _settings_of(
     items: Sequence[Item], item_type: str, config: SimulationConfig
 ) -> reports.Report:
     """Return the settings of items, with the type as the client spells it."""
-    match items[0].type:
-        case "RangeScanner":
-            scanners = []
-            for item in items:
-                scanner = config.scanner_settings(item)
-                resolution = math.radians(scanner.resolution_deg)
-                fov = math.radians(scanner.fov_deg)
-                limits = scanner.max_range, scanner.min_range
-                scanners.append((item.name, *limits, resolution, fov))
-            return reports.ScannerConf(item_type, tuple(scanners))
-        case "Sonar":
-            sonars = []
-            for item in items:
-                sonar, interval = config.settings_of(item), config.interval(item)
-                angle = math.radians(sonar.beam_angle_deg)
-                limits = sonar.max_range, sonar.min_range
-                sonars.append((item.name, *limits, angle, interval))
-            return reports.SonarConf(item_type, tuple(sonars))
-        case "GroundTruth" | "INS" | "Odometry" | "Tachometer" | "GPS":
-            intervals = tuple((item.name, config.interval(item)) for item in items)
-            return reports.IntervalConf(item_type, intervals)
-        case "Encoder":
-            resolutions = tuple((item.name, ENCODER_RESOLUTION) for item in items)
-            return reports.EncoderConf(item_type, resolutions)
-        case "Touch":
-            diameters = tuple((item.name, TOUCH_DIAMETER) for item in items)
-            return reports.TouchConf(item_type, diameters)
-        case _:
-            return reports.NameConf(item_type, tuple(item.name for item in items))
+    if items[0].type not in _CONFS:
+        return reports.NameConf(item_type, tuple(item.name for item in items))
+    conf, row_of = _CONFS[items[0].type]
+    return conf(item_type, tuple(row_of(item, config) for item in items))

@@ -437,7 +437,7 @@ def test_robots_of_the_same_name_on_the_wire_both_answer(empty_room: Scene) -> N
     ("question", "kind"),
     [
         (b"GETGEO {Type Robot} {Robot R9}\r\n", "no robot"),
-        (b"GETCONF {Type Gripper} {Robot R1}\r\n", "not supported Gripper"),
+        (b"GETCONF {Type Gripper} {Robot R1}\r\n", "item type"),
         (b"GETGEO {Type INS} {Name x} {Robot R1}\r\n", "item name"),
         (b"GETGEO {Type Robot} {Robot ,}\r\n", "no robot"),
     ],
