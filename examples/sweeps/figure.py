@@ -14,6 +14,7 @@ import re
 import sys
 from collections import defaultdict
 from functools import cache
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,12 @@ from pyarrow import parquet
 
 from radarsim import load_sensor
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import GRID, RADAR_SHADES, sensor_colours
+from radarsim.plotting.palette import GRID, LASERS, RADARS
 from radarsim.plotting.style import render
 from radarsim.presets.sensors import load_settings
 
+# Of one radar with several values of a setting, from the smallest to the largest.
+RADAR_SHADES = ("#cfc6fb", "#a795f5", "#8068ef", "#5636d8", "#36208f")
 DASHES, MARKERS = ("-", "--", ":"), "os^Dv"  # as lines may lie on each other
 Lines = dict[str, dict[float | str, list[float]]]  # shares by line and place
 
@@ -61,7 +64,8 @@ def place_of(value: Any) -> float | str:
 def line_colours(lines: Lines, column: str) -> dict[str, str]:
     """Return the colour of each line: of its sensor, or a shade of the radar's."""
     if column == "sensor.name":
-        return sensor_colours({name: load_settings(name).medium for name in lines})
+        shades = {"radar": cycle(RADARS), "laser": cycle(LASERS)}
+        return {name: next(shades[load_settings(name).medium]) for name in lines}
     step = (len(RADAR_SHADES) - 1) / max(len(lines) - 1, 1)
     return {name: RADAR_SHADES[int(n * step)] for n, name in enumerate(lines)}
 
