@@ -101,7 +101,7 @@ def map_(
         start_log(logging.WARNING, MESSAGE_FORM)
         run = MappingRun(plan, served, seed=where.seed)
         explore(run, written, recording, address, as_json=as_json)
-        return int(bool(run.result.error))
+        return int(bool(run.error))
 
 
 def _check_combination(where: MappedPlace, plan: ExplorationPlan) -> None:

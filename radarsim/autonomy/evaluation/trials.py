@@ -124,15 +124,15 @@ def run_plan(
     except (ClientError, MappingError, NavigationError) as error:
         note = str(error)
     run.judge()
-    result, monitor = run.result, run.result.monitor
+    monitor, trip = run.monitor, run.source.trip
     return TrialResult(
-        outcome=result.outcome,
+        outcome=str(run.source.outcome),
         collisions=0 if monitor is None else monitor.collisions,
         path_length=0.0 if monitor is None else monitor.path_length,
-        time=result.trip.time,
+        time=trip.time,
         note=note,
-        measured_length=result.trip.length,
-        score=result.score,
+        measured_length=trip.length,
+        score=run.score,
     )
 
 

@@ -70,7 +70,7 @@ def test_an_office_is_explored_as_far_as_its_doors_let_the_robot(
     run = MappingRun(plan, Host(load_map(path)))
     run.run()
     run.judge()
-    told = json.loads(run.result.to_json())
+    told = json.loads(run.to_json())
     assert told["outcome"] == "explored"
     assert told["judge"]["collisions"] == 0
     assert told["judge"]["reachable_coverage"] > 0.95
@@ -87,7 +87,7 @@ def test_the_map_of_an_office_is_true_to_centimetres(tmp_path: Path, seed: int) 
     run = MappingRun(plan, Host(load_map(path), seed=seed), seed=seed)
     run.run()
     run.judge()
-    told = run.result.to_dict()
+    told = run.to_dict()
     assert told["judge"]["reachable_coverage"] > 0.95
     assert told["judge"]["collisions"] == 0
     assert told["judge"]["misplaced"] < 0.001

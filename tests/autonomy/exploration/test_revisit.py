@@ -1,7 +1,6 @@
 """What comes and goes while a robot explores, and what is told of floor behind it."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from office_map import office_map
 from traffic import Mover, Traffic
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.exploration.path_follower import (
     WAITING,
     ExplorationSettings,
@@ -121,20 +121,15 @@ class RunAmongMovers(MappingRun):
 
     def __init__(self, host: Host, movers: list[Mover], **plan: Any) -> None:
         super().__init__(ExplorationPlan(safety_distance=0.38, **plan), host)
-        self._traffic = Traffic(host, movers)
-        self._served = host
-
-    def _open_client(self, connect: Callable[[], Client]) -> Client:
-        client = super()._open_client(connect)
-        monitor = self.result.monitor
-        assert monitor is not None
+        traffic, monitor = Traffic(host, movers), GroundTruthMonitor(host)
 
         def after_tick() -> None:
             monitor.watch()
-            self._traffic.step()
+            traffic.step()
 
-        del client
-        return Client(InProcessTransport(self._served, after_tick=after_tick))
+        transport = InProcessTransport(host, after_tick=after_tick)
+        monitor.open_client = lambda: Client(transport)
+        self.monitor = monitor
 
 
 @pytest.mark.slow
@@ -156,7 +151,7 @@ def test_movers_in_doors_are_no_walls_and_the_map_is_whole_or_said_not_to_be(
     )
     made.run()
     made.judge()
-    told = json.loads(made.result.to_json())
+    told = json.loads(made.to_json())
     judge = told["judge"]
     assert judge["collisions"] == 0
     assert judge["misplaced"] < 0.005
