@@ -21,15 +21,12 @@ from radarsim.autonomy.evaluation.map_score import (
     Score,
     score_mapper,
 )
-from radarsim.autonomy.evaluation.navigation_run import (
-    INTERRUPTED,
-    GroundTruthMonitor,
-    rounded,
-)
+from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, GroundTruthMonitor
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
+from radarsim.autonomy.navigation.run_log import rounded
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.watching import WatchMapper

@@ -12,9 +12,10 @@ from typing import Any
 
 from radarsim.autonomy.evaluation.map_score import Score
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor, rounded
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.run_log import rounded
 from radarsim.autonomy.plans import ROBOT, Algorithm, ExplorationPlan, Mission, Rule
 from radarsim.errors import (
     ClientError,

@@ -23,11 +23,9 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.plans import ExplorationPlan, StrategyName
-from radarsim.client import Client
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
-from radarsim.server.host.lockstep import InProcessTransport
 
 SETTINGS = ExplorationSettings(bumpers=Bumpers(safety_distance=0.4))
 HERE = Pose2(0.0, 0.0)
@@ -116,20 +114,24 @@ def test_what_was_closed_from_the_beginning_is_a_wall() -> None:
     assert (stand.grid.blocked_cells() == walls).all()
 
 
+class MonitorAmongMovers(GroundTruthMonitor):
+    """Watches a robot, and lets others drive."""
+
+    def __init__(self, host: Host, movers: list[Mover]) -> None:
+        super().__init__(host)
+        self._traffic = Traffic(host, movers)
+
+    def watch(self) -> None:
+        super().watch()
+        self._traffic.step()
+
+
 class RunAmongMovers(MappingRun):
     """A mapping run while other robots drive."""
 
     def __init__(self, host: Host, movers: list[Mover], **plan: Any) -> None:
         super().__init__(ExplorationPlan(safety_distance=0.38, **plan), host)
-        traffic, monitor = Traffic(host, movers), GroundTruthMonitor(host)
-
-        def after_tick() -> None:
-            monitor.watch()
-            traffic.step()
-
-        transport = InProcessTransport(host, after_tick=after_tick)
-        monitor.open_client = lambda: Client(transport)
-        self.monitor = monitor
+        self.monitor = MonitorAmongMovers(host, movers)
 
 
 @pytest.mark.slow
