@@ -10,7 +10,12 @@ from PIL import Image
 import radarsim
 
 FOLDER = Path(__file__).parent
-PLANTS = FOLDER.parent / "examples" / "thesis" / "calibrate_plants.py"
+EXAMPLES = FOLDER.parent / "examples"
+PLANTS = EXAMPLES / "thesis" / "calibrate_plants.py"
+SWEEP_FIGURE = (
+    *(EXAMPLES / "sweeps" / "figure.py", "sweep/rows.parquet", "sweep/figure.png"),
+    *("map=thickness of the hedge, cm", "sensor.name=sensor", "4"),
+)
 WIDTH = 1200  # pixels
 COLOURS = 256
 COMMANDS = (
@@ -49,6 +54,7 @@ def main() -> None:
         for command in COMMANDS:
             words = (sys.executable, "-m", *command.split())
             subprocess.run(words, cwd=folder, check=True)
+        subprocess.run((sys.executable, *SWEEP_FIGURE), cwd=folder, check=True)
         subprocess.run((sys.executable, FOLDER / "commander.py", folder), check=True)
         drive = FOLDER / "drive.py", FOLDER / "drive.gif"
         subprocess.run((sys.executable, *drive), check=True)

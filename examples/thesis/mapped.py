@@ -62,7 +62,7 @@ def explore(sensor: str, waypoints: tuple[Point, ...] = WAYPOINTS) -> Mapped:
     run = MappingRun(plan, Host(scene, config=config, seed=SEED), seed=SEED)
     run.run()
     run.judge()
-    mapper, score = run.result.mapper, run.result.score
+    mapper, score = run.source.mapper, run.score
     assert mapper is not None
     assert score is not None
     height = start_pose(scene).z + model.origin_height + item.mount.z

@@ -21,6 +21,7 @@ from radarsim.client.robot_info import ScannerDescriptions, same_name
 from radarsim.client.session import RANGE_SCANNER, ROBOT, Question, Session
 from radarsim.client.transport import SocketTransport
 from radarsim.errors import ClientError, MappingError
+from radarsim.geometry import Point
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import (
     CommandError,
@@ -153,10 +154,17 @@ class WatchMapper:
         mapper: The mapper; None before the scanner is known.
         trip: Time and path length so far.
         error: Why there is no map, or only a part of it; empty if there is one.
+        outcome: How the run ends, as that of an exploration.
+        unreached: No places, since another client drives.
+        safety_distance: None, likewise.
         on_data: Called with what the robot's client would have sent and was sent, for a
             recording; it must not raise.
         on_scan: Called after every scan that is on the map.
     """
+
+    outcome = "watched"
+    unreached: tuple[Point, ...] = ()
+    safety_distance: float | None = None
 
     def __init__(self, plan: ExplorationPlan) -> None:
         """Create a mapper that waits for a robot.

@@ -21,7 +21,6 @@ from radarsim.cli.command import (
     help_all_option,
     shown_name,
 )
-from radarsim.cli.completion import completion_options
 from radarsim.cli.entries import CommandEntry, check_part_of, load_entries
 from radarsim.cli.output import print_message, program_name
 from radarsim.errors import (
@@ -216,7 +215,6 @@ app = _Program(
     "radarsim",
     help="A USARSim server without Unreal, with a radar that sees through foliage and"
     " smoke.",
-    params=completion_options(),
     context_settings={
         "help_option_names": ["-h", "--help"],
         "auto_envvar_prefix": "RADARSIM",

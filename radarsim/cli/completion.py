@@ -1,21 +1,11 @@
-"""What a shell completes: names of maps, sensors and robot classes, quickly.
+"""Completion of names of maps, sensors and robot classes in a shell.
 
-Nothing heavy is imported: a shell asks whenever Tab is pressed.
+Nothing heavy is imported, since a shell calls the program whenever Tab is pressed.
 """
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Final, Literal
-
-import click
-import click.shell_completion
-
-# Where shells look for what completes the words of a program.
-_FILES: Final = {
-    "bash": ".local/share/bash-completion/completions/radarsim",
-    "fish": ".config/fish/completions/radarsim.fish",
-    "zsh": ".zfunc/_radarsim",
-}
+from typing import Literal
 
 
 def complete_map(incomplete: str) -> Iterator[str]:
@@ -35,7 +25,7 @@ def complete_map(incomplete: str) -> Iterator[str]:
 def complete_words(
     kind: Literal["maps", "sensors", "robots"], incomplete: str
 ) -> Iterator[str]:
-    """Return the words of a kind that begin so: maps, sensors or robots."""
+    """Return the names of maps, sensors or robots that begin with a text."""
     if kind == "maps":
         return complete_map(incomplete)
     from radarsim.presets import preset_names
@@ -45,47 +35,3 @@ def complete_words(
 
 def _beginning(incomplete: str, names: Iterable[str]) -> Iterator[str]:
     return (name for name in sorted(names) if name.startswith(incomplete))
-
-
-def completion_options() -> list[click.Parameter]:
-    """Return the options that give completion to a shell."""
-    install = "Let this shell complete commands, options and names."
-    show = "Print what a shell has to read for that."
-    return [
-        click.Option(
-            [name],
-            type=click.Choice(list(_FILES)),
-            is_eager=True,
-            expose_value=False,
-            callback=callback,
-            help=text,
-        )
-        for name, callback, text in (
-            ("--install-completion", _install, install),
-            ("--show-completion", _show, show),
-        )
-    ]
-
-
-def _script(shell: str) -> str:
-    kind = click.shell_completion.get_completion_class(shell)
-    assert kind is not None
-    # Any group will do: the script asks the program itself whenever Tab is pressed.
-    return kind(click.Group(), {}, "radarsim", "_RADARSIM_COMPLETE").source()
-
-
-def _show(ctx: click.Context, _: click.Parameter, shell: str | None) -> None:
-    if shell is not None and not ctx.resilient_parsing:
-        click.echo(_script(shell))
-        ctx.exit()
-
-
-def _install(ctx: click.Context, _: click.Parameter, shell: str | None) -> None:
-    if shell is None or ctx.resilient_parsing:
-        return
-    path = Path.home() / _FILES[shell]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(_script(shell), encoding="utf-8")
-    how = "; add its folder to fpath in ~/.zshrc" if shell == "zsh" else ""
-    click.echo(f"wrote {path}{how}; new shells complete")
-    ctx.exit()

@@ -32,7 +32,6 @@ def explain(
     *,
     beam: Annotated[int, Ge(0)],
     format_: Literal["text", "json"] = "text",
-    ray: Annotated[Literal["drawn", "right", "centre", "left"], RARE] = "drawn",
     budget: Annotated[bool, RARE] = False,
 ) -> None:
     """Print everything that one beam meets.
@@ -42,7 +41,6 @@ def explain(
         plan: The sensor and its place.
         beam: Number of the beam, from 0 at the right.
         format_: Output format.
-        ray: The ray that 'scan' draws with this seed, or another one.
         budget: Print the link budget of an FMCW radar in dB; --beam is its azimuth,
             clockwise from 0 straight ahead.
     """
@@ -60,42 +58,12 @@ def explain(
     if beam >= beams:
         text = f"{beam}, expected 0 to {beams - 1}"
         raise click.BadParameter(text, param_hint="--beam")
-    if ray != "drawn":
-        scanner = with_single_ray(scanner, ray)
     scan = scanner.scan(scene, pose, generator_for(plan.seed, plan.sensor))
     explanation = explain_beam(scene, scanner, scan, beam)
     if format_ == "json":
         click.echo(json.dumps(explanation, allow_nan=False))
     else:
         print_lines(as_text(explanation))
-
-
-def with_single_ray(scanner: RangeScanner, ray: str) -> RangeScanner:
-    """Return the scanner with only one of the three rays of its beams.
-
-    Raises:
-        click.BadParameter: If its beams do not consist of three rays.
-    """
-    from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
-    from radarsim.sensors.range_scanner import RangeScanner
-
-    sides = {"right": RIGHT, "centre": CENTRE, "left": LEFT}
-    settings = scanner.settings
-    count = settings.rays_per_beam
-    if settings.has_side_rays and settings.side_mode != "cone":
-        # A ray that has all the weight is always drawn, so that the scan needs no case
-        # for it.
-        weights = tuple(float(side == sides[ray]) for side in (RIGHT, CENTRE, LEFT))
-        update = {"ray_weights": weights, "ray_choice": "drawn"}
-        return RangeScanner(scanner.name, settings.model_copy(update=update))
-    if count == 1 and ray == "centre":
-        return scanner
-    expected = "drawn or centre" if count == 1 else "drawn"
-    raise click.BadParameter(
-        f"{ray!r}, expected {expected}: {scanner.name}'s beams have {count}"
-        f" {'ray' if count == 1 else 'rays'}",
-        param_hint="--ray",
-    )
 
 
 def explain_beam(

@@ -34,48 +34,32 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
             escape_unprintable(line), highlight=False, markup=False, soft_wrap=True
         )
         return
-    line = _StatusLine(describe)
-    with Live(line, console=console, refresh_per_second=REFRESH_RATE, transient=True):
+
+    def status_line() -> Text:
+        text = escape_unprintable(describe())
+        return Text(text, no_wrap=True, overflow="ellipsis")
+
+    with Live(
+        get_renderable=status_line,
+        console=console,
+        refresh_per_second=REFRESH_RATE,
+        transient=True,
+    ):
         yield lambda _: None
 
 
 def with_bar(results: Iterator[_Result], name: str, total: int) -> Iterator[_Result]:
     """Yield results, and show on stderr how many there are, and the time left."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import MofNCompleteColumn, Progress
 
-    columns = (
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
     console = Console(stderr=True)
     bar = Progress(
-        *columns,
+        *Progress.get_default_columns(),
+        MofNCompleteColumn(),
         console=console,
         disable=not console.is_terminal,
         transient=True,
         speed_estimate_period=_ESTIMATE_PERIOD,
     )
     with bar:
-        task = bar.add_task(name, total=total)
-        for result in results:
-            bar.advance(task)
-            yield result
-
-
-class _StatusLine:
-    def __init__(self, describe: Callable[[], str]) -> None:
-        self._describe = describe
-
-    def __rich__(self) -> Text:
-        text = escape_unprintable(self._describe())
-        return Text(text, no_wrap=True, overflow="ellipsis")
+        yield from bar.track(results, total, description=name)

@@ -59,15 +59,6 @@ LASER: Final = "#ff5704"
 # Sensors of one medium that are compared in one picture.
 RADARS: Final = (RADAR, "#2b1780", "#b3a2f7")
 LASERS: Final = (LASER, "#8f2d00", "#ffa875")
-# Shades that presets keep in all comparisons; others take what is left.
-_KEPT: Final = {
-    "radar": RADARS[0],
-    "physical": LASERS[0],
-    "hokuyo": LASERS[1],
-    "sick": LASERS[2],
-}
-# Of one radar with several values of a setting, from the smallest to the largest.
-RADAR_SHADES: Final = ("#cfc6fb", "#a795f5", "#8068ef", "#5636d8", "#36208f")
 
 # Power that comes back of a radar beam.
 RETURNED: Final = "#047e7d"
@@ -154,21 +145,6 @@ def colour_of(material: Material) -> str:
 def sensor_colour(medium: str) -> str:
     """Return the colour of sensors of a medium, ``radar`` or ``laser``."""
     return RADAR if medium == "radar" else LASER
-
-
-def sensor_colours(media: Mapping[str, str]) -> dict[str, str]:
-    """Return the colours of sensors that one picture compares, by their names.
-
-    Args:
-        media: The medium of each sensor, ``radar`` or ``laser``, by its name.
-    """
-    colours = {name: _KEPT[name] for name in media if name in _KEPT}
-    for name, medium in media.items():
-        if name not in colours:
-            shades = RADARS if medium == "radar" else LASERS
-            left = [shade for shade in shades if shade not in colours.values()]
-            colours[name] = left[0] if left else shades[-1]
-    return colours
 
 
 def paler(colour: str) -> str:

@@ -38,7 +38,7 @@ def sweep(
 ) -> int:
     """Scan, drive or map for all combinations of values.
 
-    Writes one table of the results, and the figure that the file asks for.
+    Writes one table of the results.
 
     Args:
         file: A sweep file, or a shipped sweep.
@@ -53,7 +53,6 @@ def sweep(
     from radarsim.sweep.results import (
         ABOUT,
         EXTRA,
-        FIGURE,
         LOG,
         TABLE,
         SweepFolder,
@@ -91,8 +90,6 @@ def sweep(
         print_message(text)
     spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
     print_lines([spent, output / TABLE, output / ABOUT])
-    if wanted.figure is not None:
-        print_lines([output / FIGURE])
     return int(bool(failed))
 
 

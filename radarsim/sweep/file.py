@@ -74,26 +74,6 @@ class PoseGrid(_Model):
     yaw_deg: Numbers = Field(default=[0.0])
 
 
-class FigureEntry(_Model):
-    """What the figure of a sweep of scans shows.
-
-    Attributes:
-        title: Its title.
-        x: Parameter along the horizontal axis, such as ``sensor.penetration_power``.
-        lines: Parameter that has a line for each of its values.
-        beyond_x: The share of beams that end beyond this x is drawn, m, map frame.
-        x_label: What ``x`` is, with its unit; by default its name.
-        lines_label: What ``lines`` is, likewise.
-    """
-
-    title: str
-    x: str
-    lines: str
-    beyond_x: float
-    x_label: str = ""
-    lines_label: str = ""
-
-
 class SweepFile(_Model):
     """A sweep file.
 
@@ -107,7 +87,6 @@ class SweepFile(_Model):
         algorithm: Algorithms of trials.
         strategy: Strategies of maps.
         time_limit: Longest trial or exploration, s of simulated time.
-        figure: What is drawn of scans.
     """
 
     version: Literal[1]
@@ -120,7 +99,6 @@ class SweepFile(_Model):
     algorithm: Annotated[list[Algorithm], _Listed, _AtLeastOne] | None = None
     strategy: Annotated[list[StrategyName], _Listed, _AtLeastOne] | None = None
     time_limit: Annotated[float, Field(gt=0, le=1e5)] = 3600.0
-    figure: FigureEntry | None = None
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:
@@ -131,8 +109,8 @@ class SweepFile(_Model):
                 raise ValueError(f"'{key}' is of kind {kind}, came kind {self.kind}")
         if self.kind == "scan" and self.pose is None:
             raise ValueError("no 'pose', expected one with kind scan")
-        if self.kind != "scan" and (self.count != 1 or self.figure is not None):
-            raise ValueError("'count' and 'figure' are of kind scan")
+        if self.kind != "scan" and self.count != 1:
+            raise ValueError("'count' is of kind scan")
         return self
 
     def tasks(self) -> Iterator[Parameters]:
@@ -209,8 +187,7 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
             known = sorted(SweepFile.model_fields)
             problems = file.validation_problems(error, known=known, most=20)
     if sweep is not None:
-        checks = (_sensor_problems, _size_problems, _figure_problems)
-        problems = [each for check in checks for each in check(file, sweep)]
+        problems = [*_sensor_problems(file, sweep), *_size_problems(file, sweep)]
     if sweep is None or problems:
         raise SweepError("\n".join(problems))
     return path, sweep
@@ -243,13 +220,3 @@ def _size_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
     count = int(np.prod([len(each) for each in [*lists, *sweep.sensor.values()]]))
     if count > MAX_TASKS:
         yield file.problem((), f"{count} tasks, expected at most {MAX_TASKS}")
-
-
-def _figure_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
-    """Yield the parameters of the figure that the sweep does not have."""
-    entry = sweep.figure
-    known = flat_parameters(next(sweep.tasks()))
-    for key in ("x", "lines") if entry is not None else ():
-        name = getattr(entry, key)
-        if name not in known:
-            yield file.problem(("figure", key), expected_one_of(name, known))

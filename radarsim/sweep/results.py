@@ -1,39 +1,27 @@
-"""The folder of a sweep: a log of its tasks while it runs, then its table and figure.
+"""The folder of a sweep: a log of its tasks while it runs, and its table at the end.
 
-The log has a line for each task that has run, in any order, and in the end in that of
-the sweep file. What the sweep is about is written before the first task; the number of
-failed tasks in it, and everything else, once all tasks have run.
+The log has a line for each task that has run, in any order; at the end it is sorted in
+the order of the sweep file. The description of the sweep is written before the first
+task; the number of failed tasks in it, and everything else, once all tasks have run.
 
-The table is a Parquet file with a row for each scan, trial or map. The figure of scans
-shows what share of beams gets past something.
+The table is a Parquet file with a row for each scan, trial or map.
 """
 
 import hashlib
 import json
-import math
-import re
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 from radarsim import __version__
 from radarsim.errors import SweepError, describe_os_error, import_optional
 from radarsim.files import write_atomically, written_atomically
-from radarsim.geometry import Floats
-from radarsim.plotting.palette import GRID, RADAR_SHADES, sensor_colours
-from radarsim.plotting.style import render
-from radarsim.presets.sensors import load_settings
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import load_sensor
-from radarsim.sweep.file import FigureEntry, Parameters, SweepFile, flat_parameters
+from radarsim.sweep.file import Parameters, SweepFile, flat_parameters
 from radarsim.sweep.tasks import MAP_VALUES, canonical_json, digest, unpacked
 
 EXTRA: Final = "sweep"
@@ -44,11 +32,6 @@ Tasks = Mapping[str, Parameters]  # by key
 LOG: Final = "tasks.jsonl"
 TABLE: Final = "rows.parquet"
 ABOUT: Final = "sweep.json"
-FIGURE: Final = "figure.png"
-_LENGTH: Final = re.compile(r"([0-9]+)(mm|cm|m)")
-# Lines may lie on each other.
-_DASHES: Final = ("-", "--", ":")
-_MARKERS: Final = "os^Dv"
 
 
 def _schema(arrow: Any, sweep: SweepFile) -> Any:
@@ -208,7 +191,7 @@ class SweepFolder:
             self.errors[key] = result["error"]
 
     def write(self, file: Path, sweep: SweepFile, tasks: Tasks) -> None:
-        """Write the table, what it is about, the log in order, and the figure.
+        """Write the table, the description of the sweep, and the log in order.
 
         Args:
             file: The sweep file.
@@ -228,9 +211,6 @@ class SweepFolder:
             # In the order of the file: tasks end in any order, and equal sweeps are to
             # give equal bytes.
             log.writelines(self.lines[key] for key in tasks)
-        if sweep.figure is not None:
-            figure = draw_sweep(sweep, sweep.figure, self.path / TABLE)
-            write_atomically({self.path / FIGURE: render(figure)})
 
     def _write_table(self, path: Path, sweep: SweepFile, tasks: Tasks) -> None:
         """Write the table, some hundred tasks at a time: scans may be many."""
@@ -275,96 +255,3 @@ class SweepFolder:
         }
         with written_atomically(self.path / ABOUT) as whole:
             whole.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-
-
-def draw_sweep(sweep: SweepFile, entry: FigureEntry, table: Path) -> Figure:
-    """Draw the share of beams that end beyond a line, over a parameter.
-
-    Args:
-        sweep: The sweep.
-        entry: What to draw.
-        table: Its table.
-    """
-    points = _points(sweep, entry, table)
-    figure = Figure((8.0, 4.6), layout="constrained")
-    axes = figure.subplots()
-    axes.set_title(entry.title, loc="left", fontsize=12, fontweight="bold")
-    colours = _line_colours([*points], entry)
-    are_texts = any(
-        isinstance(place, str) for line in points.values() for place in line
-    )
-    shown: Callable[[Any], Any] = str if are_texts else float
-    for number, (name, line) in enumerate(points.items()):
-        colour = colours[name]
-        places = sorted(line, key=shown)
-        ticks = [shown(place) for place in places]
-        means = [float(np.mean(line[place])) for place in places]
-        dashes = _DASHES[number % len(_DASHES)]
-        mark = _MARKERS[number % len(_MARKERS)]
-        axes.plot(ticks, means, dashes, color=colour, marker=mark, ms=5, label=name)
-        low, high = (
-            [float(np.quantile(line[place], share)) for place in places]
-            for share in (0.25, 0.75)
-        )
-        axes.fill_between(ticks, low, high, color=colour, alpha=0.12, lw=0)
-    axes.set_ylim(0, None)
-    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f} %")
-    axes.set_ylabel(f"beams that end beyond x = {entry.beyond_x:g} m")
-    axes.set_xlabel(entry.x_label or entry.x)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color=GRID, lw=0.6)
-    axes.legend(title=entry.lines_label or entry.lines, frameon=False)
-    for text in figure.findobj(Text):
-        text.set_parse_math(False)  # what the file says may have dollar signs
-    return figure
-
-
-def _line_colours(lines: Sequence[str], entry: FigureEntry) -> dict[str, str]:
-    """Return the colour of each line: of its sensor, or a shade of the radar's."""
-    if entry.lines == "sensor.name":
-        return sensor_colours({name: load_settings(name).medium for name in lines})
-    step = (len(RADAR_SHADES) - 1) / max(len(lines) - 1, 1)
-    return {line: RADAR_SHADES[int(n * step)] for n, line in enumerate(lines)}
-
-
-def _points(
-    sweep: SweepFile, entry: FigureEntry, table: Path
-) -> dict[str, dict[str | float, list[float]]]:
-    """Return the share of each scan, by line and place on it."""
-    parquet = import_optional("pyarrow.parquet", EXTRA)
-    columns = {*flat_parameters(next(sweep.tasks())), "ranges"}
-    points: dict[Any, Any] = defaultdict(lambda: defaultdict(list))
-    # Few sensors have all the rows, and to make a scanner for each row would take long.
-    angles_of = cache(_angles)
-    for batch in parquet.ParquetFile(table).iter_batches(256, columns=list(columns)):
-        for row in batch.to_pylist():
-            if row["ranges"] is None:
-                continue  # it failed
-            sensor = {
-                key.removeprefix("sensor."): value
-                for key, value in row.items()
-                if key.startswith("sensor.")
-            }
-            angles = angles_of(canonical_json(sensor)) + math.radians(row["yaw_deg"])
-            ranges = np.array([np.nan if r is None else r for r in row["ranges"]])
-            beyond = row["x"] + ranges * np.cos(angles) > entry.beyond_x
-            place = _number_of(row[entry.x])
-            points[str(row[entry.lines])][place].append(float(np.mean(beyond)))
-    return points
-
-
-def _number_of(value: Any) -> str | float:
-    """Return a number: the value, or what the name of a map's variant begins with.
-
-    Other values become texts.
-    """
-    if not isinstance(value, str):
-        return value if isinstance(value, int | float) else str(value)
-    found = _LENGTH.fullmatch(value.rpartition("@")[2])
-    return float(found[1]) if found else value
-
-
-def _angles(sensor: str) -> Floats:
-    """Return the directions of the beams of a sensor, whose settings are JSON, rad."""
-    settings = json.loads(sensor)
-    return load_sensor(settings.pop("name"), **settings).angles

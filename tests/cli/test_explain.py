@@ -34,7 +34,8 @@ endsolid sheet
 """
 
 
-AHEAD = ("--sensor", "radar", "--pose", "0,0,0", "--beam", "90", "--ray", "centre")
+CENTRE_RAY = ("--set", "ray_weights=0,1,0")
+AHEAD = ("--sensor", "radar", "--pose", "0,0,0", "--beam", "90", *CENTRE_RAY)
 
 
 @pytest.fixture
@@ -179,7 +180,7 @@ def test_absorbing_object_and_remaining_power_are_printed(
 ) -> None:
     (tmp_path / "black.yaml").write_text(BLACK)
     ahead = ("--sensor", "radar", "--pose", f"0,0,{yaw}", "--beam", "90")
-    where = (str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
+    where = (str(tmp_path / "black.yaml"), *ahead, *CENTRE_RAY)
     assert said in radarsim("explain", *where).text
     data = explain(*where)
     assert data["power_left"] == pytest.approx(power)
@@ -188,7 +189,7 @@ def test_absorbing_object_and_remaining_power_are_printed(
 def test_mirrored_echo_is_called_a_ghost(tmp_path: Path) -> None:
     (tmp_path / "black.yaml").write_text(BLACK.replace("absorption_db: all", ""))
     ahead = ("--sensor", "radar", "--pose", "0,0,179", "--beam", "90")
-    run = radarsim("explain", tmp_path / "black.yaml", *ahead, "--ray", "centre")
+    run = radarsim("explain", tmp_path / "black.yaml", *ahead, *CENTRE_RAY)
     assert "4.5007 m: mirrored by glass (mirror) at (-4.50, 0.08, 0.35)" in run.text
     assert "reads 13.5021 m, a ghost: it was mirrored on its way" in run.text
 

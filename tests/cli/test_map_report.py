@@ -8,10 +8,12 @@ import pytest
 
 from radarsim.autonomy.cli.map_output import as_text, view_of
 from radarsim.autonomy.evaluation.map_score import Score
-from radarsim.autonomy.evaluation.mapping_run import MappingResult
-from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.exploration.exploration import Outcome
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass
+from radarsim.autonomy.plans import ExplorationPlan
+from radarsim.autonomy.watching import WatchMapper
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import RangeScan
@@ -21,7 +23,7 @@ from radarsim.server.host import Host
 
 @pytest.fixture
 def mapper() -> Mapper:
-    """Map one scan of a server that reports no poses."""
+    """Map one scan of a server that sends no poses."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 20.0, 0.1, math.pi, 181)
     mapper = Mapper(facts, motion_source="none", echo_wait=0.0)
     ranges = np.full(181, 3.0)
@@ -29,10 +31,16 @@ def mapper() -> Mapper:
     return mapper
 
 
-def test_unknown_values_are_left_out(mapper: Mapper) -> None:
-    first, *doubts, cells = as_text(
-        MappingResult(None, "none", mapper=mapper, outcome="watched")
-    )
+@pytest.fixture
+def watched(mapper: Mapper) -> MappingRun:
+    plan = ExplorationPlan(motion_source="none")
+    watch_mapper = WatchMapper(plan)
+    watch_mapper.mapper = mapper
+    return MappingRun(plan, watched=watch_mapper)
+
+
+def test_unknown_values_are_left_out(watched: MappingRun) -> None:
+    first, *doubts, cells = as_text(watched)
     assert first == "mapped what was watched: 0.00 m in 0.0 s, 1 scans"
     assert doubts == [
         "doubt    100% of the walls were seen from only one place:"
@@ -41,20 +49,20 @@ def test_unknown_values_are_left_out(mapper: Mapper) -> None:
         " which round halls and long corridors mislead",
     ]
     assert cells.startswith("map      ")
-    reported = json.loads(MappingResult(None, "none", mapper=mapper).to_json())
+    reported = json.loads(watched.to_json())
     assert reported["pose_errors"] is None
     assert reported["strategy"] is None
     assert reported["doubts"] == [doubt.removeprefix("doubt    ") for doubt in doubts]
 
 
 def test_map_without_scans_has_no_cells() -> None:
-    assert as_text(MappingResult("auto", "ins")) == [
+    assert as_text(MappingRun(ExplorationPlan())) == [
         "interrupted, exploring by auto: 0.00 m in 0.0 s, 0 scans"
     ]
 
 
 def test_open_map_has_no_coverage(empty_room: Scene) -> None:
-    run = MappingResult("auto", "ins", monitor=GroundTruthMonitor(Host(empty_room)))
+    run = MappingRun(ExplorationPlan(), Host(empty_room))
     assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
     run.score = score_with(right=3, wrong=1)
     assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"
@@ -66,23 +74,25 @@ def score_with(**known: float) -> Score:
 
 
 def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
-    run = MappingResult("auto", "ins", robot_class="P3AT_Radar360", scene=empty_room)
-    run.outcome, run.score = "explored", score_with(hidden_coverage=0.973)
+    run = MappingRun(ExplorationPlan(), Host(empty_room))
+    run.source.outcome, run.score = Outcome.EXPLORED, score_with(hidden_coverage=0.973)
     view = view_of(run, mapper)
     assert view.title == "The floor out of the robot's reach: 97 % mapped"
     assert view.subtitle.startswith("P3AT_Radar360 maps empty_room: ")
     assert [outline.kind for outline in view.outlines] == [CellClass.OBSTACLE]
-    run.outcome, run.score = "broken_off", score_with(coverage=0.4)
+    run.source.outcome, run.score = Outcome.BROKEN_OFF, score_with(coverage=0.4)
     view = view_of(run, mapper)
     assert view.title == "40 % of the floor mapped"
     assert view.subtitle.endswith(": 0.0 m in 0 s until interrupted")
 
 
-def test_view_of_an_unknown_robot_and_scene_can_be_drawn(mapper: Mapper) -> None:
-    view = view_of(MappingResult(None, "none", outcome="watched"), mapper)
+def test_view_of_an_unknown_robot_and_scene_can_be_drawn(
+    mapper: Mapper, watched: MappingRun
+) -> None:
+    view = view_of(watched, mapper)
     assert view.title == "14 m² mapped"  # half a disc of 3 m
     assert view.subtitle.startswith("A robot that another client drives maps what it")
     assert (view.robot_class, view.outlines) == ("P3AT", ())
-    other = MappingResult("auto", "ins", robot_class="Zerg", outcome="explored")
+    other = MappingRun(ExplorationPlan(robot_class="Zerg"))
     assert view_of(other, mapper).robot_class == "P3AT"
     assert view_of(other, mapper).subtitle.startswith("Zerg maps")

@@ -35,7 +35,6 @@ from radarsim.plotting.palette import (
     family_of,
     paler,
     sensor_colour,
-    sensor_colours,
 )
 from radarsim.plotting.style import area_style
 from radarsim.scene.material import Material
@@ -221,12 +220,3 @@ def test_scripts_of_the_page_have_no_colours_of_their_own() -> None:
     ]
     assert len(scripts) > 10
     assert lines == []
-
-
-def test_presets_keep_their_colours_whatever_they_are_compared_with() -> None:
-    media = {"radar": "radar", "physical": "laser", "hokuyo": "laser", "sick": "laser"}
-    all_of_them = sensor_colours(media)
-    assert len(set(all_of_them.values())) == len(media)
-    two = sensor_colours({"sick": "laser", "mine": "laser", "physical": "laser"})
-    assert all(two[name] == all_of_them[name] for name in ("sick", "physical"))
-    assert two["mine"] not in (two["sick"], two["physical"])

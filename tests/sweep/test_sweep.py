@@ -1,7 +1,6 @@
 """Sweeps: their files and tables, in which neither workers nor kills show."""
 
 import json
-import math
 import os
 import random
 import signal
@@ -22,7 +21,7 @@ import radarsim
 from radarsim.autonomy.evaluation.task_runner import run_batches
 from radarsim.errors import SweepError
 from radarsim.sweep.file import read_sweep, shipped_sweeps
-from radarsim.sweep.results import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
+from radarsim.sweep.results import ABOUT, LOG, TABLE, as_line, task_key
 from radarsim.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -35,9 +34,6 @@ map: [foliage_room, mine@bare]
 sensor: {name: radar, side_offset_uu: [0, 25.5], fov_deg: 40}
 pose: {x: -7.8, y: {from: -1, to: 1, steps: 2}}
 count: 3
-"""
-FIGURE_ENTRY = """
-figure: {title: Seen, x: sensor.side_offset_uu, lines: map, beyond_x: 1}
 """
 MANY_SCANS = SMALL.replace("steps: 2", "steps: 20")
 TRIALS = """\
@@ -229,13 +225,12 @@ def test_failed_task_is_a_row_with_its_error(
         ("steps: 2", "steps: 1", "small.yaml:5:20: pose.y: steps 1, expected 2"),
         ("kind: scan", "kind: trial", "'pose' is of kind scan"),
         ("x: -7.8, ", "", "small.yaml:5:7: pose.x: missing"),
-        ("lines: map", "lines: maps", "small.yaml:8:56: figure.lines: 'maps' (did"),
     ],
 )
 def test_mistakes_in_a_file_are_reported_with_their_place(
     small: Path, out: Path, old: str, new: str, message: str
 ) -> None:
-    small.write_text((SMALL + FIGURE_ENTRY).replace(old, new))
+    small.write_text(SMALL.replace(old, new))
     run = sweep(small, "-o", out)
     assert run.code == 1
     assert f"{small}:" in run.err
@@ -252,17 +247,18 @@ def test_map_is_named_as_a_map(small: Path, name: str) -> None:
     assert run.err.startswith(f"radarsim: {name}: a map, {expected}['foliage_thick")
 
 
-def test_figure_is_named_when_a_sweep_ends(small: Path, out: Path) -> None:
-    plain = sweep(small, "-o", small.parent / "plain", "--workers", 1)
-    assert FIGURE not in plain.text
-    # Values of any kinds can be drawn, and a title is no formula.
+@pytest.mark.parametrize("by", ["map", "sensor.ray_weights", "sensor.name"])
+def test_figure_is_drawn_of_values_of_any_kinds(
+    small: Path, out: Path, by: str
+) -> None:
     lists = "[0, 25.5], ray_weights: [[1, 1, 1], [1, 2, 1]]"
-    entry = FIGURE_ENTRY.replace("map", "sensor.ray_weights").replace("Seen", "$x_$")
-    entry = entry.replace("sensor.side_offset_uu", "map")
-    small.write_text(SMALL.replace("[0, 25.5]", lists) + entry)
-    run = sweep(small, "-o", out, "--workers", 1)
-    assert run.text.splitlines()[-1] == str(out / FIGURE)
-    assert (out / FIGURE).exists()
+    small.write_text(SMALL.replace("[0, 25.5]", lists))
+    assert sweep(small, "-o", out, "--workers", 1).code == 0
+    script = Path(__file__).parents[2] / "examples" / "sweeps" / "figure.py"
+    picture = out / "figure.png"
+    words = (out / TABLE, picture, "sensor.side_offset_uu=N, UU", by, "1")
+    subprocess.run([sys.executable, script, *words], check=True)
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_dry_run_counts_and_writes_nothing(small: Path, out: Path) -> None:
@@ -292,8 +288,6 @@ def test_shipped_sweeps_are_right() -> None:
         path, read = read_sweep(name)
         tasks = list(read.tasks())
         assert len(tasks) * read.count >= 2000
-        assert read.figure is not None
-        assert math.isfinite(read.figure.beyond_x)
         assert path.stem == name
 
 

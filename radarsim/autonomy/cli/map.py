@@ -48,14 +48,12 @@ class MapFileOptions(RunFiles):
 
     Attributes:
         output: A folder or the beginning of names; by default the map's name.
-        plot: Draw the known area over time into a .png, .svg or .pdf.
         mode: Cells of the map for nav2: occupied, free and unknown, or probabilities.
     """
 
     output: Annotated[str | None, Option(names=("-o", "--output"), metavar="OUT")] = (
         None
     )
-    plot: Path | None = None
     mode: Annotated[Literal["trinary", "scale"], RARE] = "trinary"
 
 
@@ -80,7 +78,7 @@ def map_(
     Returns:
         The exit code.
     """
-    _check_combination(where, plan, files)
+    _check_combination(where, plan)
 
     # Late, so that wrong options are told at once: numpy and plots take long.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
@@ -103,12 +101,10 @@ def map_(
         start_log(logging.WARNING, MESSAGE_FORM)
         run = MappingRun(plan, served, seed=where.seed)
         explore(run, written, recording, address, as_json=as_json)
-        return int(bool(run.result.error))
+        return int(bool(run.error))
 
 
-def _check_combination(
-    where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions
-) -> None:
+def _check_combination(where: MappedPlace, plan: ExplorationPlan) -> None:
     """Refuse options that exclude each other, or that nothing would use."""
     if where.map is None and where.connect is None and where.watch is None:
         raise click.UsageError("missing: one of MAP and --connect")
@@ -125,7 +121,6 @@ def _check_combination(
             "--pose": plan.pose,
             "--robot": plan.robot_class != default.robot_class,
             "--safety-distance": plan.safety_distance,
-            "--plot": files.plot,
             "--foliage-density": plan.foliage_density,
         }
         text = "expected no --watch with it, where another client drives"

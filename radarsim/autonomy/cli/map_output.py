@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 import numpy as np
@@ -25,8 +25,7 @@ from radarsim.autonomy.cli.run_files import (
     filmed,
 )
 from radarsim.autonomy.evaluation.map_score import FloorPart, robot_and_sensor
-from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
-from radarsim.autonomy.exploration.exploration import Exploration
+from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.mapping.export import (
     HEAD,
     commander_png,
@@ -40,24 +39,20 @@ from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.plotting.maps import (
     MapFrames,
     MapView,
-    draw_area_curve,
     draw_map_view,
 )
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.cli.output import (
-    check_picture,
     check_writable,
     print_lines,
     print_message,
     start_log,
-    write_picture,
 )
 from radarsim.cli.progress import live_status
 from radarsim.errors import describe_os_error
 from radarsim.files import is_by_radarsim, write_atomically
 from radarsim.plotting.film import Pixels
-from radarsim.plotting.style import as_words
 from radarsim.processes import raise_on_signals, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
@@ -79,7 +74,6 @@ ENDINGS: Final = {
     "broken_off": "interrupted",
     "watched": "mapped what was watched",
 }
-Source: TypeAlias = Exploration | WatchMapper
 
 
 class MapFiles:
@@ -141,14 +135,13 @@ class MapFiles:
                 text = f"would overwrite {path}, which is {what}, expected -o OUT"
                 raise click.BadParameter(text, param_hint="-o")
         check_film(self.options.film)
-        check_picture(self.options.plot)
 
-    def write(self, result: MappingResult) -> None:
-        """Write the map of a run, and the plot, if there was a scan.
+    def write(self, run: MappingRun) -> None:
+        """Write the map of a run, if there was a scan.
 
-        Why the map cannot be written is noted in the result, and on stderr.
+        If the map cannot be written, the reason is in the result, and on stderr.
         """
-        mapper = result.mapper
+        mapper = run.source.mapper
         if mapper is None or not mapper.scans:
             return
         grid, paths = mapper.grid, self.paths
@@ -158,23 +151,17 @@ class MapFiles:
             image,
             yaml,
             tum_text(mapper.trajectory).encode(),
-            draw_map_view(view_of(result, mapper)),
+            draw_map_view(view_of(run, mapper)),
         )
         try:
             # all or none: old and new files never stand side by side
             write_atomically(dict(zip(paths, contents, strict=True)))
-            result.files = paths
+            run.files = paths
         except OSError as error:
             name = "the map" if error.filename is None else error.filename
             text = f"cannot write {name}: {describe_os_error(error)}"
             print_message(text)
-            result.error = f"{result.error}; {text}" if result.error else text
-        plot, curve = self.options.plot, result.area_curve
-        if plot is not None and curve.samples:
-            name = "" if result.scene is None else f" in {as_words(result.scene.name)}"
-            strategy, title = result.strategy or "", f"Known area{name}"
-            form = check_picture(plot)
-            write_picture(plot, draw_area_curve(curve, strategy, title, form))
+            run.error = f"{run.error}; {text}" if run.error else text
 
 
 def _is_ours(path: Path) -> bool:
@@ -192,38 +179,36 @@ def _is_same(path: Path, served: str | None) -> bool:
     return False
 
 
-def view_of(result: MappingResult, mapper: Mapper) -> MapView:
+def view_of(run: MappingRun, mapper: Mapper) -> MapView:
     """Return how the map of a run is drawn.
 
     Args:
-        result: The run.
+        run: The run.
         mapper: Holds the map; at least one scan.
     """
-    scene, trip, path = result.scene, result.trip, mapper.trajectory.rows()
-    robot, height = drawn_robot(result.robot_class).name, 0.0
+    scene, trip, path = run.scene, run.source.trip, mapper.trajectory.rows()
+    robot, height = drawn_robot(run.robot_class).name, 0.0
     outlines: tuple[Outline, ...] = ()
     if scene is not None:
         x, y, _ = path[0].tolist()
         _, height = robot_and_sensor(mapper, scene, robot, (x, y))
         outlines = outlines_of(scene, height)
-    ending = TITLE_ENDINGS.get(result.outcome, "")
+    ending = TITLE_ENDINGS.get(run.source.outcome, "")
     driven = f"{trip.length:.1f} m in {trip.time:.0f} s {ending}".rstrip()
     return MapView(
         mapper.grid,
         path,
         robot,
-        _headline(result, mapper, outlines),
+        _headline(run, mapper, outlines),
         outlines,
-        f"{_who_maps_what(result)}: {driven}",
+        f"{_who_maps_what(run)}: {driven}",
         () if scene is None else tuple(scene.parts),
         height,
     )
 
 
-def _headline(
-    result: MappingResult, mapper: Mapper, outlines: Iterable[Outline]
-) -> str:
-    score = result.score
+def _headline(run: MappingRun, mapper: Mapper, outlines: Iterable[Outline]) -> str:
+    score = run.score
     if score is not None and score["hidden_coverage"] is not None:
         return _hidden_text(score["hidden_coverage"], outlines)
     if score is not None and score["coverage"] is not None:
@@ -233,9 +218,9 @@ def _headline(
     return f"{area:.0f} m² mapped"
 
 
-def _who_maps_what(result: MappingResult) -> str:
-    where = "what it senses" if result.scene is None else result.scene.name
-    who = result.robot_class or "a robot that another client drives"
+def _who_maps_what(run: MappingRun) -> str:
+    where = "what it senses" if run.scene is None else run.scene.name
+    who = run.robot_class or "a robot that another client drives"
     return f"{who[0].upper()}{who[1:]} maps {where}"
 
 
@@ -246,18 +231,13 @@ def _hidden_text(share: float, outlines: Iterable[Outline]) -> str:
     return f"The floor {where}: {100 * share:.0f} % mapped"
 
 
-def map_camera(result: MappingResult, source: Source) -> Callable[[], Pixels]:
-    """Return a function that draws a map as it is; at least one scan is on it.
-
-    Args:
-        result: Has the class of the robot and, if it is known, the scene.
-        source: Holds the map and the distance so far.
-    """
+def map_camera(run: MappingRun) -> Callable[[], Pixels]:
+    """Return a function that draws the map of a run; at least one scan is on it."""
 
     @cache  # not before the first scan: only then it is known where the robot stands
     def film(mapper: Mapper) -> tuple[MapView, MapFrames, FloorPart | None]:
-        scene = result.scene
-        view = replace(view_of(result, mapper), title=_who_maps_what(result))
+        scene = run.scene
+        view = replace(view_of(run, mapper), title=_who_maps_what(run))
         if scene is None:
             return view, MapFrames(view), None
         x, y, _ = view.path[0].tolist()
@@ -265,7 +245,7 @@ def map_camera(result: MappingResult, source: Source) -> Callable[[], Pixels]:
         return view, MapFrames(view), hidden
 
     def draw() -> Pixels:
-        mapper, trip = source.mapper, source.trip
+        mapper, trip = run.source.mapper, run.source.trip
         assert mapper is not None
         view, frames, hidden = film(mapper)
         text = f"{trip.time:.1f} s, {trip.length:.1f} m"
@@ -280,12 +260,12 @@ def map_camera(result: MappingResult, source: Source) -> Callable[[], Pixels]:
 
 @contextmanager
 def map_progress(
-    source: Source, recording: Recording, update_film: Callable[[float], None]
+    run: MappingRun, recording: Recording, update_film: Callable[[float], None]
 ) -> Iterator[Callable[[str], None]]:
     """Show the progress of a map on stderr, film it and record it.
 
     Args:
-        source: Holds the map and the distance so far.
+        run: The run.
         recording: Records the map.
         update_film: Films it, at a time in s.
 
@@ -293,24 +273,24 @@ def map_progress(
         A function to be called after each scan with what the robot is doing.
     """
     activity = "waiting for a scan"
-    with live_status(lambda: _describe_status(source, activity)) as log:
+    with live_status(lambda: _describe_status(run, activity)) as log:
 
         def note(latest: str) -> None:
             nonlocal activity
             if latest != activity:
                 activity = latest
-                log(_describe_status(source, activity))
-            update_film(source.trip.time)
-            recording.add_map(source.mapper)
+                log(_describe_status(run, activity))
+            update_film(run.source.trip.time)
+            recording.add_map(run.source.mapper)
 
         try:
             yield note
         finally:
-            recording.add_map(source.mapper, last=True)
+            recording.add_map(run.source.mapper, last=True)
 
 
-def _describe_status(source: Source, activity: str) -> str:
-    mapper, trip = source.mapper, source.trip
+def _describe_status(run: MappingRun, activity: str) -> str:
+    mapper, trip = run.source.mapper, run.source.trip
     if mapper is None or not mapper.scans:
         return activity
     cells = int(np.count_nonzero(mapper.grid.sensed_cells()))
@@ -318,20 +298,20 @@ def _describe_status(source: Source, activity: str) -> str:
     return f"{trip.time:8.1f} s  {activity:9}  path {trip.length:6.2f} m  {area}"
 
 
-def print_result(result: MappingResult, *, as_json: bool) -> None:
-    """Print a result; one that failed before its first scan only as JSON."""
+def print_result(run: MappingRun, *, as_json: bool) -> None:
+    """Print the result of a run; if it failed before its first scan, only as JSON."""
     if as_json:
-        print_lines([result.to_json()])
-    elif result.trip.start is not None or not result.error:
-        print_lines(as_text(result))
+        print_lines([run.to_json()])
+    elif run.source.trip.start is not None or not run.error:
+        print_lines(as_text(run))
 
 
-def as_text(result: MappingResult) -> list[str]:
-    """Return a result as lines of text."""
-    plain = result.to_dict()
-    ending = ENDINGS.get(result.outcome, result.outcome)
-    how = " by" if result.outcome == "explored" else ", exploring by"
-    by = "" if result.strategy is None else f"{how} {result.strategy}"
+def as_text(run: MappingRun) -> list[str]:
+    """Return the result of a run as lines of text."""
+    plain = run.to_dict()
+    ending = ENDINGS.get(run.source.outcome, run.source.outcome)
+    how = " by" if run.source.outcome == "explored" else ", exploring by"
+    by = "" if run.strategy is None else f"{how} {run.strategy}"
     path = f"{plain['path_length']:.2f} m in {plain['time']:.1f} s"
     lines = [f"{ending}{by}: {path}, {plain['scans']} scans"]
     lines += [f"doubt    {doubt}" for doubt in plain["doubts"]]
@@ -344,14 +324,14 @@ def as_text(result: MappingResult) -> list[str]:
             f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
             f" at most {errors['ate_max']:.3f} m and {errors['yaw_max_deg']:.2f}"
         )
-    if result.unreached:
-        points = ", ".join(f"{x:.4g} {y:.4g}" for x, y in result.unreached)
-        why = "no way there" if result.outcome == "explored" else "not reached"
+    if run.source.unreached:
+        points = ", ".join(f"{x:.4g} {y:.4g}" for x, y in run.source.unreached)
+        why = "no way there" if run.source.outcome == "explored" else "not reached"
         lines.append(f"left out {points}: {why}")
     if judge := plain.get("judge"):
         lines.append(f"in truth {_judge_text(judge)}")
-    if result.files:
-        lines.append(f"files    {_files_text(result.files)}")
+    if run.files:
+        lines.append(f"files    {_files_text(run.files)}")
     return lines
 
 
@@ -394,19 +374,18 @@ def explore(
         address: Host and port of the server, unless it is in this process.
         as_json: Whether to print JSON.
     """
-    result, source = run.result, run.exploration
-    film = filmed(files.options, map_camera(result, source))
+    film = filmed(files.options, map_camera(run))
     with raise_on_signals(), recording, film as update_film:
         try:
-            with map_progress(source, recording, update_film) as note:
+            with map_progress(run, recording, update_film) as note:
                 run.run(note, partial(recording.connect, *address))
         finally:
             # an interrupt of the judge, which takes seconds, must not cost the map
             try:
                 run.judge()
             finally:
-                files.write(result)
-            print_result(result, as_json=as_json)
+                files.write(run)
+            print_result(run, as_json=as_json)
 
 
 def follow(
@@ -443,19 +422,16 @@ def follow(
     files.check()
     start_log(logging.WARNING, "%(message)s")
     set_exit_code_of_sigterm(0)  # it has no end of its own
-    result = MappingResult(
-        None, plan.motion_source, trip=follower.trip, outcome="watched"
-    )
-    film = filmed(files.options, map_camera(result, follower))
+    run = MappingRun(plan, watched=follower)
+    film = filmed(files.options, map_camera(run))
     with raise_on_signals(), recording, film as update_film:
         follower.on_data = recording.follow(robot)
-        with map_progress(follower, recording, update_film) as note:
+        with map_progress(run, recording, update_film) as note:
             follower.on_scan = lambda: note("listening")
             code = follower.watch(watcher)
-        result.mapper = follower.mapper
-        files.write(result)
-        if follower.error and not result.error:
-            result.error = follower.error
+        files.write(run)
+        if follower.error and not run.error:
+            run.error = follower.error
             print_message(follower.error)
-        print_result(result, as_json=as_json)
-    return 1 if result.error else code
+        print_result(run, as_json=as_json)
+    return 1 if run.error else code

@@ -11,7 +11,6 @@ get to, and when some share of that was known.
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,20 +21,17 @@ from radarsim.autonomy.evaluation.map_score import (
     Score,
     score_mapper,
 )
-from radarsim.autonomy.evaluation.navigation_run import (
-    INTERRUPTED,
-    GroundTruthMonitor,
-    rounded,
-)
+from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, GroundTruthMonitor
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
+from radarsim.autonomy.navigation.run_log import rounded
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.autonomy.plans import ExplorationPlan
+from radarsim.autonomy.watching import WatchMapper
 from radarsim.client import Client
 from radarsim.rng import generator_for
-from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 
 INTERVAL: Final = 1.0  # s between two samples of the known area
@@ -121,140 +117,52 @@ class AreaCurve:
         return columns
 
 
-@dataclass(slots=True)
-class MappingResult:
-    """How a map was made, and the result.
+class MappingRun:
+    """A mapping run and its result, which is kept of a run that fails, too.
 
     Attributes:
+        source: What makes the map: an exploration, or what watches a robot of another
+            client.
         strategy: Name of the strategy; ``way`` for waypoints, None where another client
-            drove.
-        motion_source: Where the robot's motion between scans was read from.
-        trip: Time and path length of the run.
-        mapper: The mapper, which holds the map; None if the robot was never known.
-        outcome: How the run ended.
-        unreached: Waypoints that the robot could not reach, m; after exploring, places
-            where it would fit, but that it did not reach.
-        safety_distance: The robot's safety distance, m; None if another client drove.
-        monitor: Monitor of the true robot, if the server was in this process.
-        robot_class: Class of the robot; None where another client drove.
-        scene: The scene, if the server was in this process.
+            drives.
+        robot_class: Class of the robot; None where another client drives.
+        scene: The scene, if the server is in this process.
+        monitor: Monitor of the true robot, if the server is in this process.
         score: Comparison of the map with the scene, if the scene is known.
         area_curve: Known area over time and path.
         files: Files that were written.
         error: What went wrong; empty if nothing did.
     """
 
-    strategy: str | None
-    motion_source: str
-    trip: TripMeter = field(default_factory=TripMeter)
-    mapper: Mapper | None = None
-    outcome: str = Outcome.BROKEN_OFF.value
-    unreached: tuple[tuple[float, float], ...] = ()
-    safety_distance: float | None = None
-    monitor: GroundTruthMonitor | None = None
-    robot_class: str | None = None
-    scene: Scene | None = None
-    score: Score | None = None
-    area_curve: AreaCurve = field(default_factory=AreaCurve)
-    files: tuple[Path, ...] = ()
-    error: str = ""
-
-    @property
-    def doubts(self) -> list[str]:
-        """Why the map may be wrong, as far as the run itself shows it."""
-        if self.mapper is None or not self.mapper.scans:
-            return []
-        doubts = []
-        share = self.mapper.seen_from_one_place
-        if share > MANY_SEEN_ONCE:
-            seen = f"{share:.0%} of the walls were seen from only one place"
-            doubts.append(f"{seen}: some may be images in mirrors or glass")
-        if self.motion_source == "none":
-            known = "poses are known from scans alone"
-            doubts.append(f"{known}, which round halls and long corridors mislead")
-        return doubts
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, with lengths in mm precision.
-
-        Errors of poses have five digits. A run that ended early is described as far as
-        it came.
-        """
-        left_out = {"no_pose": 0, "no_echoes": 0}
-        left_out |= {} if self.mapper is None else self.mapper.left_out
-        result: dict[str, Any] = {
-            "outcome": self.outcome,
-            "doubts": self.doubts,
-            "strategy": self.strategy,
-            "seed_from": self.motion_source,
-            "time": round(self.trip.time, 3),
-            "path_length": round(self.trip.length, 3),
-            "left_out": [[round(x, 3), round(y, 3)] for x, y in self.unreached],
-            "safety_distance": rounded(self.safety_distance, 3),
-            "scans": 0 if self.mapper is None else self.mapper.scans,
-            "scans_left_out": left_out | {"late": 0},  # that servers drop
-            "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
-            "cells": _cell_counts(self.mapper),
-            "pose_errors": self._pose_errors(),
-            "area_over_time": self.area_curve.to_dict(),
-            "files": [str(file) for file in self.files],
-            "error": self.error or None,
-        }
-        if self.monitor is not None:
-            result["judge"] = {
-                "path_length": round(self.monitor.path_length, 3),
-                "collisions": self.monitor.collisions,
-            }
-            if self.score is not None:
-                result["judge"] |= rounded(self.score, 4)
-            if self.area_curve.floor is not None:
-                result["judge"]["reached"] = self.area_curve.reached
-        return result
-
-    def _pose_errors(self) -> dict[str, float | None] | None:
-        if self.mapper is None:
-            return None
-        truth, alone = self.mapper.truth, self.mapper.slam.dead_reckoning
-        try:
-            errors = trajectory_errors(self.mapper.trajectory, truth)
-        except ValueError:
-            return None
-        motion = trajectory_errors(alone, truth)["ate"] if len(alone) else math.nan
-        plain = {**errors, "motion_ate": motion}
-        for name in ("yaw", "yaw_max", "rpe_yaw"):
-            plain[f"{name}_deg"] = math.degrees(plain.pop(name))
-        values: dict[str, float | None] = rounded(plain, 5)
-        return values
-
-    def to_json(self) -> str:
-        """Return the result as one line of JSON."""
-        return json.dumps(self.to_dict(), allow_nan=False)
-
-
-class MappingRun:
-    """Runs an exploration and keeps its result, also of a run that fails.
-
-    Attributes:
-        exploration: The exploration.
-        result: Result of the run so far; complete once ``run`` has returned or raised.
-    """
-
     def __init__(
-        self, plan: ExplorationPlan, host: Host | None = None, *, seed: int = 0
+        self,
+        plan: ExplorationPlan,
+        host: Host | None = None,
+        *,
+        seed: int = 0,
+        watched: WatchMapper | None = None,
     ) -> None:
         """Create a run that has not begun.
 
         Args:
-            plan: The plan of the exploration.
+            plan: The plan of the exploration, or of the map of a robot that is watched.
             host: Server in this process; None for one that listens on a port.
             seed: Seed of strategies that use chance.
+            watched: What maps a robot of another client; None to explore.
         """
-        self.exploration = Exploration(plan, generator_for(seed, "exploring"))
-        name = "way" if plan.waypoints else plan.strategy.value
-        self.result = MappingResult(name, plan.motion_source)
-        self.result.robot_class = plan.robot_class
-        self.result.scene = None if host is None else host.simulation.scene
-        self._host = host
+        self.source: Exploration | WatchMapper
+        self.source = watched or Exploration(plan, generator_for(seed, "exploring"))
+        self.strategy, self.robot_class = None, None
+        if watched is None:
+            self.strategy = "way" if plan.waypoints else plan.strategy.value
+            self.robot_class = plan.robot_class
+        self.scene = None if host is None else host.simulation.scene
+        self.monitor = None if host is None else GroundTruthMonitor(host)
+        self.score: Score | None = None
+        self.area_curve = AreaCurve()
+        self.files: tuple[Path, ...] = ()
+        self.error = ""
+        self._motion_source = plan.motion_source
 
     def run(
         self,
@@ -272,54 +180,120 @@ class MappingRun:
             MappingError: If no map can be made of what it sends.
             NavigationError: If the robot cannot do what is asked of it.
         """
-        result, exploration = self.result, self.exploration
+        exploration, monitor = self.source, self.monitor
+        assert isinstance(exploration, Exploration)
 
         def note(activity: str) -> None:
             self._note_area()
             observe(activity)
 
         try:
-            with self._open_client(connect) as client:
+            with connect() if monitor is None else monitor.open_client() as client:
                 exploration.run(client, note)
         except BaseException as error:
             is_failure = isinstance(error, Exception)
-            result.error = str(error) if is_failure else INTERRUPTED
+            self.error = str(error) if is_failure else INTERRUPTED
             raise
         finally:
-            result.outcome, result.trip = exploration.outcome.value, exploration.trip
-            result.mapper, result.unreached = exploration.mapper, exploration.unreached
-            result.safety_distance = exploration.safety_distance
             self._note_area(last=True)
-            # An error before the exploration began, as of the connection, is not told.
-            is_interrupted = result.error in ("", INTERRUPTED)
-            if result.outcome == Outcome.BROKEN_OFF and not is_interrupted:
-                result.outcome = Outcome.FAILED.value
+            # The outcome does not show errors before the exploration began, such as of
+            # the connection.
+            is_interrupted = self.error in ("", INTERRUPTED)
+            if exploration.outcome == Outcome.BROKEN_OFF and not is_interrupted:
+                exploration.outcome = Outcome.FAILED
 
     def judge(self) -> None:
         """Compare the map with the scene, if both are known."""
-        result, start = self.result, self.result.trip.start
-        mapper, scene, robot = result.mapper, result.scene, result.robot_class
+        mapper, scene, robot = self.source.mapper, self.scene, self.robot_class
+        start = self.source.trip.start
         if scene is None or mapper is None or robot is None or start is None:
             return
-        result.score = score_mapper(mapper, scene, robot_class=robot, start=start)
+        self.score = score_mapper(mapper, scene, robot_class=robot, start=start)
 
     def _note_area(self, *, last: bool = False) -> None:
         """Add to the curve of known area; to be called at every scan."""
-        result, exploration = self.result, self.exploration
-        mapper, trip = exploration.mapper, exploration.trip
+        mapper, trip, curve = self.source.mapper, self.source.trip, self.area_curve
         if mapper is None or trip.start is None:
             return
-        curve, scene, robot_class = result.area_curve, result.scene, result.robot_class
+        scene, robot_class = self.scene, self.robot_class
         if scene is not None and robot_class is not None and curve.floor is None:
             start = (trip.start.x, trip.start.y)
             curve.floor = FloorPart("reachable", mapper, scene, robot_class, start)
         curve.add(trip, mapper.grid, last=last)
 
-    def _open_client(self, connect: Callable[[], Client]) -> Client:
-        if self._host is None:
-            return connect()
-        self.result.monitor = GroundTruthMonitor(self._host)
-        return self.result.monitor.open_client()
+    @property
+    def doubts(self) -> list[str]:
+        """Why the map may be wrong, as far as the run itself shows it."""
+        mapper = self.source.mapper
+        if mapper is None or not mapper.scans:
+            return []
+        doubts = []
+        share = mapper.seen_from_one_place
+        if share > MANY_SEEN_ONCE:
+            seen = f"{share:.0%} of the walls were seen from only one place"
+            doubts.append(f"{seen}: some may be images in mirrors or glass")
+        if self._motion_source == "none":
+            known = "poses are known from scans alone"
+            doubts.append(f"{known}, which round halls and long corridors mislead")
+        return doubts
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with lengths in mm precision.
+
+        Errors of poses have five digits. A run that ended early is described as far as
+        it came.
+        """
+        source, mapper = self.source, self.source.mapper
+        left_out = {"no_pose": 0, "no_echoes": 0}
+        left_out |= {} if mapper is None else mapper.left_out
+        result: dict[str, Any] = {
+            "outcome": source.outcome,
+            "doubts": self.doubts,
+            "strategy": self.strategy,
+            "seed_from": self._motion_source,
+            "time": round(source.trip.time, 3),
+            "path_length": round(source.trip.length, 3),
+            "left_out": [[round(x, 3), round(y, 3)] for x, y in source.unreached],
+            "safety_distance": rounded(source.safety_distance, 3),
+            "scans": 0 if mapper is None else mapper.scans,
+            "scans_left_out": left_out | {"late": 0},  # that servers drop
+            "loop_closures": 0 if mapper is None else mapper.slam.closures,
+            "cells": _cell_counts(mapper),
+            "pose_errors": _pose_errors(mapper),
+            "area_over_time": self.area_curve.to_dict(),
+            "files": [str(file) for file in self.files],
+            "error": self.error or None,
+        }
+        if self.monitor is not None:
+            result["judge"] = {
+                "path_length": round(self.monitor.path_length, 3),
+                "collisions": self.monitor.collisions,
+            }
+            if self.score is not None:
+                result["judge"] |= rounded(self.score, 4)
+            if self.area_curve.floor is not None:
+                result["judge"]["reached"] = self.area_curve.reached
+        return result
+
+    def to_json(self) -> str:
+        """Return the result as one line of JSON."""
+        return json.dumps(self.to_dict(), allow_nan=False)
+
+
+def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
+    if mapper is None:
+        return None
+    truth, alone = mapper.truth, mapper.slam.dead_reckoning
+    try:
+        errors = trajectory_errors(mapper.trajectory, truth)
+    except ValueError:
+        return None
+    motion = trajectory_errors(alone, truth)["ate"] if len(alone) else math.nan
+    plain = {**errors, "motion_ate": motion}
+    for name in ("yaw", "yaw_max", "rpe_yaw"):
+        plain[f"{name}_deg"] = math.degrees(plain.pop(name))
+    values: dict[str, float | None] = rounded(plain, 5)
+    return values
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:

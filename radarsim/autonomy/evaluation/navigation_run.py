@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.run_log import Row, RunLog
+from radarsim.autonomy.navigation.run_log import Row, RunLog, rounded
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.autonomy.plans import Mission
 from radarsim.client import Client
@@ -91,17 +91,6 @@ class GroundTruthMonitor(HostObserver):
         if self._pose is None:
             return math.inf
         return math.hypot(self._pose.x - goal[0], self._pose.y - goal[1])
-
-
-def rounded(value: Any, digits: int) -> Any:
-    """Round all numbers in a value; None stands for what is not finite, as in JSON."""
-    if isinstance(value, dict):
-        return {key: rounded(each, digits) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [rounded(each, digits) for each in value]
-    if isinstance(value, float):
-        return round(value, digits) + 0.0 if math.isfinite(value) else None
-    return value
 
 
 class NavigationRun:

@@ -12,9 +12,10 @@ from typing import Any
 
 from radarsim.autonomy.evaluation.map_score import Score
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor, rounded
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.run_log import rounded
 from radarsim.autonomy.plans import ROBOT, Algorithm, ExplorationPlan, Mission, Rule
 from radarsim.errors import (
     ClientError,
@@ -124,15 +125,15 @@ def run_plan(
     except (ClientError, MappingError, NavigationError) as error:
         note = str(error)
     run.judge()
-    result, monitor = run.result, run.result.monitor
+    monitor, trip = run.monitor, run.source.trip
     return TrialResult(
-        outcome=result.outcome,
+        outcome=str(run.source.outcome),
         collisions=0 if monitor is None else monitor.collisions,
         path_length=0.0 if monitor is None else monitor.path_length,
-        time=result.trip.time,
+        time=trip.time,
         note=note,
-        measured_length=result.trip.length,
-        score=result.score,
+        measured_length=trip.length,
+        score=run.score,
     )
 
 

@@ -146,14 +146,16 @@ class Revisit(Strategy):
     def _remember(self, grid: OccupancyGrid) -> None:
         """Remember the floor where the robot may be."""
         floor = self._path_follower.floor
-        was_open, may_open, was_free = floor.open, floor.open, floor.free
-        # A map that was built anew has other places for all that was seen.
+        masks = [floor.open, floor.open, floor.free]
+        # A map that was rebuilt has other places for all that was seen.
         if grid is self._grid:
-            was_open = floor.open | floor.tiles_of(self._floor, self._was_open)
-            may_open = floor.open | floor.tiles_of(self._floor, self._may_open)
-            was_free = floor.free | floor.tiles_of(self._floor, self._was_free)
+            before = (self._was_open, self._may_open, self._was_free)
+            masks = [
+                mask | floor.tiles_of(self._floor, tiles)
+                for mask, tiles in zip(masks, before, strict=True)
+            ]
+        self._was_open, self._may_open, self._was_free = masks
         self._grid, self._floor = grid, floor
-        self._was_open, self._may_open, self._was_free = was_open, may_open, was_free
 
     def _begin_to_look(self, observation: Observation) -> None:
         floor = self._floor

@@ -20,7 +20,7 @@ thesis on navigation with a radar in USARSim, section 5.1.
 """
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from enum import Enum, auto
 
@@ -61,15 +61,13 @@ class Decision(Enum):
     NO_PATH = auto()
 
 
-class BoundaryPolicy(ABC):
-    """Decides, step by step, how long to follow one boundary.
+class Bug1Policy:
+    """Bug1 at one boundary: all the way around, then to the point nearest to the goal.
 
     Attributes:
         boundary: The boundary.
         circuits: Number of complete circuits.
     """
-
-    circuits = 0
 
     def __init__(self, boundary: FollowedBoundary, goal: Point) -> None:
         """Create the policy at a hit point.
@@ -78,25 +76,7 @@ class BoundaryPolicy(ABC):
             boundary: The boundary that was hit, with a landmark there.
             goal: m, map frame.
         """
-        self.boundary, self._goal = boundary, goal
-
-    @abstractmethod
-    def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """Decide what to do next.
-
-        Args:
-            pose: Of the robot.
-            direction: Of the boundary, rad, map frame.
-            free: Whether the boundary is not between the robot and the goal; another
-                obstacle may be.
-        """
-
-
-class Bug1Policy(BoundaryPolicy):
-    """Bug1: all the way around, then to the point nearest to the goal."""
-
-    def __init__(self, boundary: FollowedBoundary, goal: Point) -> None:
-        super().__init__(boundary, goal)
+        self.boundary, self.circuits, self._goal = boundary, 0, goal
         # goal distance, path length, pose and direction of every step
         self._steps: list[tuple[float, float, Pose2, float]] = []
         self._leave: Landmark
@@ -107,7 +87,14 @@ class Bug1Policy(BoundaryPolicy):
         self._turned_back = False
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """See ``BoundaryPolicy``."""
+        """Decide what to do next.
+
+        Args:
+            pose: Of the robot.
+            direction: Of the boundary, rad, map frame.
+            free: Whether the boundary is not between the robot and the goal; another
+                obstacle may be.
+        """
         if self.circuits:
             return self._return(pose, free=free)
         travelled = self.boundary.travelled
@@ -154,8 +141,11 @@ class Bug1Policy(BoundaryPolicy):
         return Decision.ONWARD
 
 
-class Bug2Policy(BoundaryPolicy):
-    """Bug2: until the line to the goal is met, nearer to the goal."""
+class Bug2Policy:
+    """Bug2 at one boundary: until the line to the goal is met, nearer to the goal.
+
+    Attributes are those of ``Bug1Policy``.
+    """
 
     def __init__(
         self,
@@ -168,19 +158,19 @@ class Bug2Policy(BoundaryPolicy):
         """Create the policy at a hit point.
 
         Args:
-            boundary: See ``BoundaryPolicy``.
+            boundary: See ``Bug1Policy``.
             goal: Likewise.
             hit: The pose at the hit point.
             starts: Starts of the lines to the goal, at any of which it leaves; at least
                 one. Where it gives up at a line, that is the last one.
             give_up: When to conclude that there is no path.
         """
-        super().__init__(boundary, goal)
+        self.boundary, self.circuits, self._goal = boundary, 0, goal
         self._lines = [_Line(start, goal) for start in starts]
         self._hit, self._give_up = hit, give_up
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """See ``BoundaryPolicy``."""
+        """See ``Bug1Policy.step``."""
         # All lines are asked, since each remembers on which side the robot was.
         met = [line.meets(pose) for line in self._lines]
         at_line, crossed = any(at for at, _ in met), met[-1][1]
@@ -276,7 +266,7 @@ class Bug(BoundaryController):
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._wall_on_left = settings.mission.side == "left"  # of the next boundary
-        self._policy: BoundaryPolicy  # for the boundary that it is at
+        self._policy: Bug1Policy | Bug2Policy  # for the boundary that it is at
         self._starts: list[Pose2] = []  # of the lines of which Bug2 has to meet one
         self._lost = 0.0  # m driven without a boundary
         self._turn = 0.0  # rad/s; of the last step of aligning

@@ -5,6 +5,7 @@ import io
 import math
 from collections import Counter
 from dataclasses import astuple, dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -76,6 +77,18 @@ class Leg:
     path_length: float = 0.0
     hit_points: list[Point] = field(default_factory=list)
     leave_points: list[Point] = field(default_factory=list)
+
+
+def rounded(value: Any, digits: int) -> Any:
+    """Round all numbers in a value; None stands for infinite numbers and nan."""
+    if isinstance(value, dict):
+        return {key: rounded(each, digits) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(each, digits) for each in value]
+    if isinstance(value, float):
+        # plus zero, as -0.0 would be another text
+        return round(value, digits) + 0.0 if math.isfinite(value) else None
+    return value
 
 
 class RunLog:
@@ -154,13 +167,6 @@ class RunLog:
 
     def as_csv(self) -> str:
         """Return a row for each scan; fields without a value are empty."""
-
-        def rounded(value: object) -> object:
-            if not isinstance(value, float):
-                return value
-            # plus zero, as -0.0 would be another text
-            return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None
-
         text = io.StringIO()
         text.write(TRACE_HEADER)
         writer = csv.writer(text, lineterminator="\n")
@@ -168,7 +174,7 @@ class RunLog:
             # the goal has two columns
             *before, goal, speed, turn, nearest, pressed = astuple(row)
             values = *before, *(goal or (None, None)), speed, turn, nearest, pressed
-            writer.writerow(map(rounded, values))
+            writer.writerow(rounded(values, _DIGITS))
         return text.getvalue()
 
     def _update(self, previous: Row | None, row: Row) -> None:

@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from radarsim.autonomy.evaluation.map_score import Score, Truth, score_map
-from radarsim.autonomy.evaluation.mapping_run import MappingResult
-from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
     GridFrame,
     Mask,
     OccupancyGrid,
 )
+from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -186,10 +186,9 @@ def test_leaves_have_no_interior() -> None:
 
 
 def test_json_values_are_rounded(empty_room: Scene) -> None:
-    monitor = GroundTruthMonitor(Host(empty_room))
-    score = compute_score(perfect(empty_room), empty_room)
-    result = MappingResult("auto", "ins", monitor=monitor, score=score)
-    values = result.to_dict()["judge"]
+    run = MappingRun(ExplorationPlan(), Host(empty_room))
+    run.score = compute_score(perfect(empty_room), empty_room)
+    values = run.to_dict()["judge"]
     assert values["coverage"] == 1.0
     assert values["hidden_coverage"] is None
     assert all(len(str(value)) < 8 for value in values.values())

@@ -48,7 +48,7 @@ def test_matching_along_a_corridor_is_no_worse_than_the_motion_alone(
     plan = ExplorationPlan(waypoints=((18.0, 0.0),), speed=0.6)
     run = MappingRun(plan, Host(load_map(path), config=config, seed=3))
     run.run()
-    errors = run.result.to_dict()["pose_errors"]
+    errors = run.to_dict()["pose_errors"]
     assert errors["length"] > 30
     assert errors["motion_ate"] > 0.01
     assert errors["ate"] <= 1.1 * errors["motion_ate"] + 0.01

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 
-from radarsim.autonomy.evaluation.mapping_run import MappingResult
+from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
 from radarsim.autonomy.mapping.export import nav_map
 from radarsim.autonomy.mapping.mapper import Mapper
@@ -368,9 +368,8 @@ def test_pose_stays_accurate_over_60_m_although_the_ins_drifts(
     drifted, twisted = errors(finished.ins, finished.truth)
     assert drifted > 0.10
     assert twisted > 1
-    run = MappingResult(
-        "way", "ins", trip=finished.exploration.trip, mapper=finished.mapper
-    )
+    run = MappingRun(finished.exploration.plan)
+    run.source = finished.exploration
     pose_errors = json.loads(run.to_json())["pose_errors"]
     assert pose_errors["ate"] == pytest.approx(off, abs=0.001)
     assert pose_errors["yaw_deg"] == pytest.approx(turned, abs=0.02)

@@ -70,7 +70,7 @@ def test_an_office_is_explored_as_far_as_its_doors_let_the_robot(
     run = MappingRun(plan, Host(load_map(path)))
     run.run()
     run.judge()
-    reported = json.loads(run.result.to_json())
+    reported = json.loads(run.to_json())
     assert reported["outcome"] == "explored"
     assert reported["judge"]["collisions"] == 0
     assert reported["judge"]["reachable_coverage"] > 0.95
@@ -87,7 +87,7 @@ def test_the_map_of_an_office_is_true_to_centimetres(tmp_path: Path, seed: int) 
     run = MappingRun(plan, Host(load_map(path), seed=seed), seed=seed)
     run.run()
     run.judge()
-    reported = run.result.to_dict()
+    reported = run.to_dict()
     assert reported["judge"]["reachable_coverage"] > 0.95
     assert reported["judge"]["collisions"] == 0
     assert reported["judge"]["misplaced"] < 0.001

@@ -1,7 +1,6 @@
 """Obstacles that come and go while a robot explores, and the floor behind them."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from office_map import office_map
 from traffic import Mover, Traffic
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.exploration.path_follower import (
     WAITING,
     ExplorationSettings,
@@ -23,11 +23,9 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.plans import ExplorationPlan, StrategyName
-from radarsim.client import Client
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
-from radarsim.server.host.lockstep import InProcessTransport
 
 SETTINGS = ExplorationSettings(bumpers=Bumpers(safety_distance=0.4))
 HERE = Pose2(0.0, 0.0)
@@ -116,25 +114,24 @@ def test_what_was_closed_from_the_beginning_is_a_wall() -> None:
     assert (stand.grid.blocked_cells() == walls).all()
 
 
+class MonitorAmongMovers(GroundTruthMonitor):
+    """Watches a robot, and lets others drive."""
+
+    def __init__(self, host: Host, movers: list[Mover]) -> None:
+        super().__init__(host)
+        self._traffic = Traffic(host, movers)
+
+    def watch(self) -> None:
+        super().watch()
+        self._traffic.step()
+
+
 class RunAmongMovers(MappingRun):
     """A mapping run while other robots drive."""
 
     def __init__(self, host: Host, movers: list[Mover], **plan: Any) -> None:
         super().__init__(ExplorationPlan(safety_distance=0.38, **plan), host)
-        self._traffic = Traffic(host, movers)
-        self._served = host
-
-    def _open_client(self, connect: Callable[[], Client]) -> Client:
-        client = super()._open_client(connect)
-        monitor = self.result.monitor
-        assert monitor is not None
-
-        def after_tick() -> None:
-            monitor.watch()
-            self._traffic.step()
-
-        del client
-        return Client(InProcessTransport(self._served, after_tick=after_tick))
+        self.monitor = MonitorAmongMovers(host, movers)
 
 
 @pytest.mark.slow
@@ -156,7 +153,7 @@ def test_movers_in_doors_are_no_walls_and_the_map_is_whole_or_said_not_to_be(
     )
     made.run()
     made.judge()
-    reported = json.loads(made.result.to_json())
+    reported = json.loads(made.to_json())
     judge = reported["judge"]
     assert judge["collisions"] == 0
     assert judge["misplaced"] < 0.005

@@ -10,7 +10,6 @@ from radarsim.autonomy.navigation.boundary_memory import (
     Landmark,
 )
 from radarsim.autonomy.navigation.bug import (
-    BoundaryPolicy,
     Bug1Policy,
     Bug2Policy,
     Decision,
@@ -40,7 +39,9 @@ def boundary() -> FollowedBoundary:
     return followed
 
 
-def take_step(policy: BoundaryPolicy, angle: float, *, free: bool = True) -> Decision:
+def take_step(
+    policy: Bug1Policy | Bug2Policy, angle: float, *, free: bool = True
+) -> Decision:
     """Step to an angle on the circle."""
     policy.boundary.travelled += RADIUS * STEP
     return policy.step(on_circle(angle), angle + math.pi / 2, free=free)
@@ -66,7 +67,9 @@ def test_bug1_circles_once_and_returns_by_the_shorter_side(at: float) -> None:
     assert travelled == pytest.approx(2 * math.pi + min(at, 2 * math.pi - at), abs=0.1)
 
 
-def followed(policy: BoundaryPolicy, *, free: bool = True) -> tuple[float, Decision]:
+def followed(
+    policy: Bug1Policy | Bug2Policy, *, free: bool = True
+) -> tuple[float, Decision]:
     """Follow the circle until the policy decides; return the angle there."""
     angle, verdict = 0.0, Decision.ONWARD
     while verdict is Decision.ONWARD:

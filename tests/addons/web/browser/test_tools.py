@@ -250,7 +250,8 @@ def select_beam(commander: CommanderPage, number: int) -> list[list[str]]:
 def explain(beam: int) -> dict[str, float]:
     """Return where a bush begins and where the power ends, by ``radarsim explain``."""
     words = f"explain foliage_room --sensor radar --start RobotStart1 --beam {beam}"
-    run = run_in_process(*words.split(), "--ray", "centre", "--format", "json")
+    options = ("--set", "ray_weights=0,1,0", "--format", "json")
+    run = run_in_process(*words.split(), *options)
     report = json.loads(run.out)
     return {"enter": report["crossings"][0]["entry"], "end": report["distance"]}
 
