@@ -52,7 +52,6 @@ PROGRAM: Final = (
     "from radarsim.cli import main; main()"
 )
 OPTION: Final = "--web"
-LONGEST_TOKEN: Final = 200  # characters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +94,6 @@ class PageOptions:
     Attributes:
         web: Port of the web page; 0 takes a free one.
         web_host: Address on which browsers reach the page.
-        web_token_file: Read the token from here instead of making a new one.
         record_to: Folder in which the page's recordings get folders of their own.
     """
 
@@ -103,14 +101,11 @@ class PageOptions:
 
     web: Port = 8000
     web_host: Annotated[str, RARE] = "127.0.0.1"
-    web_token_file: Annotated[Path | None, RARE] = None
     record_to: Annotated[Path, Option(metavar="DIR", is_rare=True)] = Path()
 
     def words(self) -> list[str]:
         """Return them as words of a command line."""
         words = ["--web", str(self.web), "--web-host", self.web_host]
-        if self.web_token_file is not None:
-            words += ["--web-token-file", str(self.web_token_file)]
         return [*words, "--record-to", str(self.record_to)]
 
     def extension(self, served: ServedMap) -> CommanderExtension:
@@ -151,6 +146,7 @@ def commander(
     with cure_of_port({OPTION: page.web}):  # before imports that take long
         check_port(page.web_host, page.web)
     from radarsim.addons.web.program import serve_page
+    from radarsim.server.web_server import LOOPBACK, make_token
 
     config, drawn = server.config(), server.map or server.draw
     if server.recording is not None:
@@ -159,7 +155,11 @@ def commander(
     assert shown is not None  # one of them is required
     if not child:  # else the parent says what is wrong with them, and ends
         check_item_settings(config)
-    token = _find_token(page)
+    if page.web_host not in LOOPBACK:
+        print_message(
+            f"whoever reaches {page.web_host} and knows the token can drive the robots"
+        )
+    token = make_token()
 
     async def run() -> int:
         with exit_code_of_signal() as end:
@@ -190,16 +190,6 @@ def _read_address() -> tuple[str, int]:
     return host, int(port)
 
 
-def _find_token(page: PageOptions) -> str:
-    from radarsim.server.web_server import make_token
-
-    if page.web_host not in ("127.0.0.1", "localhost", "::1"):
-        print_message(
-            f"whoever reaches {page.web_host} and knows the token can drive the robots"
-        )
-    return read_token(page.web_token_file) if page.web_token_file else make_token()
-
-
 def conditions_of(
     folder: Path, drawn: str | None
 ) -> tuple[SimulationConfig, str | None]:
@@ -223,29 +213,6 @@ def conditions_of(
         except (MapError, OSError, RecordingError) as error:
             print_message(f"no map is drawn: {error}; --draw names one")
     return info.config(), drawn
-
-
-def read_token(path: Path) -> str:
-    """Read a token: the first line of a file.
-
-    Raises:
-        click.BadParameter: If there is none.
-    """
-    try:
-        with path.open(encoding="ascii") as file:
-            # Limited, as the file may be a device without an end; two more characters
-            # show that it is too long.
-            token = file.readline(LONGEST_TOKEN + 2).strip()
-    except OSError as error:
-        reason = describe_os_error(error)
-    except UnicodeError:
-        reason = "not ASCII"
-    else:
-        if 16 <= len(token) <= LONGEST_TOKEN and token.isprintable():
-            return token
-        reason = f"{len(token)} characters, expected 16 to {LONGEST_TOKEN}"
-    text = f"no token in {path}: {reason}"
-    raise click.BadParameter(text, param_hint="--web-token-file")
 
 
 def announce_commander(address: tuple[str, int], token: str) -> None:
