@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
@@ -62,6 +62,7 @@ BROKEN = (
     struct.error,
     ValueError,
     OverflowError,  # of a length that is broken
+    OSError,
 )
 
 
@@ -259,7 +260,7 @@ class BagReader:
         self.folder = folder
         self.is_complete = False
         self.path = find_file(folder)
-        with self._open() as file, suppress(*BROKEN):
+        with self.open() as file, suppress(*BROKEN):
             # The first record after the header.
             records = StreamReader(file, record_size_limit=LARGEST_RECORD).records
             _, record = next(records), next(records)
@@ -271,16 +272,16 @@ class BagReader:
     @property
     def is_being_written(self) -> bool:
         """Whether a process still records to the file."""
-        with self._open() as file:
+        with self.open() as file:
             return not lock(file, shared=True)
 
     def messages(self) -> Iterator[BagMessage]:
         """Yield all messages, as far as the file can be read.
 
         Raises:
-            RecordingError: If the file cannot be read at all.
+            RecordingError: If the file cannot be opened.
         """
-        with self._open() as file, suppress(*BROKEN):
+        with self.open() as file, suppress(*BROKEN):
             # What comes before an error is whole: each chunk has its own checksum.
             reader = NonSeekingReader(
                 file, validate_crcs=True, record_size_limit=LARGEST_RECORD
@@ -307,11 +308,14 @@ class BagReader:
             if message.topic in (TO_CLIENT, TO_SERVER):
                 yield decode_call(message.type, message.data)
 
-    @contextmanager
-    def _open(self) -> Iterator[IO[bytes]]:
+    def open(self) -> IO[bytes]:
+        """Open its file.
+
+        Raises:
+            RecordingError: If it cannot be opened.
+        """
         try:
-            with self.path.open("rb") as file:
-                yield file
+            return self.path.open("rb")
         except OSError as error:
             raise RecordingError(f"{self.path}: {describe_os_error(error)}") from error
 

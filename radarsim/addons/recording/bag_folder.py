@@ -212,12 +212,17 @@ def check_new(folder: Path) -> None:
     """Check that the folder of a bag can be created, as far as that is known.
 
     Raises:
-        RecordingError: If a package is missing, or the folder exists.
+        RecordingError: If a package is missing, or the folder exists, or cannot be
+            looked for.
     """
     check_installed()
-    if folder.exists():
+    try:
+        if not folder.exists():
+            return
         text = f"{folder} exists, expected a new folder for the recording"
-        raise RecordingError(text)
+    except OSError as error:
+        text = f"{folder}: {describe_os_error(error)}"
+    raise RecordingError(text)
 
 
 def create_folder(folder: Path) -> None:
@@ -227,8 +232,8 @@ def create_folder(folder: Path) -> None:
         RecordingError: If a package is missing, or the folder exists or cannot be
             created.
     """
+    check_new(folder)
     try:
-        check_new(folder)
         folder.mkdir(parents=True)
     except OSError as error:
         raise RecordingError(f"{folder}: {describe_os_error(error)}") from error

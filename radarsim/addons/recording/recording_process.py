@@ -64,14 +64,16 @@ class RecordingProcess:
         """Start the process.
 
         Args:
-            folder: Folder of the recording, which exists and is empty.
+            folder: Folder to create.
             info: The conditions of the run.
             is_patient: Whether ``add`` waits for a process that is far behind, instead
                 of ending the recording.
 
         Raises:
-            RecordingError: If it cannot be started.
+            RecordingError: If it cannot be started, a package is missing, or the folder
+                exists.
         """
+        create_folder(folder)
         self.folder = folder
         self._frames: deque[bytes] = deque()
         self._is_closing = threading.Event()
@@ -180,7 +182,6 @@ def record_host(
         RecordingError: If the folder exists, or a package is missing.
     """
     info = RecordingInfo.of_host(map_, host, seed)
-    create_folder(folder)
     process = RecordingProcess(folder, info, is_patient=True)
     process.record(host, spectra=spectra)
 

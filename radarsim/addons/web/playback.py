@@ -10,14 +10,13 @@ import asyncio
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, Self, TypeAlias
+from typing import IO, Any, Final, NamedTuple, TypeAlias
 
 from mcap.reader import SeekingReader
 
 from radarsim.addons.recording.bag import (
     BROKEN,
     LARGEST_RECORD,
-    BagReader,
     decode_call,
 )
 from radarsim.addons.recording.bag_folder import RecordingInfo
@@ -30,7 +29,7 @@ from radarsim.addons.recording.recorders import (
 )
 from radarsim.addons.web.requests import BadRequest, Pace, Seek
 from radarsim.addons.web.server_link import Link, ServerState
-from radarsim.errors import MalformedMessage, RecordingError, describe_os_error
+from radarsim.errors import MalformedMessage, RecordingError
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import (
     RobotJoined,
@@ -81,17 +80,17 @@ class RecordedLines:
     """
 
     def __init__(self, file: IO[bytes], info: RecordingInfo) -> None:
-        """Read which robots there are; ``open`` finds the file.
+        """Read which robots there are.
 
         Args:
-            file: The file, which is closed by ``close``.
+            file: The file of the bag.
             info: The conditions of the run.
 
         Raises:
             RecordingError: If it has no index, or nothing in it.
         """
         self.info = info
-        self._file = file
+        self._path = Path(file.name)
         self._reader = SeekingReader(
             file, validate_crcs=True, record_size_limit=LARGEST_RECORD
         )
@@ -105,31 +104,9 @@ class RecordedLines:
         self.robots = _find_robots(self._calls(TO_SERVER, None, None), self.end)
         first = next(self._calls(TO_CLIENT, None, None), None)
         if first is None:
-            text = f"nothing was sent in {file.name}, expected a robot at least"
+            text = f"nothing was sent in {self._path}, expected a robot at least"
             raise RecordingError(text)
         self.start = seconds(first.tick)
-
-    @classmethod
-    def open(cls, folder: Path) -> Self:
-        """Open the recording in a folder.
-
-        Raises:
-            RecordingError: If there is none, or it cannot be read.
-        """
-        bag = BagReader(folder)
-        try:
-            file = bag.path.open("rb")
-        except OSError as error:
-            raise RecordingError(f"{bag.path}: {describe_os_error(error)}") from error
-        try:
-            return cls(file, bag.info)
-        except BaseException:
-            file.close()
-            raise
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def read(self, second: int) -> list[TimedLine]:
         """Return the lines from a second on up to the next one, in order.
@@ -170,13 +147,12 @@ class RecordedLines:
         try:
             for schema, _, message in found:
                 yield decode_call(schema.name if schema else "", message.data)
-        except (*BROKEN, OSError) as error:
+        except BROKEN as error:
             raise RecordingError(self._describe(f"is damaged: {error}")) from error
 
     def _describe(self, problem: str) -> str:
-        folder = Path(self._file.name).parent
-        cure = f"'radarsim recording repair {folder}' keeps what can be read"
-        return f"{self._file.name} {problem}; {cure}"
+        command = f"radarsim recording repair {self._path.parent}"
+        return f"{self._path} {problem}; {command!r} keeps what can be read"
 
 
 def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
@@ -290,19 +266,16 @@ class Playback(Link):
             if wanted is not None:
                 await self._show(wanted)
             elif not self.is_paused:
-                await self._play(passed * self.speed)
+                end = self._recording.end
+                time = min(self._time + passed * self.speed, end)
+                await self._show(time)
+                if time >= end and self._wanted is None:
+                    self._set_pace(self.speed, True)
 
     def _go(self, time: float) -> None:
         # Only the newest place counts, however many are asked for meanwhile.
         self._wanted = time
         self._changed.set()
-
-    async def _play(self, duration: float) -> None:
-        end = self._recording.end
-        time = min(self._time + duration, end)
-        await self._show(time)
-        if time >= end and self._wanted is None:
-            self._set_pace(self.speed, True)
 
     async def _show(self, time: float) -> None:
         """Tell what was sent up to a time since the one before, or a little before."""

@@ -9,7 +9,7 @@ import asyncio
 import mimetypes
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -86,13 +86,15 @@ async def serve_page(
         address = listening.getsockname()[:2]
         link: Link
         if isinstance(server, Path):
+            from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415
             from radarsim.addons.web.playback import (  # noqa: PLC0415
                 Playback,
                 RecordedLines,
             )
 
-            recording = stack.enter_context(closing(RecordedLines.open(server)))
-            link = Playback(recording)
+            bag = BagReader(server)
+            lines = RecordedLines(stack.enter_context(bag.open()), bag.info)
+            link = Playback(lines)
         elif is_child:
             link = ParentLink(server)
             link.follow(end)

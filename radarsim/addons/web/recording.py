@@ -6,24 +6,18 @@ the files.
 """
 
 import asyncio
-from contextlib import suppress
+import math
 from datetime import datetime
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from radarsim.addons.recording.bag_folder import (
-    RecordingInfo,
-    check_installed,
-    create_folder,
-)
+from radarsim.addons.recording.bag_folder import RecordingInfo, check_installed
 from radarsim.addons.web.requests import BadRequest
 from radarsim.addons.web.viewers import Viewers
-from radarsim.client import AsyncClient, ClientTimeout
+from radarsim.client import AsyncClient
 from radarsim.errors import RadarsimError, RecordingError
 from radarsim.simulation.config import SimulationConfig
-
-SILENCE: Final = 60.0  # s that one call waits for reports
 
 
 class RecordingSwitch:
@@ -126,7 +120,6 @@ class RecordingSwitch:
             level = (await client.greeting()).level
             # All robots with all echoes, whatever the pages look at.
             await client.watch(echoes=True)
-            await asyncio.to_thread(create_folder, folder)
             drawn = _lasting_name(self._map)
             info = RecordingInfo.of_config(self._config, level=level, drawn_map=drawn)
             process = await asyncio.to_thread(RecordingProcess, folder, info)
@@ -134,9 +127,8 @@ class RecordingSwitch:
             try:
                 self._tell(True, f"Records to {folder}")
                 while not process.has_ended:
-                    with suppress(ClientTimeout):
-                        asked = map(recorder.take, await client.read(SILENCE))
-                        await client.send(b"".join(asked))
+                    asked = map(recorder.take, await client.read(math.inf))
+                    await client.send(b"".join(asked))
             finally:
                 recorder.end()
                 if not await asyncio.to_thread(process.close):
