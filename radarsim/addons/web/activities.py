@@ -10,6 +10,7 @@ import logging
 import threading
 from collections.abc import Callable, Set
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from radarsim.addons.web.own_robot import OwnRobot, RobotClient, TaskClock, Work
@@ -83,11 +84,11 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        from radarsim.addons.web.algorithms import plan_drive  # noqa: PLC0415
+        from radarsim.addons.web.algorithms import drive_to_goal  # noqa: PLC0415
 
         if self.scene is not None:
             self._check_goal(self._robots.find_own(request.robot), request.goal)
-        work = plan_drive(request, self._wanted_distance)
+        work = partial(drive_to_goal, request, self._wanted_distance)
         self._begin("goto", request.robot, work, str(request))
 
     def explore(self, request: Explore) -> None:
@@ -96,11 +97,11 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        from radarsim.addons.web.algorithms import plan_exploration  # noqa: PLC0415
+        from radarsim.addons.web.algorithms import explore  # noqa: PLC0415
 
         name = request.robot
         colours = self._colours.get(name, DEFAULT_COLOURS)
-        self._begin("explore", name, plan_exploration(request, colours))
+        self._begin("explore", name, partial(explore, request, colours))
         # Only now, as a task that is refused leaves the map as it was.
         self._stop_map(name)  # the explorer's own is shown
 

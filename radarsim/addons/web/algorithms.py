@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from radarsim.addons.web.own_robot import RobotClient, Tell, Work
+from radarsim.addons.web.own_robot import RobotClient, Tell
 from radarsim.addons.web.requests import BadRequest, Colours, Explore, Goto, Map
 from radarsim.addons.web.robot_view import RobotView
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
@@ -63,12 +63,22 @@ def _every(interval: float) -> Callable[[], bool]:
     return is_due
 
 
-def plan_drive(request: Goto, safety_distance: float | None) -> Work:
-    """Plan a drive to a goal, which tells the path.
+def drive_to_goal(
+    request: Goto, safety_distance: float | None, client: RobotClient, tell: Tell
+) -> str:
+    """Drive to a goal, and send the path meanwhile.
 
     Args:
         request: Algorithm and goal.
         safety_distance: m; None for the least one that suits the robot.
+        client: The client of the robot.
+        tell: Called with messages.
+
+    Returns:
+        How it went, in words.
+
+    Raises:
+        RadarsimError: If the goal is not reached.
     """
     mission = Mission(
         algorithm=request.algorithm,
@@ -78,70 +88,66 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
         safety_distance=safety_distance,
         time_limit=math.inf,
     )
+    run_log, is_due = RunLog(), _every(PATH_INTERVAL)
 
-    def drive(client: RobotClient, tell: Tell) -> str:
-        run_log = RunLog()
-        is_due = _every(PATH_INTERVAL)
+    def send_path() -> None:
+        path = describe_path(request.robot, run_log.path)
+        marks = {"hits": run_log.hit_points, "leaves": run_log.leave_points}
+        aim = {"goal": request.goal, "heading": request.heading}
+        tell({**path, **marks, **aim})
 
-        def tell_path() -> None:
-            path = describe_path(request.robot, run_log.path)
-            marks = {"hits": run_log.hit_points, "leaves": run_log.leave_points}
-            aim = {"goal": request.goal, "heading": request.heading}
-            tell({**path, **marks, **aim})
+    def observe(step: NavigationStep) -> None:
+        run_log.add(step)
+        if is_due():
+            send_path()
 
-        def observe(step: NavigationStep) -> None:
-            run_log.add(step)
-            if is_due():
-                tell_path()
-
-        try:
-            result = run_mission(client, mission, observe)
-        finally:
-            # Where a drive that failed has ended is of interest as well.
-            tell_path()
-        if result.outcome != "reached":
-            no_path = result.outcome == "no_path"
-            raise RadarsimError("there is no path" if no_path else result.outcome)
-        return f"{request}, in {result.time:.0f} s, {result.path_length:.1f} m"
-
-    return drive
+    try:
+        result = run_mission(client, mission, observe)
+    finally:
+        # Where a drive that failed has ended is of interest as well.
+        send_path()
+    if result.outcome != "reached":
+        no_path = result.outcome == "no_path"
+        raise RadarsimError("there is no path" if no_path else result.outcome)
+    return f"{request}, in {result.time:.0f} s, {result.path_length:.1f} m"
 
 
-def plan_exploration(request: Explore, colours: Colours) -> Work:
-    """Plan an exploration, which tells path and map.
+def explore(request: Explore, colours: Colours, client: RobotClient, tell: Tell) -> str:
+    """Explore, and send path and map meanwhile.
 
     Args:
         request: The strategy.
         colours: Colours of the map.
+        client: The client of the robot.
+        tell: Called with messages.
+
+    Returns:
+        How it went, in words.
+
+    Raises:
+        RadarsimError: If the area is not explored.
     """
     plan = ExplorationPlan(strategy=request.strategy, pose=HERE)
     exploration = Exploration(plan, generator_for(0, request.robot))
+    is_path_due, is_map_due = _every(PATH_INTERVAL), _every(MAP_INTERVAL)
 
-    def explore(client: RobotClient, tell: Tell) -> str:
-        is_path_due, is_map_due = _every(PATH_INTERVAL), _every(MAP_INTERVAL)
+    def show(*, path: bool, grid: bool) -> None:
+        mapper = exploration.mapper
+        if mapper is None or not mapper.scans:
+            return
+        if path:
+            tell(describe_path(request.robot, mapper.trajectory.rows()))
+        if grid:
+            tell(describe_map(request.robot, mapper.grid, colours))
 
-        def show(*, path: bool, grid: bool) -> None:
-            mapper = exploration.mapper
-            if mapper is None or not mapper.scans:
-                return
-            if path:
-                tell(describe_path(request.robot, mapper.trajectory.rows()))
-            if grid:
-                tell(describe_map(request.robot, mapper.grid, colours))
-
-        def observe(_: str) -> None:
-            show(path=is_path_due(), grid=is_map_due())
-
-        try:
-            exploration.run(client, observe)
-        finally:
-            show(path=True, grid=True)
-        outcome, trip = exploration.outcome, exploration.trip
-        if outcome is not Outcome.EXPLORED:
-            raise RadarsimError(outcome.value.replace("_", " "))
-        return f"explored in {trip.time:.0f} s, {trip.length:.1f} m"
-
-    return explore
+    try:
+        exploration.run(client, lambda _: show(path=is_path_due(), grid=is_map_due()))
+    finally:
+        show(path=True, grid=True)
+    outcome, trip = exploration.outcome, exploration.trip
+    if outcome is not Outcome.EXPLORED:
+        raise RadarsimError(outcome.value.replace("_", " "))
+    return f"explored in {trip.time:.0f} s, {trip.length:.1f} m"
 
 
 def describe_path(robot: str, path: Floats) -> dict[str, Any]:

@@ -13,7 +13,6 @@ import math
 import queue
 import time
 from collections.abc import Awaitable, Callable, Sequence
-from contextlib import suppress
 from typing import Any, Final, NoReturn, TypeAlias
 
 from radarsim.addons.web.requests import FIRST_CLASS
@@ -26,7 +25,6 @@ from radarsim.protocol.reports import Report
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
 SENSORS: Final = ("SEN ",)  # how lines of sensors begin
-SILENCE: Final = 60.0  # s that one call waits for reports
 MOST_WAITING: Final = 1000  # times that reports arrive; beyond it the oldest are lost
 
 
@@ -163,11 +161,10 @@ class OwnRobot:
 
     async def _read(self) -> NoReturn:
         while True:
-            with suppress(ClientTimeout):  # a server may pause
-                reports = await self._client.read(SILENCE)
-                self._on_reports(self, reports)
-                if self._reader is not None:
-                    self._reader(reports)
+            reports = await self._client.read(math.inf)  # a server may pause
+            self._on_reports(self, reports)
+            if self._reader is not None:
+                self._reader(reports)
 
     async def _send(self) -> NoReturn:
         while True:

@@ -29,7 +29,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.reports import EchoLine, RangeScan, Report, TargetEchoes
 from radarsim.scene.material import Material
 from radarsim.simulation.config import SimulationConfig
-from radarsim.validation import describe_invalid
+from radarsim.validation import describe_settings
 
 NO_RETURN: Final = 65535  # instead of a range in cm
 
@@ -191,9 +191,8 @@ class RobotView(RobotState):
                 json.dumps(settings), strict=True
             )
         except ValidationError as error:
-            problem = error.errors()[0]
-            path = ".".join(str(step) for step in problem["loc"]) or key
-            raise BadRequest(f"{path}: {describe_invalid(problem)}") from None
+            problems = describe_settings(error, SensorSettings)
+            raise BadRequest(problems[0]) from None
         self._last_change = scanner, scanner.settings
         # As they are shown, so that numbers stay numbers.
         scanner.settings = changed.model_dump(mode="json", exclude={"medium"})

@@ -8,6 +8,7 @@ made, the server tells nothing.
 
 import asyncio
 import logging
+import math
 import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
@@ -27,7 +28,6 @@ UNCONNECTED: Final = "not connected yet"
 RETRY: Final = 1.0  # s between two attempts to connect
 ASK_AGAIN: Final = 5.0  # s after the server has refused to tell of all robots
 ANSWER: Final = 5.0  # s that the server has to answer
-SILENCE: Final = 60.0  # s that one call waits for reports
 FOREIGN: Final = (
     "this page has not started the server; 'radarsim serve MAP --web PORT' has a page"
     " that can"
@@ -186,8 +186,7 @@ class ServerLink(Link):
             # What was asked for before there was this connection.
             await self._ask(client)
             while True:
-                with suppress(ClientTimeout):
-                    self._take(await client.read(SILENCE))
+                self._take(await client.read(math.inf))
 
     async def _ask(self, client: AsyncClient) -> None:
         with suppress(ClientError):  # who reads notices that it is lost

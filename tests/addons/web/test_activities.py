@@ -25,7 +25,7 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended(
     end = threading.Event()
 
     def wait(*_: object) -> str:
-        """Work that does not notice that it is cancelled, until it is told."""
+        """Work that does not notice that it is cancelled, until it may end."""
         end.wait(240)
         return "ended"
 
@@ -36,9 +36,7 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended(
     )
     viewers: Any = SimpleNamespace(broadcast=broadcast)
     activities = Activities(robots, viewers, lambda: None)
-    monkeypatch.setattr(
-        "radarsim.addons.web.algorithms.plan_exploration", lambda *_: wait
-    )
+    monkeypatch.setattr("radarsim.addons.web.algorithms.explore", wait)
 
     def explore(robot: str) -> None:
         activities.explore(Explore(robot=robot, strategy=StrategyName.FRONTIERS))
