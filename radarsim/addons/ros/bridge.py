@@ -11,7 +11,7 @@ import io
 import math
 import struct
 from collections.abc import Callable, Iterable
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack
 from typing import Final, Protocol, TypeAlias
 
 from PIL import Image
@@ -38,7 +38,7 @@ from radarsim.addons.recording.robot_topics import (
 from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
-from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
+from radarsim.client import AsyncClient, RobotInfo
 from radarsim.client.robot_info import same_name
 from radarsim.errors import ClientError, describe_os_error
 from radarsim.listening import first_of, in_daemon_thread
@@ -57,7 +57,6 @@ CHECK_INTERVAL: Final = 0.05  # s
 SPAWN_TIMEOUT: Final = 120.0  # s; the server may be busy
 LARGEST_PICTURE: Final = 2**26  # bytes
 QUALITY: Final = 75  # percent, of JPEG
-SILENCE: Final = 60.0  # s that one call waits for reports
 
 # Called with a forward speed, m/s, and a turn rate, rad/s.
 DriveCallback: TypeAlias = Callable[[float, float], None]
@@ -218,8 +217,7 @@ class Driver:
     async def _read(self) -> None:
         """Read what the robot senses, which its watcher publishes."""
         while True:
-            with suppress(ClientTimeout):
-                await self._client.read()
+            await self._client.read(math.inf)
 
 
 def as_jpeg(image_type: int, data: bytes) -> bytes:
@@ -363,11 +361,10 @@ async def run_bridge(
 
 async def _watch(client: AsyncClient, topics: LiveTopics) -> None:
     while True:
-        with suppress(ClientTimeout):
-            reports = await client.read(SILENCE)
-            for report in reports:
-                if isinstance(report, CommandError):
-                    raise ClientError(f"the server says: {report.text}")
-            asked = topics.take(reports)
-            if asked:
-                await client.send(asked)
+        reports = await client.read(math.inf)
+        for report in reports:
+            if isinstance(report, CommandError):
+                raise ClientError(f"the server says: {report.text}")
+        asked = topics.take(reports)
+        if asked:
+            await client.send(asked)

@@ -16,7 +16,7 @@ from radarsim.addons.recording.cdr import (
     definition_of,
     encode,
 )
-from radarsim.addons.recording.messages import CLOCK, NANOSECONDS, TopicMessage
+from radarsim.addons.recording.messages import CLOCK, NANOSECONDS
 from radarsim.addons.ros.board import (
     LONGEST_NAME,
     MOST_ENTRIES,
@@ -48,6 +48,7 @@ class FoxgloveClient(BoardClient):
 
     name = "Foxglove"
     subprotocols = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+    encode = staticmethod(encode)
 
     def __init__(self, board: Board) -> None:
         super().__init__(board)
@@ -61,11 +62,6 @@ class FoxgloveClient(BoardClient):
             "unadvertise": self._unadvertise,
         }
         self._tell(list(board.types))
-
-    @staticmethod
-    def encode(message: TopicMessage) -> bytes:
-        """See ``BoardClient.encode``."""
-        return encode(message)
 
     @classmethod
     def trusts(cls, origin: str) -> bool:

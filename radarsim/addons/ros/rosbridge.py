@@ -74,6 +74,7 @@ class RosbridgeClient(BoardClient):
     """One client; see ``BoardClient``."""
 
     name = "rosbridge"
+    encode = staticmethod(message_json)
 
     def __init__(self, board: Board) -> None:
         super().__init__(board)
@@ -103,11 +104,6 @@ class RosbridgeClient(BoardClient):
                 ("rosapi/time", "rosapi/get_time"), lambda _: {"time": self._time}
             ),
         }
-
-    @staticmethod
-    def encode(message: TopicMessage) -> str:
-        """See ``BoardClient.encode``."""
-        return message_json(message)
 
     @property
     def _all_types(self) -> dict[str, str]:
