@@ -124,9 +124,8 @@ def _read(path: Path) -> tuple[YamlFile, MapServerKeys]:
     if file.problems:
         raise ForeignFileError(file.problems[0])
     if not isinstance(file.data, dict):
-        raise ForeignFileError(
-            f"{path}:1: expected keys such as {', '.join(MapServerKeys.model_fields)}"
-        )
+        keys = ", ".join(MapServerKeys.model_fields)
+        raise wrong(path, 1, f"expected keys such as {keys}")
     try:
         return file, MapServerKeys.model_validate(file.data)
     except ValidationError as error:
@@ -146,21 +145,18 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
         with Image.open(path) as picture:
             width, height = picture.size
             if width * height > MAX_PIXELS:
-                text = (
-                    f"{width} x {height} pixels, expected at most {MAX_PIXELS} in all"
-                )
-                raise ForeignFileError(f"{path}:1: {text}")
+                expected = f"expected at most {MAX_PIXELS} in all"
+                raise wrong(path, 1, f"{width} x {height} pixels, {expected}")
             if picture.mode.startswith(("I", "F")):
                 text = f"pixels of mode {picture.mode}, expected 8 bits"
-                raise ForeignFileError(f"{path}:1: {text}")
+                raise wrong(path, 1, text)
             # Grey and alpha of any mode: palettes, colours and single bits.
             pixels = np.asarray(picture.convert("LA"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
         text = "cannot be read, expected a picture such as PGM or PNG"
-        raise ForeignFileError(f"{path}:1: {text}") from error
+        raise wrong(path, 1, text) from error
     except Image.DecompressionBombError as error:
-        text = f"expected at most {MAX_PIXELS} pixels"
-        raise ForeignFileError(f"{path}:1: {text}") from error
+        raise wrong(path, 1, f"expected at most {MAX_PIXELS} pixels") from error
     return pixels[..., 0], pixels[..., 1] > 127
 
 

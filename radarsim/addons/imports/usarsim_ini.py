@@ -18,10 +18,10 @@ from typing import Any, Final, TypeAlias
 from pydantic import ValidationError
 
 from radarsim.addons.imports.source_file import place, read_text, rounded, wrong
-from radarsim.errors import ForeignFileError, expected_one_of
+from radarsim.errors import expected_one_of
 from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.message import pose_from_wire
-from radarsim.validation import describe_invalid, short_repr
+from radarsim.validation import describe_settings, short_repr
 
 BASE: Final = "P3AT"  # has the body of classes that are not shipped
 # Types of items that are named as the classes of parts are, in any case.
@@ -97,10 +97,8 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
     try:
         return RobotModel.model_validate(content), notes
     except ValidationError as error:
-        reason = describe_invalid(error.errors()[0])
-        where = ".".join(map(str, error.errors()[0]["loc"]))
-        text = f"{path}:1: {name}: {where}: {reason}".replace(": : ", ": ")
-        raise ForeignFileError(text) from error
+        problem = describe_settings(error, RobotModel)[0]
+        raise wrong(path, 1, f"{name}: {problem}") from error
 
 
 def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
