@@ -123,9 +123,6 @@ def _read(path: Path) -> tuple[YamlFile, MapServerKeys]:
         raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
     if file.problems:
         raise ForeignFileError(file.problems[0])
-    if not isinstance(file.data, dict):
-        keys = ", ".join(MapServerKeys.model_fields)
-        raise wrong(path, 1, f"expected keys such as {keys}")
     try:
         return file, MapServerKeys.model_validate(file.data)
     except ValidationError as error:
