@@ -238,10 +238,7 @@ class LocalSimulation:
         """
         from radarsim.local.pictures import RunPicture  # noqa: PLC0415 - matplotlib
 
-        moments = self._moments()
-        picture = RunPicture(self.scene, moments, ax)
-        picture.show(len(moments) - 1)
-        return picture.axes
+        return RunPicture(self.scene, self._moments(), ax).axes
 
     def render(self, path: str | Path, *, speed: float = 1.0) -> None:
         """Write a picture of the simulation as it is, or a film of it so far.

@@ -186,7 +186,9 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        taken = take_scans(self._tracer, requests, self._seen())
+        # They see each other, or none.
+        boxes = Boxes(self._fleet.boxes()[self._present]) if self._meets else None
+        taken = take_scans(self._tracer, requests, boxes)
         for row, request, (batch, k) in zip(rows, requests, taken, strict=True):
             found["ranges"][row] = batch.reported[k]
             if "rays" in values and batch.rays is not None:
@@ -195,10 +197,6 @@ class Arena:
                 scan = batch.scan(k, request.scanner.name, request.pose)
                 found["power"][row] = _power_left(scan)
         return found
-
-    def _seen(self) -> Boxes | None:
-        """Return the boxes of the robots, if they see each other."""
-        return Boxes(self._fleet.boxes()[self._present]) if self._meets else None
 
     def _obstacles_at(self, x: float, y: float) -> Obstacles:
         floor = self.scene.floor_at(x, y)
