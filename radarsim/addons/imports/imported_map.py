@@ -20,7 +20,6 @@ from radarsim.yaml_reader import parse_yaml
 MAX_SHOWN: Final = 8  # names in a warning
 LEVEL: Final = 1e-7  # rad; less is taken for upright
 LOW: Final = 0.05  # m; what begins higher is no floor
-LONGEST_LINE: Final = 2**30  # characters: an object is on one line
 
 
 class ImportedMap:
@@ -178,23 +177,22 @@ class ImportedMap:
             text = f"{self._source}: nothing in it becomes an object of a map"
             raise ForeignFileError(f"{text}: {self.summary()}")
         *position, yaw = self.start
-        start = {"name": "RobotStart1", "position": rounded(position)}
-        level = f"DM-{level_of(self._source.stem)}"
-        head: dict[str, object] = {"version": 1, "level": level}
-        if self.materials:
-            head["materials"] = self.materials
-        lines = [
-            # As ASCII, since the name of a file may hold a line break, which would end
-            # the comment.
-            f"# Imported from {self._source.name!a}.\n",
-            yaml.dump(
-                head, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True
-            ),
-            "objects:\n",
-            *(f"  - {_inline(each)}\n" for each in self._objects),
-            f"starts:\n  - {_inline({**start, 'yaw_deg': round(yaw, 4)})}\n",
-        ]
-        text = "".join(lines)
+        spot = {"position": rounded(position), "yaw_deg": round(yaw, 4)}
+        content: dict[str, object] = {
+            "version": 1,
+            "level": f"DM-{level_of(self._source.stem)}",
+            **({"materials": self.materials} if self.materials else {}),
+            "objects": self._objects,
+            "starts": [{"name": "RobotStart1", **spot}],
+        }
+        # The name in ASCII, as it may hold a line break, which would end the comment.
+        text = f"# Imported from {self._source.name!a}.\n" + yaml.dump(
+            content,
+            Dumper=yaml.CSafeDumper,
+            default_flow_style=None,  # lists of numbers are on one line
+            sort_keys=False,
+            allow_unicode=True,
+        )
         # What is written has to be a map: names and sizes of other programs may not be.
         try:
             scene = load_scene(parse_yaml(file, text))
@@ -219,16 +217,3 @@ class ImportedMap:
         if count == 1:
             return wanted
         return self._unique(f"{wanted}_{count}")
-
-
-def _inline(content: Mapping[str, object]) -> str:
-    text: str = yaml.dump(
-        dict(content),
-        Dumper=yaml.CSafeDumper,
-        default_flow_style=True,
-        sort_keys=False,
-        # Else YAML folds long lines, and an object would be on several.
-        width=LONGEST_LINE,
-        allow_unicode=True,
-    )
-    return text.strip()

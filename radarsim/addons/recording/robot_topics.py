@@ -9,6 +9,7 @@ what odometry has lost.
 import io
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, Literal
 
@@ -371,8 +372,7 @@ def topic_name(name: str) -> str:
     >>> topic_name("lms 200"), topic_name("2nd")
     ('lms_200', '_2nd')
     """
-    letters = [c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name]
-    text = "".join(letters) or "_"
+    text = re.sub("[^A-Za-z0-9_]", "_", name) or "_"
     return f"_{text}" if text[0].isdigit() else text
 
 

@@ -170,11 +170,9 @@ def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
         if call.type is EventType.DISCONNECT:
             leave(call.client, time)
         elif call.type is EventType.RECEIVE:
-            for spawned in map(spawned_robot, call.data.decode("latin-1").splitlines()):
-                if spawned is None:
-                    continue
+            lines = call.data.decode("latin-1").splitlines()
+            for wanted, class_name in filter(None, map(spawned_robot, lines)):
                 leave(call.client, time)
-                wanted, class_name = spawned
                 name = _unique(wanted or class_name or UNNAMED, taken)
                 current[call.client] = len(robots)
                 robots.append(RecordedRobot(call.client, name, class_name, time, end))
