@@ -24,8 +24,8 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
 
     Args:
         path: The file, GLB or glTF.
-        options: What it does not tell.
-        meshes: A folder beside the map, whose own folder has to contain the file.
+        options: What it does not say.
+        meshes: A folder next to the map, whose own folder has to contain the file.
 
     Raises:
         ForeignFileError: If it cannot be read, is not below the folder, or describes
@@ -53,7 +53,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
                 imported.note(path, 1, text)
             continue
         keys = _known_keys(path, imported, material)
-        # Names are what a map file has to tell materials by.
+        # Materials of a map file differ by their names.
         if keys and own.setdefault(material.name, keys) != keys:
             text = f"two materials are called {short_repr(material.name)}"
             raise wrong(path, 1, f"{text}, expected the same extras")

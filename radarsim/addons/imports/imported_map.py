@@ -26,10 +26,10 @@ class ImportedMap:
     """Collects the objects of a map.
 
     Attributes:
-        options: What the file does not tell.
-        notes: What is left out or changed, each with its place.
+        options: What the file does not say.
+        notes: Parts that are left out or changed, each with its place.
         materials: Materials of its own, by name.
-        defaulted: Names of what got the default material, in their order.
+        defaulted: Names of objects with the default material, in their order.
         meshes: Content of the mesh files that are written with the map, by name.
         models: Number of models in the file, those that are left out with them.
         others: What else is left out: its name, and how often.
@@ -42,7 +42,7 @@ class ImportedMap:
 
         Args:
             source: The file.
-            options: What the file does not tell.
+            options: What the file does not say.
         """
         self.options = options
         self.notes: list[str] = []
@@ -63,7 +63,7 @@ class ImportedMap:
         self._unused = dict.fromkeys(self._patterns)
 
     def note(self, path: Path, line: int, text: str) -> None:
-        """Note what is left out, or changed."""
+        """Add a note on a part that is left out, or changed."""
         self.notes.append(place(path, line, text))
 
     def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
@@ -91,14 +91,14 @@ class ImportedMap:
 
     def summary(self) -> str:
         """Return how many models are left out, and why, and what else is."""
-        told = f"{self._left_out.total()} of {self.models} models left out"
+        text = f"{self._left_out.total()} of {self.models} models left out"
         reasons = self._left_out.most_common()
         shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]
         if more := sum(count for _, count in reasons[MAX_SHOWN:]):
             shown.append(f"{more} for other reasons")
-        told += (": " + ", ".join(shown)) * bool(shown)
+        text += (": " + ", ".join(shown)) * bool(shown)
         others = (f"{n} {each}{'s' * (n > 1)}" for each, n in self.others.items())
-        return told + f"; also {', '.join(others)}" * bool(self.others)
+        return text + f"; also {', '.join(others)}" * bool(self.others)
 
     def material_of(self, name: str, known: str | None = None) -> str:
         """Choose the material of what has a name: a pattern's counts first.
@@ -186,21 +186,21 @@ class ImportedMap:
             "starts": [{"name": "RobotStart1", **spot}],
         }
         # The name in ASCII, as it may hold a line break, which would end the comment.
-        text = f"# Imported from {self._source.name!a}.\n" + yaml.dump(
+        text: str = f"# Imported from {self._source.name!a}.\n" + yaml.dump(
             content,
             Dumper=yaml.CSafeDumper,
             default_flow_style=None,  # lists of numbers are on one line
             sort_keys=False,
             allow_unicode=True,
         )
-        # What is written has to be a map: names and sizes of other programs may not be.
+        # Checked as a map: names and sizes of other programs may not fit.
         try:
             scene = load_scene(parse_yaml(file, text))
         except MapError as error:
             first = error.problems[0].removeprefix(f"{file}:")
             reason = first.partition(": ")[2]
-            told = f"{self._source}: does not become a map: {reason}"
-            raise ForeignFileError(told) from error
+            wrong = f"{self._source}: does not become a map: {reason}"
+            raise ForeignFileError(wrong) from error
         x, y, z = position
         self.has_floor = any(
             low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] < z + LOW

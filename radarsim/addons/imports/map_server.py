@@ -57,7 +57,7 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
 
     Args:
         path: The YAML file.
-        options: What it does not tell.
+        options: What it does not say.
 
     Raises:
         ForeignFileError: If it cannot be read, or is not such a map.
@@ -70,8 +70,8 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:
         looked = ", ".join(repr(str(each)) for each in folders)
-        cure = "expected it there, or its folder as --model-path"
-        text = f"no picture {short_repr(keys.image)} below {looked}, {cure}"
+        hint = "expected it there, or its folder as --model-path"
+        text = f"no picture {short_repr(keys.image)} below {looked}, {hint}"
         raise wrong(path, line, text)
     brightness, is_opaque = read_picture(picture)
     probability: Floats
@@ -182,7 +182,7 @@ def roomiest(free: Mask) -> tuple[int, int] | None:
 
     if not free.any():
         return None
-    # padded, since what is beyond the picture is not free either
+    # padded, since the area beyond the picture is not free either
     room = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(np.argmax(room), room.shape)
     return int(row), int(column)

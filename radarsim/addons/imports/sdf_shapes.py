@@ -1,6 +1,6 @@
 """Shapes of SDF as the keys of a map file: those that a map lacks become meshes.
 
-A map has its meshes beside it: GLB files, whatever the originals.
+A map has its meshes next to it: GLB files, whatever the originals.
 
 Source: the specification of SDFormat 1.11.
 """
@@ -41,7 +41,7 @@ class MeshCopies:
 
         Args:
             imported: The map, which gets the files.
-            folder: Name of the folder that they are in, beside the map.
+            folder: Name of the folder that they are in, next to the map.
         """
         self._map = imported
         self._folder = folder
@@ -228,8 +228,8 @@ def read_mesh(
     uri = mesh.text_of("uri")
     text, suffix = f"the mesh {uri!r} is left out", Path(uri).suffix.lower()
     if not file.is_file() or suffix not in KNOWN:
-        told = f"{text}, expected {', '.join(KNOWN)}"
-        raise LeftOut(mesh, told, f"{suffix[:20] or 'files'} that are not read")
+        text += f", expected {', '.join(KNOWN)}"
+        raise LeftOut(mesh, text, f"{suffix[:20] or 'files'} that are not read")
     given = mesh.first("scale")
     own = given.numbers(3) if given and given.text.strip() else [1.0, 1.0, 1.0]
     scale = [a * b for a, b in zip(own, factors, strict=True)]
@@ -245,8 +245,8 @@ def read_mesh(
         raise LeftOut(mesh, f"{text}: {error}", reason) from error
     except MissingPackage as error:
         reason = f"{suffix} without pycollada ({install_command('collada')})"
-        told = f"{text}: pycollada is not installed"
-        raise LeftOut(mesh, told, reason) from error
+        text += ": pycollada is not installed"
+        raise LeftOut(mesh, text, reason) from error
 
 
 def _sizes(element: XmlElement, tag: str, count: int = 1) -> list[float]:

@@ -62,7 +62,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
         class_name: The class; None for the only one with parts.
 
     Returns:
-        The class, and what is left out of it, each with its place.
+        The class, and notes on parts that are left out, each with its place.
 
     Raises:
         ForeignFileError: If it cannot be read, or has no such class.

@@ -45,7 +45,7 @@ CHUNK_BYTES: Final = 64 * 1024
 FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
 METADATA_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
-INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
+INFORMATION: Final = "radarsim"  # name of the record of the conditions
 LATCHED: Final = "transient_local"  # durability of topics
 DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
 # In C where there is such: metadata of hundreds of topics would take seconds.
@@ -67,7 +67,7 @@ BROKEN = (
 
 
 def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
-    """Return what a topic offers, as rosbag2 writes it.
+    """Return the quality of service of a topic, as rosbag2 writes it.
 
     No two values are one object: YAML would refer to it by an anchor, which rosbag2
     does not read.
@@ -172,9 +172,9 @@ class BagWriter:
             self._writer.finish()
         finally:
             self._file.close()
-        # Does nothing unless a repair writes beside the old file.
+        # Does nothing unless a repair writes next to the old file.
         path = self._path.replace(self._folder / file_name(self._folder))
-        # Players read the metadata, not the file, to know what is in it.
+        # Players read the topics from the metadata, not from the file.
         text = _to_yaml({"rosbag2_bagfile_information": _metadata_of(path)})
         write_atomically({self._folder / METADATA_FILE: text.encode()})
 
@@ -193,7 +193,7 @@ class BagWriter:
 
 
 def _metadata_of(path: Path) -> dict[str, object]:
-    """Return what rosbag2 has to know of a file that is complete."""
+    """Return the metadata of rosbag2 for a file that is complete."""
     with path.open("rb") as file:
         summary = SeekingReader(file).get_summary()
     assert summary is not None
@@ -337,7 +337,7 @@ def decode_call(type_: str, message: bytes) -> RunEvent:
 
 
 def repair(folder: Path) -> int:
-    """Write the file of a bag anew, with all messages that can be read.
+    """Rewrite the file of a bag with all messages that can be read.
 
     Args:
         folder: Folder of the bag, whose file may end in the middle.
@@ -354,7 +354,7 @@ def repair(folder: Path) -> int:
     if reader.is_being_written:
         text = f"{folder} is still being recorded, expected a run that has ended"
         raise RecordingError(text)
-    # Beside the old file, which is replaced once all of the new one is written.
+    # Next to the old file, which is replaced once all of the new one is written.
     part = folder / f".{file_name(folder)}.part"
     count = 0
     try:

@@ -1,4 +1,4 @@
-"""The folder of a recording, what it is a recording of, and what is needed to read it.
+"""The folder of a recording, the conditions of its run, and the packages to read it.
 
 A ``RecordingInfo`` has everything that a run depends on besides the calls of its host.
 """
@@ -42,7 +42,7 @@ class RecordingInfo(BaseModel):
             program.
         map_digest: SHA-256 of the map file, hexadecimal; empty likewise.
         seed: Seed of all random numbers.
-        radar_model: Revision of the model of FMCW radars; 1 where none is told.
+        radar_model: Revision of the model of FMCW radars; 1 where none is recorded.
         dialect: Name of the dialect.
         drive_unit: Unit of commands to drive.
         settings: Settings of items that were changed, by item and key.
@@ -135,8 +135,7 @@ class RecordingInfo(BaseModel):
             RecordingError: If it lacks something, or is not readable.
         """
         try:
-            # MCAP has texts only; numbers and texts are told apart by the fields'
-            # types.
+            # MCAP has texts only; the types of the fields make numbers of them.
             settings = json.loads(record.get("settings", "{}"))
             robots = json.loads(record.get("robots", "[]"))
             read = {**record, "settings": settings, "robots": robots}

@@ -67,7 +67,7 @@ class RecordOptions:
 
 
 class ServeRecording(ServeExtension):
-    """The recording of what is done to a server's host."""
+    """The recording of the calls of a server's host."""
 
     def __init__(self, options: RecordOptions, folder: Path, served: ServedMap) -> None:
         """Plan a recording; see ``RecordOptions``."""

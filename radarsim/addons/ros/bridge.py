@@ -1,6 +1,6 @@
 """Connects the robots of a server with a side of ROS, until the end.
 
-A watcher of the server gets what robots are sent, which becomes the topics of
+A watcher of the server gets the lines of robots, which become the topics of
 ``LiveTopics``. A robot of the bridge follows velocity commands, and stops when none
 come any more (``Driver``). One robot may be mapped in a thread while it drives
 (``publish_map``). Where topics go, and commands come from, is a ``RosSide``.
@@ -47,7 +47,7 @@ from radarsim.protocol.images import ImageType
 from radarsim.protocol.reports import ClockTick, CommandError, Report
 
 # The bytes of the wire are for recordings, as nobody else can repeat a run; the server
-# tells the time even in ticks without other news.
+# reports the time even in ticks without other reports.
 UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
 TWIST: Final = "geometry_msgs/msg/Twist"  # of ``cmd_vel``
 MAP_INTERVAL: Final = 1.0  # s of simulated time between messages of a map
@@ -102,7 +102,7 @@ class LiveTopics:
         self._robots = WatchRecorder(self._convert)
 
     def take(self, reports: Iterable[Report]) -> bytes:
-        """Publish what reports of a watcher tell; return what is to be asked."""
+        """Publish reports of a watcher; return questions for the server."""
         asked = b""
         for report in reports:
             if isinstance(report, ClockTick):
@@ -111,7 +111,7 @@ class LiveTopics:
         return asked
 
     def take_picture(self, jpeg: bytes) -> None:
-        """Publish what the camera on the first robot sees now."""
+        """Publish a picture of the camera on the first robot."""
         first, tick = next(iter(self._robots.numbers.values()), None), self._robots.tick
         if first is not None and tick:
             self._convert(RunEvent(EventType.PICTURE, tick, first, jpeg))
@@ -129,7 +129,7 @@ async def publish_map(
     *,
     echoes: bool,
 ) -> None:
-    """Map a robot of radarsim with its first scanner, and begin anew if it leaves.
+    """Map a robot of radarsim with its first scanner, and begin again if it leaves.
 
     Args:
         server: Host and port of the server.
@@ -215,7 +215,7 @@ class Driver:
             await asyncio.sleep(CHECK_INTERVAL)
 
     async def _read(self) -> None:
-        """Read what the robot senses, which its watcher publishes."""
+        """Read the reports of the robot, which its watcher publishes."""
         while True:
             await self._client.read(math.inf)
 
@@ -282,7 +282,7 @@ async def read_pictures(
 
 
 def load_shown(options: TopicOptions) -> list[TopicMessage]:
-    """Return what tells of the map that is to be drawn.
+    """Return the messages about the map that is to be drawn.
 
     Raises:
         MapError: If the map is wrong.

@@ -29,7 +29,7 @@ from radarsim.addons.ros.board import (
 )
 
 APP: Final = "https://app.foxglove.dev"
-MESSAGE, TIME = 1, 2  # first bytes of what is binary
+MESSAGE, TIME = 1, 2  # first bytes of binary messages
 _MESSAGE_HEAD: Final = struct.Struct("<BIQ")
 _TIME: Final = struct.Struct("<BQ")
 _CLIENT_HEAD: Final = struct.Struct("<BI")
@@ -38,7 +38,7 @@ _INFO: Final = {
     "name": "radarsim",
     "capabilities": ["clientPublish", "time"],
     "supportedEncodings": ["cdr", "json"],
-    # Whoever does not know it takes messages to publish for those of no ROS.
+    # Clients that do not know it publish no messages of ROS.
     "metadata": {"ROS_DISTRO": "jazzy"},
 }
 
@@ -61,7 +61,7 @@ class FoxgloveClient(BoardClient):
             "advertise": self._advertise,
             "unadvertise": self._unadvertise,
         }
-        self._tell(list(board.types))
+        self._announce(list(board.types))
 
     @classmethod
     def trusts(cls, origin: str) -> bool:
@@ -79,7 +79,7 @@ class FoxgloveClient(BoardClient):
         return now
 
     def wants(self, topic: str) -> bool:
-        """See ``BoardClient.wants``; the clock is told in any case."""
+        """See ``BoardClient.wants``; all clients get the clock."""
         return topic == CLOCK or bool(self._subscriptions.get(topic))
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
@@ -91,7 +91,7 @@ class FoxgloveClient(BoardClient):
 
     def announce(self, topic: str) -> None:
         """See ``BoardClient.announce``."""
-        self._tell([topic])
+        self._announce([topic])
 
     def complain(self, text: str) -> None:
         """See ``BoardClient.complain``."""
@@ -104,7 +104,7 @@ class FoxgloveClient(BoardClient):
         else:
             super()._take(data)
 
-    def _tell(self, topics: list[str]) -> None:
+    def _announce(self, topics: list[str]) -> None:
         types = self._board.types
         # The number of a topic is its place.
         channels = [

@@ -28,7 +28,7 @@ from radarsim.errors import MissingPackage, import_optional
 
 
 def message_json(message: TopicMessage) -> str:
-    """Return a message as JSON; octets are in base64, and what is no number is null."""
+    """Return a message as JSON; octets are in base64, and NaN and infinity are null."""
 
     def plain(value: object) -> object:
         match value:

@@ -1,6 +1,6 @@
 """What robots do by themselves: drive to a goal, explore, and map what they sense.
 
-All of it blocks, and so runs in threads; it tells what happens as messages.
+All of it blocks, and so runs in threads; it reports progress as messages.
 """
 
 import base64
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from radarsim.addons.web.own_robot import RobotClient, Tell
+from radarsim.addons.web.own_robot import RobotClient, Send
 from radarsim.addons.web.requests import BadRequest, Colours, Explore, Goto, Map
 from radarsim.addons.web.robot_view import RobotView
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
@@ -64,7 +64,7 @@ def _every(interval: float) -> Callable[[], bool]:
 
 
 def drive_to_goal(
-    request: Goto, safety_distance: float | None, client: RobotClient, tell: Tell
+    request: Goto, safety_distance: float | None, client: RobotClient, send: Send
 ) -> str:
     """Drive to a goal, and send the path meanwhile.
 
@@ -72,7 +72,7 @@ def drive_to_goal(
         request: Algorithm and goal.
         safety_distance: m; None for the least one that suits the robot.
         client: The client of the robot.
-        tell: Called with messages.
+        send: Called with messages.
 
     Returns:
         How it went, in words.
@@ -94,7 +94,7 @@ def drive_to_goal(
         path = describe_path(request.robot, run_log.path)
         marks = {"hits": run_log.hit_points, "leaves": run_log.leave_points}
         aim = {"goal": request.goal, "heading": request.heading}
-        tell({**path, **marks, **aim})
+        send({**path, **marks, **aim})
 
     def observe(step: NavigationStep) -> None:
         run_log.add(step)
@@ -112,14 +112,14 @@ def drive_to_goal(
     return f"{request}, in {result.time:.0f} s, {result.path_length:.1f} m"
 
 
-def explore(request: Explore, colours: Colours, client: RobotClient, tell: Tell) -> str:
+def explore(request: Explore, colours: Colours, client: RobotClient, send: Send) -> str:
     """Explore, and send path and map meanwhile.
 
     Args:
         request: The strategy.
         colours: Colours of the map.
         client: The client of the robot.
-        tell: Called with messages.
+        send: Called with messages.
 
     Returns:
         How it went, in words.
@@ -136,9 +136,9 @@ def explore(request: Explore, colours: Colours, client: RobotClient, tell: Tell)
         if mapper is None or not mapper.scans:
             return
         if path:
-            tell(describe_path(request.robot, mapper.trajectory.rows()))
+            send(describe_path(request.robot, mapper.trajectory.rows()))
         if grid:
-            tell(describe_map(request.robot, mapper.grid, colours))
+            send(describe_map(request.robot, mapper.grid, colours))
 
     try:
         exploration.run(client, lambda _: show(path=is_path_due(), grid=is_map_due()))
@@ -173,7 +173,7 @@ def describe_path(robot: str, path: Floats) -> dict[str, Any]:
 
 
 def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str, Any]:
-    """Return the message ``map``: a picture of what is sensed, and where it belongs.
+    """Return the message ``map``: a picture of the sensed part, and its place.
 
     The first row of the picture is the northernmost; ``origin`` is the south-western
     corner, m, map frame. ``legend`` has each colour in it with what it means.
@@ -222,22 +222,22 @@ class MapMaker:
     """
 
     def __init__(
-        self, robot: RobotView, request: Map, tell: Tell, *, has_echoes: bool
+        self, robot: RobotView, request: Map, send: Send, *, has_echoes: bool
     ) -> None:
         """Start.
 
         Args:
             robot: The robot, whose reports it takes until it is stopped.
             request: The scanner to map with, and the colours.
-            tell: Called with messages, in the maker's thread.
-            has_echoes: Whether the echoes of the scanner are told.
+            send: Called with messages, in the maker's thread.
+            has_echoes: Whether the server sends the echoes of the scanner.
 
         Raises:
             BadRequest: If it has no such scanner, or it has not scanned yet.
         """
         self.colours = request.colours
         self._robot = robot
-        self._tell = tell
+        self._send = send
         self._mapper = Mapper(
             _choose_scanner(robot, request.scanner),
             echo_wait=1.0 if has_echoes else 0.0,
@@ -267,7 +267,7 @@ class MapMaker:
                 if self._mapper.scans > shown and is_due():
                     shown = self._mapper.scans
                     grid = self._mapper.grid
-                    self._tell(describe_map(self._robot.name, grid, self.colours))
+                    self._send(describe_map(self._robot.name, grid, self.colours))
         except RadarsimError as error:
             log.warning("the map of %s ends: %s", self._robot.name, error)
 

@@ -1,6 +1,6 @@
 """``radarsim commander``: see, drive and explain robots in a browser.
 
-``serve --web`` runs it as a process of its own beside the server, with which it ends.
+``serve --web`` runs it in a second process, which ends with the server.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class PageOptions:
         return [*words, "--record-to", str(self.record_to)]
 
     def extension(self, served: ServedMap) -> CommanderExtension:
-        """Return the page beside a server."""
+        """Return the extension of a server that serves the page."""
         return CommanderExtension(self, served)
 
 
@@ -153,7 +153,7 @@ def commander(
         config, drawn = conditions_of(server.recording, drawn)
     shown = _read_address() if child else server.connect or server.recording
     assert shown is not None  # one of them is required
-    if not child:  # else the parent says what is wrong with them, and ends
+    if not child:  # else the parent reports errors in them, and ends
         check_item_settings(config)
     if page.web_host not in LOOPBACK:
         print_message(
@@ -216,7 +216,7 @@ def conditions_of(
 
 
 def announce_commander(address: tuple[str, int], token: str) -> None:
-    """Tell on stdout, on one line, what a browser has to open."""
+    """Print the address for a browser on one line."""
     set_exit_code_of_sigterm(0)
     fragment = urlencode({"token": token})  # those of base64 have a plus, a blank else
     print_now(f"radarsim: commander on http://{join_address(*address)}/#{fragment}")
@@ -243,7 +243,7 @@ class WebOptions:
 
 
 class CommanderExtension(ServeExtension):
-    """A commander beside the server that it shows, in a process of its own."""
+    """A commander of the server that it shows, in a second process."""
 
     def __init__(self, page: PageOptions, served: ServedMap) -> None:
         """Plan a commander."""
@@ -276,9 +276,9 @@ class CommanderExtension(ServeExtension):
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
 
     def follow_pace(self, pace: Pace) -> None:
-        """Let browsers change the pace, and tell them of changes."""
+        """Let browsers change the pace, and send them changes."""
         self._pace = pace
-        pace.observers.append(self._tell_pace)
+        pace.observers.append(self._send_pace)
 
     async def start(self, address: str) -> None:  # noqa: ARG002
         """Note in which event loop the server runs."""
@@ -289,17 +289,17 @@ class CommanderExtension(ServeExtension):
         await asyncio.to_thread(self.close)
 
     def announce(self, address: tuple[str, int]) -> None:
-        """Tell it where the server listens."""
+        """Send it the address of the server."""
         host, port = address
-        self._tell(f"{ANY_ADDRESS.get(host, host)} {port}")
-        self._tell_pace()
+        self._send(f"{ANY_ADDRESS.get(host, host)} {port}")
+        self._send_pace()
 
-    def _tell_pace(self) -> None:
+    def _send_pace(self) -> None:
         if self._pace is not None:
             state = {"paused": self._pace.is_paused, "speed": self._pace.speed}
-            self._tell(json.dumps(state))
+            self._send(json.dumps(state))
 
-    def _tell(self, line: str) -> None:
+    def _send(self, line: str) -> None:
         if self._process is not None and self._process.stdin is not None:
             with suppress(OSError, ValueError):  # it has ended, and said why
                 self._process.stdin.write(f"{line}\n")
@@ -316,8 +316,7 @@ class CommanderExtension(ServeExtension):
         if process is None or process.stdin is None:
             return
         with suppress(OSError):
-            # The end of its input tells it to end, and leaves it time to do so in
-            # order.
+            # It ends in order when its input ends.
             process.stdin.close()
         try:
             process.wait(END_TIMEOUT)
@@ -326,7 +325,7 @@ class CommanderExtension(ServeExtension):
             process.wait()
 
     def _watch(self, process: subprocess.Popen[str]) -> None:
-        """Pass on what it prints and asks for, and tell when it ends by itself.
+        """Pass on its output and its requests, and print when it ends by itself.
 
         Robots are served on without it.
         """

@@ -1,9 +1,9 @@
 """Plays a recording to the commander, in place of a server.
 
 A bag has an index of its chunks, so that any second of it is read without the others.
-Robots are told of as a server tells of them that is watched: that they join and leave,
-and the lines that their clients were sent. Who goes back is told that all robots have
-left, and then again of those that were there, with the last second before.
+Robots are reported as by a watched server: that they join and leave, and the lines that
+their clients were sent. After a jump back all robots leave, and those of that time join
+again, with the lines of the second before.
 """
 
 import asyncio
@@ -42,8 +42,8 @@ from radarsim.protocol.watch import RobotChoice
 from radarsim.simulation.clock import seconds
 
 SECOND: Final = 1_000_000_000  # ns
-INTERVAL: Final = 0.05  # s between two looks at what is due
-BEFORE: Final = 1.0  # s of lines that tell how everything is at a time
+INTERVAL: Final = 0.05  # s between two checks for lines that are due
+BEFORE: Final = 1.0  # s of lines that show the state at a time
 FIRST_LOOK: Final = 0.2  # s after the first robot, when it has scanned
 
 
@@ -198,7 +198,7 @@ class Playback(Link):
         """Stand where the first robot is there.
 
         Args:
-            recording: What is played.
+            recording: The recording.
         """
         level = recording.info.level or recording.info.map  # which older ones lack
         super().__init__(None, ServerState(level, watches=True, problem=""))
@@ -229,7 +229,7 @@ class Playback(Link):
         return {**super().time_message(), **times}
 
     def change_pace(self, request: Pace) -> None:
-        """See ``Link.change_pace``; who goes on at the end begins anew."""
+        """See ``Link.change_pace``; at the end it begins again."""
         paused = self.is_paused if request.paused is None else request.paused
         if request.step is not None:
             paused = True
@@ -276,7 +276,7 @@ class Playback(Link):
         self._changed.set()
 
     async def _show(self, time: float) -> None:
-        """Tell what was sent up to a time since the one before, or a little before."""
+        """Report the lines up to a time, from the last one or a little before it on."""
         since = self._time
         if time < since:
             self.on_reports([RobotLeft(name) for name in sorted(self._present)])
@@ -287,11 +287,11 @@ class Playback(Link):
         if self._wanted is not None:  # meanwhile somebody went elsewhere
             return
         self._time = time
-        self._tell_robots(time)
+        self._report_robots(time)
         self.on_reports([line for line in lines if line.robot in self._present])
 
-    def _tell_robots(self, time: float) -> None:
-        """Tell which robots have joined and left up to a time."""
+    def _report_robots(self, time: float) -> None:
+        """Report the robots that have joined and left up to a time."""
         robots = self._recording.robots
         there = {r.name: r for r in robots if r.joined <= time <= r.left}
         gone = sorted(self._present - there.keys())

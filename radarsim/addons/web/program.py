@@ -1,8 +1,8 @@
-"""The program: serves the page and talks to browsers, until it is told to end.
+"""The program: serves the page and talks to browsers, until it has to end.
 
 By HTTP it sends the files of the page; all else goes over the WebSocket of each
-browser, of which the first message has to have the token. A browser may send only so
-many messages in a second.
+browser, whose first message has to have the token. The number of messages that a
+browser may send in a second is limited.
 """
 
 import asyncio
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 PAGE: Final = Path(__file__).parent / "page"
 HELLO_TIMEOUT: Final = 5.0  # s
-# Why a WebSocket was closed, beside the codes of the protocol.
+# Why a WebSocket was closed, in addition to the codes of the protocol.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
 # Not left to the tables of the system, where scripts may be plain text.
 mimetypes.add_type("text/css", ".css")
@@ -110,7 +110,7 @@ async def serve_page(
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
                 return
-            loading.result()  # raises what is wrong with the map
+            loading.result()  # raises errors of the map
         working = asyncio.ensure_future(_work(commander, loading))
         serving = asyncio.ensure_future(web.serve([listening]))
         try:
@@ -207,7 +207,7 @@ async def _await_hello(socket: WebSocket, token: str) -> int | None:
 
 
 async def _talk(socket: WebSocket, commander: Commander) -> None:
-    """Pass on what a browser says and is told, until either side ends it."""
+    """Pass on messages of a browser and to it, until either side ends it."""
     viewer = commander.join()
 
     async def hear() -> int:

@@ -1,6 +1,6 @@
 """What the page may ask for: one class for each kind of message, checked when parsed.
 
-A message is a JSON object whose ``op`` tells its kind. Keys that a kind does not have,
+A message is a JSON object whose ``op`` names its kind. Keys that a kind does not have,
 and values of another type, are errors.
 
 Many a message names something that the program has: a class, an algorithm, a setting.
@@ -162,7 +162,7 @@ class Record(Request):
 
 
 class Pace(Request):
-    """Pause, go on, pause after a step in s, or change the speed; what is None stays.
+    """Pause, go on, pause after a step in s, or change the speed; None keeps a value.
 
     The speed is in simulated seconds per second.
     """

@@ -1,9 +1,9 @@
-"""What is known of one robot, by what its client is sent, and how pages are told.
+"""The state of one robot, by the lines to its client, and frames for pages.
 
 The newest state of all robots is a frame, which is binary. It begins with the length of
 a JSON header as four bytes, the least significant first. After the header follow the
-ranges of all scans as whole centimetres of two bytes each, likewise; the header tells
-where those of a scan begin.
+ranges of all scans as whole centimetres of two bytes each, likewise; the header has
+the offsets of scans.
 """
 
 import json
@@ -65,7 +65,7 @@ class Scanner:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenScan:
-    """A scan with its echoes, as far as these were told.
+    """A scan with its echoes, if these were sent.
 
     Attributes:
         scan: The scan.
@@ -85,7 +85,7 @@ class RobotView(RobotState):
         name: Name of the robot.
         class_name: Name of its class.
         number: Number that no other robot has, the smallest when it came.
-        size: Length and width of the hull, m.
+        size: Length and width of the footprint, m.
         scans: The newest scan of each scanner, by its casefolded name.
         scanners: Scanners by their casefolded names.
         listeners: Called with each report.
@@ -129,7 +129,7 @@ class RobotView(RobotState):
         Args:
             config: How its items differ from their presets.
         """
-        # What is known already may have been changed since.
+        # Known settings may have been changed since.
         if any(scanner.settings for scanner in self.scanners.values()):
             return
         with suppress(PresetError):
@@ -215,7 +215,7 @@ class RobotView(RobotState):
         Args:
             pose: Where it is.
             parts: Ranges of scans in the frame, to which its own are appended.
-            is_selected: Whether settings and echoes are told, which are most of it.
+            is_selected: Whether settings and echoes are included, which are most of it.
         """
         seen = [*self.scans.values()]
         return {
@@ -258,7 +258,7 @@ class RobotView(RobotState):
             "kind": scanner.medium,
             "t": scan.time,
             "fov": scan.fov,
-            # from the number of beams: what the line tells has few digits
+            # from the number of beams: the resolution of the line has few digits
             "resolution": scan.fov / gaps if gaps > 0 else scan.resolution,
             "max": scanner.max_range,
             "x": round(mount.x, 4),
@@ -286,7 +286,7 @@ def encode_frame(
             viewer that drives it, ``task`` or None; why it can do nothing by itself;
             the distance that it keeps from obstacles on its way, and that of a goal
             from obstacles below which it is refused, m.
-        selected: Name of the robot whose echoes are told; None for none.
+        selected: Name of the robot whose echoes are included; None for none.
         time: The time that is shown, s; None for that of the newest report.
     """
     shown = [(robot, robot.pose) for robot in robots]

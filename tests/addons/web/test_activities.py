@@ -31,7 +31,7 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended(
 
     ways = dict.fromkeys(("read_by", "set_wheels"), lambda *_: None)
     robots: Any = SimpleNamespace(
-        find_own=lambda name: SimpleNamespace(name=name, hindrance=None, **ways),
+        find_own=lambda name: SimpleNamespace(name=name, refusal=None, **ways),
         views={},
     )
     viewers: Any = SimpleNamespace(broadcast=broadcast)
