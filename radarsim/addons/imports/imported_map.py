@@ -174,8 +174,8 @@ class ImportedMap:
             ForeignFileError: If it would not be a map.
         """
         if not self._objects:
-            text = f"{self._source}: nothing in it becomes an object of a map"
-            raise ForeignFileError(f"{text}: {self.summary()}")
+            nothing = f"{self._source}: nothing in it becomes an object of a map"
+            raise ForeignFileError(f"{nothing}: {self.summary()}")
         *position, yaw = self.start
         spot = {"position": rounded(position), "yaw_deg": round(yaw, 4)}
         content: dict[str, object] = {
