@@ -3,34 +3,12 @@
 Importing it registers the environments of radarsim with Gymnasium.
 """
 
-from typing import TYPE_CHECKING, Any
+import sys
+from typing import TYPE_CHECKING
 
 from radarsim.plugins import import_part
 
 if TYPE_CHECKING:
-    from radarsim.addons.gym import (
-        GoToEnv,
-        GoToSettings,
-        ParallelEnv,
-        Transition,
-        VectorEnv,
-        progress_reward,
-    )
+    from radarsim.addons.gym import *  # noqa: F403 - its public names
 
-__all__ = [
-    "GoToEnv",
-    "GoToSettings",
-    "ParallelEnv",
-    "Transition",
-    "VectorEnv",
-    "progress_reward",
-]
-
-
-_gym = import_part("radarsim.addons.gym")
-
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(_gym, name)
+sys.modules[__name__] = import_part("radarsim.addons.gym")

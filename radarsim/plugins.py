@@ -1,8 +1,8 @@
 """What the core finds by name and never imports: commands, sensors, servers.
 
-A door of the core is a group of entries. Without what is behind them, the core runs as
-well. Entries of this package are in ``OWN``; other packages hand in theirs as entry
-points of the same groups.
+A door of the core is a group of entries. The core runs without them as well. Entries of
+this package are in ``OWN``; other packages add theirs as entry points of the same
+groups.
 """
 
 import functools
@@ -27,7 +27,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
     # Kinds of sensors, which classes of robots know by the types of items.
     "radarsim.kinds": {"core": "radarsim.sensors.sensor:kinds"},
-    # Scanners of robots that are read beside the simulation, at times of their own.
+    # Scanners of robots that are read outside of the simulation, at times of their own.
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.rotation_schedule:Antennas"},
     # What 'radarsim explain' can print instead of what a beam meets.
     "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
@@ -41,7 +41,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     "radarsim.runs": {
         "record": "radarsim.addons.recording.run_recording:RunRecording",
     },
-    # Options of 'radarsim serve', and what they start beside the server.
+    # Options of 'radarsim serve', and the extensions that they start.
     "radarsim.serve": {
         "core": "radarsim.cli.server_options:SidePorts",
         "navtech": "radarsim.addons.fmcw.cli:NavtechOptions",

@@ -19,7 +19,7 @@ SAFETY_DISTANCE: Final = 0.5  # m, of all random maps
 HALF_LENGTH, HALF_WIDTH = 6.0, 4.5  # m; most objects are in this rectangle
 WALL: Final = 0.12  # m thick
 HEIGHT: Final = 1.4  # m
-_FREE: Final = 1.0  # m from start and goal to what is scattered
+_FREE: Final = 1.0  # m from start and goal to scattered solids
 _FENCED: Final = 0.2  # share of maps whose goal is fenced in
 _CLOSED: Final = ("mazes", "offices")  # whose own walls and doors close goals off
 STUFF: Final = "stuff"  # the material of a map; others are of the library
@@ -227,15 +227,12 @@ def _traps(maker: MapMaker) -> Iterator[Solid]:
 
 def _mazes(maker: MapMaker) -> Iterator[Solid]:
     """Yield the walls of a maze of 5 x 4 cells, with a few openings more or less."""
+    # It takes long to import.
+    from scipy.cluster.hierarchy import DisjointSet  # noqa: PLC0415
+
     columns, rows, side = 5, 4, 2.2
     rng = maker.rng
-    parents = list(range(columns * rows))
-
-    def root(cell: int) -> int:
-        while parents[cell] != cell:
-            cell = parents[cell]
-        return cell
-
+    connected = DisjointSet(range(columns * rows))
     inner = [(c, r, 0) for c in range(columns - 1) for r in range(rows)]
     inner += [(c, r, 1) for c in range(columns) for r in range(rows - 1)]
     share = 0.15 if maker.between(0, 1) > _FENCED else -0.15
@@ -243,8 +240,7 @@ def _mazes(maker: MapMaker) -> Iterator[Solid]:
         column, row, upward = inner[k]
         cell = column * rows + row
         other = cell + (1 if upward else rows)
-        joins = root(cell) != root(other)
-        parents[root(cell)] = root(other)
+        joins = connected.merge(cell, other)
         if (maker.between(0, 1) > -share) if joins else (maker.between(0, 1) < share):
             continue
         x = (column + (0.5 if upward else 1.0) - columns / 2) * side

@@ -44,7 +44,7 @@ class RunPicture:
     def __init__(
         self, scene: Scene, moments: Sequence[Moment], on: Axes | Figure | None = None
     ) -> None:
-        """Draw what does not move.
+        """Draw the last moment.
 
         Args:
             scene: The map.
@@ -78,6 +78,7 @@ class RunPicture:
             legend.add_heading("Materials")
             legend.add_materials(materials)
             legend.draw(figure)
+        self.show(len(moments) - 1)
 
     def take(self, moments: Sequence[Moment]) -> None:
         """Replace the moments by those until later in the run."""
@@ -191,9 +192,7 @@ def follow_run(
 
 def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> bytes:
     """Return a picture of the last moment as a file of one of ``FORMS``."""
-    picture = RunPicture(scene, moments)
-    picture.show(len(moments) - 1)
-    return render(figure_of(picture.axes), form)
+    return render(figure_of(RunPicture(scene, moments).axes), form)
 
 
 def write_run(

@@ -7,6 +7,7 @@ and its readings are read from the lines that it is sent. So both have the same 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -117,12 +118,10 @@ class LocalTransport:
 
     Attributes:
         unread: What the robot was sent and the client has not read.
-        diagnostics: Texts on commands without effect.
     """
 
     def __init__(self, robot: LocalRobot) -> None:
         self.unread = SendQueue()
-        self.diagnostics: list[str] = []
         self._robot = robot
 
     def time(self) -> float:
@@ -130,14 +129,12 @@ class LocalTransport:
         return self._robot.simulation.time
 
     def send(self, data: bytes) -> None:
-        """Send bytes."""
-        try:
+        """Send bytes; a command without effect is no error, as with a server."""
+        with suppress(ClientError):
             self._robot.send(data)
-        except ClientError as error:
-            self.diagnostics.append(str(error))
 
     def receive(self, timeout: float) -> bytes:
-        """Return what is unread, or else what comes in the next steps.
+        """Return the unread bytes, or else those of the next steps.
 
         Args:
             timeout: Longest simulated wait, s.
@@ -299,8 +296,8 @@ class LocalRobot:
             of = "" if name is None else f" of {name!r}"
             came = sorted({each.__name__ for each in self._newest} - {"LocalScan"})
             text = f"robot {self.name!r} has reported no {reported.__name__}{of} yet"
-            cure = f"only {came}" if came else "expected a call of step before"
-            raise ClientError(f"{text}, until {self.simulation.time:.2f} s, {cure}")
+            hint = f"only {came}" if came else "expected a call of step before"
+            raise ClientError(f"{text}, until {self.simulation.time:.2f} s, {hint}")
         return cast(AnyReport, list(known.values())[-1])
 
     def drive(self, speed: float, turn: float = 0.0) -> None:

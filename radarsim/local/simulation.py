@@ -17,7 +17,6 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Final, NamedTuple, NoReturn, Self, TypeVar
 
 import numpy as np
@@ -48,11 +47,11 @@ Value = TypeVar("Value")
 
 logger: Final = logging.getLogger(__name__)
 
-POLL: Final = 1.0  # s between two looks whether the server's thread is still there
+POLL: Final = 1.0  # s between two checks that the server's thread is still there
 
 
 NOTED_TICKS: Final = 10  # between two moments; twice as many each time there are
-MOST_MOMENTS: Final = 20_000  # of which every second one is forgotten then
+MOST_MOMENTS: Final = 20_000  # every second one is dropped beyond it
 
 
 class Moment(NamedTuple):
@@ -95,7 +94,7 @@ class LocalSimulation:
             config: As of ``simulate``.
             map_: Name of the map, or path of its file, for recordings.
         """
-        generator_for(seed, "")  # a wrong seed is told now, not by the first robot
+        generator_for(seed, "")  # raises for a wrong seed now, not for the first robot
         self._map = map_
         self._complete_recording: Callable[[], None] | None = None
         self.host = Host(scene, config=config, seed=seed)
@@ -121,12 +120,7 @@ class LocalSimulation:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -244,10 +238,7 @@ class LocalSimulation:
         """
         from radarsim.local.pictures import RunPicture  # noqa: PLC0415 - matplotlib
 
-        moments = self._moments()
-        picture = RunPicture(self.scene, moments, ax)
-        picture.show(len(moments) - 1)
-        return picture.axes
+        return RunPicture(self.scene, self._moments(), ax).axes
 
     def render(self, path: str | Path, *, speed: float = 1.0) -> None:
         """Write a picture of the simulation as it is, or a film of it so far.
@@ -463,7 +454,7 @@ class LocalSimulation:
                     thread.finish()
 
     def _log(self, number: int, diagnostic: Diagnostic) -> None:
-        """Tell why a command that had waited had no effect."""
+        """Log why a command that had waited had no effect."""
         if number in self._late_texts:
             self._late_texts[number].append(diagnostic.text)
         for name, each in self._numbers.items():

@@ -5,13 +5,12 @@ import subprocess
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-import click
 import httpx
 import pytest
 from commands import run_in_process as radarsim
 from processes import start_radarsim
 
-from radarsim.addons.web.cli import announce_commander, read_token
+from radarsim.addons.web.cli import announce_commander
 from radarsim.cli.server_options import ServerOptions
 
 TIMEOUT = 240.0  # s
@@ -126,22 +125,6 @@ def test_signal_ends_the_commander(end: tuple[signal.Signals, int]) -> None:
         finally:
             program.send_signal(number)
         assert program.wait(TIMEOUT) == code
-
-
-def test_token_is_read_from_a_file(tmp_path: Path) -> None:
-    file = tmp_path / "token"
-    file.write_text("0123456789abcdef\nmore\n", encoding="ascii")
-    assert read_token(file) == "0123456789abcdef"
-
-
-@pytest.mark.parametrize("data", [b"", b"short\n", b"\xff" * 20, b"a" * 300])
-def test_wrong_token_file_is_a_usage_error(tmp_path: Path, data: bytes) -> None:
-    file = tmp_path / "token"
-    file.write_bytes(data)
-    with pytest.raises(click.BadParameter, match="token"):
-        read_token(file)
-    with pytest.raises(click.BadParameter, match="token"):
-        read_token(tmp_path / "none")
 
 
 @pytest.mark.parametrize("token", ["x" * 200, "a+b/c=&d#e%20f 0123"])

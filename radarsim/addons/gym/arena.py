@@ -4,13 +4,13 @@ They are those of a simulation: the same motion, collisions and scans. Here noth
 reported between two decisions, so that a period takes a few calls of the engine.
 """
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.client.robot_info import same_name
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import Item, RobotModel, load_robot
 from radarsim.raycast.rays import Boxes
@@ -65,12 +65,9 @@ class Arena:
             raise ValueError(f"{text}, expected one that is skid-steered")
         period = settings.decision_period
         # Less than half a tick would be rounded to a period of none.
-        if not TICK / 2 < period < math.inf:
-            text = f"decision period {period!r} s, expected at least {TICK:g} s"
-            raise ValueError(text)
-        if period > MOST_SECONDS:
-            text = f"decision period {period!r} s, expected at most {MOST_SECONDS:g} s"
-            raise ValueError(text)
+        if not TICK / 2 < period <= MOST_SECONDS:
+            expected = f"expected {TICK:g} to {MOST_SECONDS:g} s"
+            raise ValueError(f"decision period {period!r} s, {expected}")
         self._meets, self._ticks = meets, ticks_of(period)
         item = _scanner_item(self.model, settings.scanner)
         config = config.with_settings(item, settings.sensor_settings)
@@ -189,7 +186,9 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        taken = take_scans(self._tracer, requests, self._seen())
+        # They see each other, or none.
+        boxes = Boxes(self._fleet.boxes()[self._present]) if self._meets else None
+        taken = take_scans(self._tracer, requests, boxes)
         for row, request, (batch, k) in zip(rows, requests, taken, strict=True):
             found["ranges"][row] = batch.reported[k]
             if "rays" in values and batch.rays is not None:
@@ -198,10 +197,6 @@ class Arena:
                 scan = batch.scan(k, request.scanner.name, request.pose)
                 found["power"][row] = _power_left(scan)
         return found
-
-    def _seen(self) -> Boxes | None:
-        """Return the boxes of the robots, if they see each other."""
-        return Boxes(self._fleet.boxes()[self._present]) if self._meets else None
 
     def _obstacles_at(self, x: float, y: float) -> Obstacles:
         floor = self.scene.floor_at(x, y)
@@ -226,10 +221,9 @@ def _power_left(scan: Scan) -> Floats:
 
 
 def _scanner_item(model: RobotModel, name: str | None) -> Item:
-    items = {item.name.casefold(): item for item in model.items_of("RangeScanner")}
-    wanted = next(iter(items), "") if name is None else name.casefold()
-    if wanted not in items:
-        known = [item.name for item in items.values()]
-        text = f"robot {model.name}: scanner {name!r}, expected one of {known}"
-        raise ValueError(text)
-    return items[wanted]
+    items = model.items_of("RangeScanner")
+    for item in items:
+        if name is None or same_name(item.name, name):
+            return item
+    known = [item.name for item in items]
+    raise ValueError(f"robot {model.name}: scanner {name!r}, expected one of {known}")

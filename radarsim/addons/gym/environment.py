@@ -71,7 +71,7 @@ class GoToSettings:
         goal: ``random``, a place that the robot can get to; ``map`` for that of the
             map's trial; or x and y, m.
         decision_period: Simulated time between two decisions, s.
-        beam_values: What is observed of each beam besides its range: ``power``, the
+        beam_values: Observations of each beam besides its range: ``power``, the
             penetration power left where it reads, and ``rays``, which ray of it reads.
         max_steps: Decisions after which an episode is truncated.
         ends_at_collision: Whether an episode terminates when the robot touches
@@ -99,7 +99,7 @@ class GoToSettings:
             raise ValueError(f"{text} {list(BEAM_VALUES)}")
 
 
-_DRAWN_TOGETHER: Final = 16  # places, of which the first that is free is taken
+_DRAWN_TOGETHER: Final = 16  # places; the first that is free is used
 _MAX_DRAWS: Final = 1000  # of so many places
 
 
@@ -161,7 +161,7 @@ class FreePlaces:
         low, high = np.reshape(floor.bounds, (2, 2))
         near = np.reshape(others, (-1, 1, 2))
         for _ in range(_MAX_DRAWS):
-            # Drawn from the box around the floor and refused beside it, which is
+            # Drawn from the box around the floor and refused outside of it, which is
             # uniform on the floor; many at once, as calls of shapely have their price.
             places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
             gaps = np.hypot(*np.moveaxis(places - near, -1, 0)).min(0, initial=np.inf)
@@ -178,7 +178,7 @@ class FreePlaces:
 GOAL_RADIUS: Final = 0.5  # m around the goal
 GOAL_SCALE: Final = 20.0  # m; the distance that is observed as 1
 MIN_DISTANCE: Final = 1.0  # m between a random start and a random goal
-CLEARANCE: Final = 0.05  # m beside a robot that starts somewhere at random
+CLEARANCE: Final = 0.05  # m around a robot that starts somewhere at random
 
 Observations: TypeAlias = dict[str, NDArray[np.float32]]
 
@@ -360,7 +360,7 @@ class GoToTask:
         return terminated, self.steps >= self.settings.max_steps
 
     def info(self, row: int, touched: NDArray[np.bool_]) -> dict[str, Any]:
-        """Return what environments tell beside the observation of a robot.
+        """Return the ``info`` of a robot.
 
         Args:
             row: The robot.

@@ -28,7 +28,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
 
     Robots neither see nor touch each other, so that each does what it would do in an
     environment of its own: sub-environment i has the seed of ``reset`` plus i. An
-    episode that ended begins anew in the next step, whose action is ignored.
+    episode that ended begins again in the next step, whose action is ignored.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - so in the base class
@@ -45,7 +45,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         Args:
             num_envs: N.
             render_mode: ``rgb_array``, or None for environments without pictures.
-            settings: As in ``GoToSettings``; ``map`` may be a list of maps, of which
+            settings: As in ``GoToSettings``; ``map`` may be a list of maps:
                 sub-environment i gets number i, and the first again after the last.
 
         Raises:
@@ -177,7 +177,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return list(seed)
 
     def _observe(self, mask: NDArray[np.bool_]) -> Observations:
-        """Return the observations of all, of which those in a mask are new."""
+        """Return the observations of all; those in a mask are new."""
         for task, rows in zip(self._tasks, self._rows, strict=False):
             chosen = mask[rows]
             if not chosen.any():  # none of those of this map

@@ -51,7 +51,7 @@ _Start = Annotated[tuple[float, float, float], Form("X,Y,YAW_DEG", _read_start)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """What files of other programs do not tell.
+    """What files of other programs do not say.
 
     Attributes:
         start: Pose of the start; by default where a plan has most room, else the
@@ -88,9 +88,9 @@ def import_(
     Args:
         file: The file.
         output: The file to write.
-        kind: Kind of the file; by default what its ending tells.
+        kind: Kind of the file; by default that of its ending.
         robot: Robot class to import, where a file has several.
-        options: What it does not tell.
+        options: What it does not say.
         strict: Write nothing, and exit with 1, if anything is left out.
 
     Returns:

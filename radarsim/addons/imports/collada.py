@@ -23,7 +23,7 @@ from radarsim.scene.shapes import Mesh, concatenate
 
 MAX_ELEMENTS: Final = 2_000_000
 MAX_NODES: Final = 100_000
-MAX_TOLD: Final = 8  # problems of a file
+MAX_PROBLEMS: Final = 8  # of a file that are reported
 # Images, materials and scripts are not even seen by pycollada.
 _READ: Final = ("library_geometries", "library_nodes", "library_visual_scenes", "scene")
 
@@ -52,8 +52,8 @@ def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
         content: The file.
 
     Returns:
-        The meshes, m, each with the name of the node that it is in, and what is wrong
-        with parts of the file that are left out.
+        The meshes, m, each with the name of the node that it is in, and errors of parts
+        of the file, which are left out.
 
     Raises:
         MeshError: If it is broken or too large, or has no triangles.
@@ -63,7 +63,7 @@ def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            # Numbers that are none end a list, of which numpy only warns.
+            # Numbers that are none end a list; numpy only warns.
             warnings.filterwarnings("error", "string or file could not be read")
             return _read(content, collada)
     except (MeshError, MissingPackage):
@@ -95,7 +95,7 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
         del instance[:]  # its materials, which would have to be there
     for mesh in root.iter(f"{namespace}mesh"):
         _reduce_to_positions(mesh, namespace)
-    # Written anew, so that pycollada sees what was checked: it takes zip files too, and
+    # Written again, so that pycollada sees the checked XML: it takes zip files too, and
     # other parsers, which take other encodings and entities, if they are installed.
     reduced = io.BytesIO(ElementTree.tostring(root))
     file = collada.Collada(reduced, ignore=[collada.DaeError])
@@ -107,7 +107,7 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
     ]
     if not meshes:
         raise MeshError("no triangles")
-    return meshes, [str(error)[:200] for error in file.errors[:MAX_TOLD]]
+    return meshes, [str(error)[:200] for error in file.errors[:MAX_PROBLEMS]]
 
 
 def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:

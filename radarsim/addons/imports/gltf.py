@@ -6,8 +6,6 @@ and Blender writes custom properties there.
 
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.source_file import read_bytes, wrong
@@ -18,7 +16,7 @@ from radarsim.scene.map_schema import MaterialEntry
 from radarsim.scene.material import library_names
 from radarsim.scene.mesh_files import MAX_FILE_BYTES, MeshBudget, MeshError, MeshFiles
 from radarsim.scene.meshes import read_surfaces
-from radarsim.validation import describe_invalid, short_repr
+from radarsim.validation import short_repr
 
 
 def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
@@ -26,12 +24,12 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
 
     Args:
         path: The file, GLB or glTF.
-        options: What it does not tell.
-        meshes: A folder beside the map, whose own folder has to contain the file.
+        options: What it does not say.
+        meshes: A folder next to the map, whose own folder has to contain the file.
 
     Raises:
-        ForeignFileError: If it cannot be read, is not below the folder, or describes a
-            material that is none.
+        ForeignFileError: If it cannot be read, is not below the folder, or describes
+            two materials of one name.
     """
     content = read_bytes(path, MAX_FILE_BYTES)
     folder = meshes.parent
@@ -55,7 +53,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
                 imported.note(path, 1, text)
             continue
         keys = _known_keys(path, imported, material)
-        # Names are what a map file has to tell materials by.
+        # Materials of a map file differ by their names.
         if keys and own.setdefault(material.name, keys) != keys:
             text = f"two materials are called {short_repr(material.name)}"
             raise wrong(path, 1, f"{text}, expected the same extras")
@@ -73,11 +71,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
 def _known_keys(
     path: Path, imported: ImportedMap, material: Material
 ) -> dict[str, object]:
-    """Return the extras that are keys of a map's material.
-
-    Raises:
-        ForeignFileError: If they make no material.
-    """
+    """Return the extras that are keys of a map's material; the map checks values."""
     extras = material.extras if isinstance(material.extras, dict) else {}
     name = short_repr(material.name)
     if material.extras is not None and material.extras is not extras:
@@ -87,12 +81,4 @@ def _known_keys(
         if key not in known:
             text = f"{short_repr(key)} in the extras of {name} is not read"
             imported.note(path, 1, text)
-    keys = {key: value for key, value in extras.items() if key in known}
-    try:
-        MaterialEntry.model_validate(keys)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        text = f"the extras of {name}: {where}: {describe_invalid(first)}"
-        raise wrong(path, 1, text) from error
-    return keys
+    return {key: value for key, value in extras.items() if key in known}

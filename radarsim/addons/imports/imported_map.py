@@ -20,17 +20,16 @@ from radarsim.yaml_reader import parse_yaml
 MAX_SHOWN: Final = 8  # names in a warning
 LEVEL: Final = 1e-7  # rad; less is taken for upright
 LOW: Final = 0.05  # m; what begins higher is no floor
-LONGEST_LINE: Final = 2**30  # characters: an object is on one line
 
 
 class ImportedMap:
     """Collects the objects of a map.
 
     Attributes:
-        options: What the file does not tell.
-        notes: What is left out or changed, each with its place.
+        options: What the file does not say.
+        notes: Parts that are left out or changed, each with its place.
         materials: Materials of its own, by name.
-        defaulted: Names of what got the default material, in their order.
+        defaulted: Names of objects with the default material, in their order.
         meshes: Content of the mesh files that are written with the map, by name.
         models: Number of models in the file, those that are left out with them.
         others: What else is left out: its name, and how often.
@@ -43,7 +42,7 @@ class ImportedMap:
 
         Args:
             source: The file.
-            options: What the file does not tell.
+            options: What the file does not say.
         """
         self.options = options
         self.notes: list[str] = []
@@ -64,7 +63,7 @@ class ImportedMap:
         self._unused = dict.fromkeys(self._patterns)
 
     def note(self, path: Path, line: int, text: str) -> None:
-        """Note what is left out, or changed."""
+        """Add a note on a part that is left out, or changed."""
         self.notes.append(place(path, line, text))
 
     def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
@@ -92,14 +91,14 @@ class ImportedMap:
 
     def summary(self) -> str:
         """Return how many models are left out, and why, and what else is."""
-        told = f"{self._left_out.total()} of {self.models} models left out"
+        text = f"{self._left_out.total()} of {self.models} models left out"
         reasons = self._left_out.most_common()
         shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]
         if more := sum(count for _, count in reasons[MAX_SHOWN:]):
             shown.append(f"{more} for other reasons")
-        told += (": " + ", ".join(shown)) * bool(shown)
+        text += (": " + ", ".join(shown)) * bool(shown)
         others = (f"{n} {each}{'s' * (n > 1)}" for each, n in self.others.items())
-        return told + f"; also {', '.join(others)}" * bool(self.others)
+        return text + f"; also {', '.join(others)}" * bool(self.others)
 
     def material_of(self, name: str, known: str | None = None) -> str:
         """Choose the material of what has a name: a pattern's counts first.
@@ -175,34 +174,33 @@ class ImportedMap:
             ForeignFileError: If it would not be a map.
         """
         if not self._objects:
-            text = f"{self._source}: nothing in it becomes an object of a map"
-            raise ForeignFileError(f"{text}: {self.summary()}")
+            nothing = f"{self._source}: nothing in it becomes an object of a map"
+            raise ForeignFileError(f"{nothing}: {self.summary()}")
         *position, yaw = self.start
-        start = {"name": "RobotStart1", "position": rounded(position)}
-        level = f"DM-{level_of(self._source.stem)}"
-        head: dict[str, object] = {"version": 1, "level": level}
-        if self.materials:
-            head["materials"] = self.materials
-        lines = [
-            # As ASCII, since the name of a file may hold a line break, which would end
-            # the comment.
-            f"# Imported from {self._source.name!a}.\n",
-            yaml.dump(
-                head, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True
-            ),
-            "objects:\n",
-            *(f"  - {_inline(each)}\n" for each in self._objects),
-            f"starts:\n  - {_inline({**start, 'yaw_deg': round(yaw, 4)})}\n",
-        ]
-        text = "".join(lines)
-        # What is written has to be a map: names and sizes of other programs may not be.
+        spot = {"position": rounded(position), "yaw_deg": round(yaw, 4)}
+        content: dict[str, object] = {
+            "version": 1,
+            "level": f"DM-{level_of(self._source.stem)}",
+            **({"materials": self.materials} if self.materials else {}),
+            "objects": self._objects,
+            "starts": [{"name": "RobotStart1", **spot}],
+        }
+        # The name in ASCII, as it may hold a line break, which would end the comment.
+        text: str = f"# Imported from {self._source.name!a}.\n" + yaml.dump(
+            content,
+            Dumper=yaml.CSafeDumper,
+            default_flow_style=None,  # lists of numbers are on one line
+            sort_keys=False,
+            allow_unicode=True,
+        )
+        # Checked as a map: names and sizes of other programs may not fit.
         try:
             scene = load_scene(parse_yaml(file, text))
         except MapError as error:
             first = error.problems[0].removeprefix(f"{file}:")
             reason = first.partition(": ")[2]
-            told = f"{self._source}: does not become a map: {reason}"
-            raise ForeignFileError(told) from error
+            wrong = f"{self._source}: does not become a map: {reason}"
+            raise ForeignFileError(wrong) from error
         x, y, z = position
         self.has_floor = any(
             low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] < z + LOW
@@ -219,16 +217,3 @@ class ImportedMap:
         if count == 1:
             return wanted
         return self._unique(f"{wanted}_{count}")
-
-
-def _inline(content: Mapping[str, object]) -> str:
-    text: str = yaml.dump(
-        dict(content),
-        Dumper=yaml.CSafeDumper,
-        default_flow_style=True,
-        sort_keys=False,
-        # Else YAML folds long lines, and an object would be on several.
-        width=LONGEST_LINE,
-        allow_unicode=True,
-    )
-    return text.strip()

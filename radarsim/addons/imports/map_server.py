@@ -57,7 +57,7 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
 
     Args:
         path: The YAML file.
-        options: What it does not tell.
+        options: What it does not say.
 
     Raises:
         ForeignFileError: If it cannot be read, or is not such a map.
@@ -70,8 +70,8 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:
         looked = ", ".join(repr(str(each)) for each in folders)
-        cure = "expected it there, or its folder as --model-path"
-        text = f"no picture {short_repr(keys.image)} below {looked}, {cure}"
+        hint = "expected it there, or its folder as --model-path"
+        text = f"no picture {short_repr(keys.image)} below {looked}, {hint}"
         raise wrong(path, line, text)
     brightness, is_opaque = read_picture(picture)
     probability: Floats
@@ -123,10 +123,6 @@ def _read(path: Path) -> tuple[YamlFile, MapServerKeys]:
         raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
     if file.problems:
         raise ForeignFileError(file.problems[0])
-    if not isinstance(file.data, dict):
-        raise ForeignFileError(
-            f"{path}:1: expected keys such as {', '.join(MapServerKeys.model_fields)}"
-        )
     try:
         return file, MapServerKeys.model_validate(file.data)
     except ValidationError as error:
@@ -146,21 +142,18 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
         with Image.open(path) as picture:
             width, height = picture.size
             if width * height > MAX_PIXELS:
-                text = (
-                    f"{width} x {height} pixels, expected at most {MAX_PIXELS} in all"
-                )
-                raise ForeignFileError(f"{path}:1: {text}")
+                expected = f"expected at most {MAX_PIXELS} in all"
+                raise wrong(path, 1, f"{width} x {height} pixels, {expected}")
             if picture.mode.startswith(("I", "F")):
                 text = f"pixels of mode {picture.mode}, expected 8 bits"
-                raise ForeignFileError(f"{path}:1: {text}")
+                raise wrong(path, 1, text)
             # Grey and alpha of any mode: palettes, colours and single bits.
             pixels = np.asarray(picture.convert("LA"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
         text = "cannot be read, expected a picture such as PGM or PNG"
-        raise ForeignFileError(f"{path}:1: {text}") from error
+        raise wrong(path, 1, text) from error
     except Image.DecompressionBombError as error:
-        text = f"expected at most {MAX_PIXELS} pixels"
-        raise ForeignFileError(f"{path}:1: {text}") from error
+        raise wrong(path, 1, f"expected at most {MAX_PIXELS} pixels") from error
     return pixels[..., 0], pixels[..., 1] > 127
 
 
@@ -189,7 +182,7 @@ def roomiest(free: Mask) -> tuple[int, int] | None:
 
     if not free.any():
         return None
-    # padded, since what is beyond the picture is not free either
+    # padded, since the area beyond the picture is not free either
     room = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(np.argmax(room), room.shape)
     return int(row), int(column)

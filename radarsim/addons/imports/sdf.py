@@ -36,14 +36,14 @@ _FUEL: Final = re.compile(
 )
 
 
-@np.errstate(all="ignore")  # what is not finite is refused
+@np.errstate(all="ignore")  # numbers that are not finite are refused
 def import_sdf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
     """Import a world.
 
     Args:
         path: The file.
-        options: What it does not tell.
-        meshes: Folder beside the map that its meshes are copied into.
+        options: What it does not say.
+        meshes: Folder next to the map that its meshes are copied into.
 
     Raises:
         ForeignFileError: If it cannot be read, or is no SDF.
@@ -186,8 +186,8 @@ class _Importer:
         """Return the model that an include stands for, as this changes it."""
         uri, named = include.text_of("uri"), include.text_of("name")
         if _NOT_NEEDED.fullmatch(unquote(uri).lower()):
-            told = "robots drive at z = 0, and scanners need no light"
-            raise LeftOut(include, f"{uri!r} is not needed: {told}", "")
+            reason = "robots drive at z = 0, and scanners need no light"
+            raise LeftOut(include, f"{uri!r} is not needed: {reason}", "")
         known = " of ".join(repr(each) for each in (named, uri) if each)
         text = f"the model {known} is left out"
         file = self._find(include, text)
@@ -195,15 +195,15 @@ class _Importer:
             models = [*read_xml(file).all("model")]
             self._files[file] = next(iter(models), None), sum(m.size() for m in models)
             for other in models[1:]:
-                told = f"the model {other.name!r} is left out: it is not the first"
-                self._map.note(file, other.line, told)
+                note = f"the model {other.name!r} is left out: it is not the first"
+                self._map.note(file, other.line, note)
                 self._map.count_model(["not the first in an included file"])
         model, size = self._files[file]
         # Includes of includes could double at each level.
         self._included += size + 1
         if self._included > MAX_INCLUDED:
-            told = f"more than {MAX_INCLUDED} elements in includes, expected fewer"
-            raise include.wrong(told)
+            too_many = f"more than {MAX_INCLUDED} elements in includes"
+            raise include.wrong(f"{too_many}, expected fewer")
         if model is None:
             raise LeftOut(include, f"{text}: no <model> in it", "without a <model>")
         changed = [each for each in include.children if each.tag in ("pose", "static")]

@@ -1,4 +1,4 @@
-"""Poses of what is in a model or a world of SDF, and of its frames.
+"""Poses of the parts and frames of a model or a world of SDF.
 
 Source: the specification of SDFormat 1.11, and its proposal "Pose Frame Semantics".
 """
@@ -23,8 +23,8 @@ class LeftOut(Exception):
 
     Attributes:
         element: What refers to it.
-        reason: What is counted in the summary, in words that follow a number; empty
-            for what is not missed.
+        reason: The reason that the summary counts, in words that follow a number;
+            empty for parts that are not missed.
     """
 
     def __init__(self, element: XmlElement, text: str, reason: str) -> None:
@@ -62,7 +62,7 @@ class Frames:
             depth: The number of poses that wait for this one.
 
         Raises:
-            LeftOut: If it is relative to what is not there.
+            LeftOut: If it is relative to an unknown frame.
             ForeignFileError: If it is no pose, or relative to itself.
         """
         given = element.first("pose")

@@ -1,6 +1,6 @@
 """Shapes of SDF as the keys of a map file: those that a map lacks become meshes.
 
-A map has its meshes beside it: GLB files, whatever the originals.
+A map has its meshes next to it: GLB files, whatever the originals.
 
 Source: the specification of SDFormat 1.11.
 """
@@ -41,13 +41,13 @@ class MeshCopies:
 
         Args:
             imported: The map, which gets the files.
-            folder: Name of the folder that they are in, beside the map.
+            folder: Name of the folder that they are in, next to the map.
         """
         self._map = imported
         self._folder = folder
         self._budget = MeshBudget()  # of all copies
         self._originals: dict[Path, list[tuple[str, Mesh]]] = {}
-        self._made: dict[tuple[object, ...], tuple[str, int] | MeshError] = {}
+        self._made: dict[tuple[object, ...], tuple[str, int] | Exception] = {}
         self._triangles = 0
 
     def add(
@@ -62,6 +62,7 @@ class MeshCopies:
             centred: Whether the middle of the bounding box becomes the origin.
 
         Raises:
+            ForeignFileError: If it cannot be read.
             MeshError: If it cannot be used.
             MissingPackage: If it is a COLLADA file and pycollada is not installed.
         """
@@ -73,7 +74,7 @@ class MeshCopies:
             try:
                 meshes = self._placed(file, own, part, centred=centred)
                 self._made[key] = self._write(file.stem, meshes)
-            except MeshError as error:
+            except (MeshError, ForeignFileError) as error:
                 self._made[key] = error
         shape = self._shape(key)
         return shape if uniform == 1 else {**shape, "scale": uniform}
@@ -92,7 +93,7 @@ class MeshCopies:
     def _shape(self, key: tuple[object, ...]) -> dict[str, object]:
         """Return the keys of one more object with a mesh that has been made."""
         made = self._made[key]
-        if isinstance(made, MeshError):
+        if isinstance(made, Exception):
             raise made
         name, count = made
         if self._triangles + count > MAX_TRIANGLES:
@@ -158,11 +159,7 @@ class MeshCopies:
             found = read_surfaces(file, file.parent)
             meshes = [("", (each.vertices, each.faces)) for each in found]
         else:
-            try:
-                content = read_bytes(file, MAX_FILE_BYTES)
-            except ForeignFileError as error:
-                raise MeshError(str(error)) from error
-            meshes, problems = read_collada(content)
+            meshes, problems = read_collada(read_bytes(file, MAX_FILE_BYTES))
             for problem in problems:
                 self._map.notes.append(place(file, 1, f"left out: {problem}"))
         self._budget.take(sum(len(faces) for _, (_, faces) in meshes), "triangles")
@@ -231,8 +228,8 @@ def read_mesh(
     uri = mesh.text_of("uri")
     text, suffix = f"the mesh {uri!r} is left out", Path(uri).suffix.lower()
     if not file.is_file() or suffix not in KNOWN:
-        told = f"{text}, expected {', '.join(KNOWN)}"
-        raise LeftOut(mesh, told, f"{suffix[:20] or 'files'} that are not read")
+        text += f", expected {', '.join(KNOWN)}"
+        raise LeftOut(mesh, text, f"{suffix[:20] or 'files'} that are not read")
     given = mesh.first("scale")
     own = given.numbers(3) if given and given.text.strip() else [1.0, 1.0, 1.0]
     scale = [a * b for a, b in zip(own, factors, strict=True)]
@@ -243,13 +240,13 @@ def read_mesh(
     centred = part is not None and part.text_of("center") in ("true", "1")
     try:
         return copies.add(file, scale, named, centred=centred)
-    except MeshError as error:
+    except (MeshError, ForeignFileError) as error:
         reason = f"{suffix} that cannot be used"
         raise LeftOut(mesh, f"{text}: {error}", reason) from error
     except MissingPackage as error:
         reason = f"{suffix} without pycollada ({install_command('collada')})"
-        told = f"{text}: pycollada is not installed"
-        raise LeftOut(mesh, told, reason) from error
+        text += ": pycollada is not installed"
+        raise LeftOut(mesh, text, reason) from error
 
 
 def _sizes(element: XmlElement, tag: str, count: int = 1) -> list[float]:
@@ -294,16 +291,13 @@ def _extruded(geometry: XmlElement) -> Mesh:
             text = "a <polyline> that crosses itself, or encloses nothing"
             raise LeftOut(first, f"{text}, is left out", "with a wrong <polyline>")
         area = area.symmetric_difference(ring)
-    triangles = shapely.constrained_delaunay_triangles(area)
-    found: Floats = shapely.get_coordinates(shapely.get_parts(triangles))
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(area))
+    found: Floats = shapely.get_coordinates(shapely.orient_polygons(triangles))
     if not len(found):
         text = "<polyline>s without an area are left out"
         raise LeftOut(first, text, "with a wrong <polyline>")
     # Each triangle ends with its first corner.
     corners = found.reshape(-1, 4, 2)[:, :3]
-    (ax, ay), (bx, by) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
-    clockwise = ax * by < ay * bx
-    corners[clockwise] = corners[clockwise, ::-1]
     vertices, faces = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     solid = creation.extrude_triangulation(vertices, faces.reshape(-1, 3), 1.0)
     return solid.vertices * [1, 1, height], np.array(solid.faces, np.int32)

@@ -39,8 +39,7 @@ def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
     """
     try:
         with path.open("rb") as file:
-            # One byte more tells that there are too many, also of a device that has no
-            # size.
+            # One byte more shows that there are too many, also of a device.
             content = file.read(most + 1)
     except OSError as error:
         raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error

@@ -10,18 +10,21 @@ on one line. Positions are in metres and directions in radians, in a frame with 
 right and z down. Comments begin with a semicolon.
 """
 
+import json
 import math
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+import yaml
 from pydantic import ValidationError
 
 from radarsim.addons.imports.source_file import place, read_text, rounded, wrong
-from radarsim.errors import ForeignFileError, expected_one_of
+from radarsim.errors import expected_one_of
 from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.message import pose_from_wire
-from radarsim.validation import describe_invalid, short_repr
+from radarsim.validation import describe_settings, short_repr
 
 BASE: Final = "P3AT"  # has the body of classes that are not shipped
 # Types of items that are named as the classes of parts are, in any case.
@@ -43,8 +46,9 @@ ITEMS: Final = {each.casefold(): (each, None) for each in _TYPES} | {
 _UNCOMMENTED: Final = re.compile(r'(?:[^;"]|"[^"]*(?:"|$))*')
 _SECTION: Final = re.compile(r"\[(?:\w+\.)?(\w+)\]")
 _KEY: Final = re.compile(r"[+.!-]?(\w+)\s*=\s*(.*)")
-_FIELD: Final = re.compile(r"\s*(\w+)\s*=\s*")
-_VALUE: Final = re.compile(r"\w*'([^']*)'|\"([^\"]*)\"|([^,()'\"]*)")
+# Quoted texts, names of classes and of fields, and parentheses.
+_TOKEN: Final = re.compile(r"\"[^\"]*\"|\w*'([^']*)'|(\w+)\s*=|[()\t]")
+_SIGNS: Final = {"(": "{", ")": "}", "\t": " "}  # of YAML
 
 Struct: TypeAlias = dict[str, Any]  # texts and structs by names in lower case
 Sections: TypeAlias = dict[str, list[tuple[int, str, str]]]  # lines: number, key, value
@@ -58,7 +62,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
         class_name: The class; None for the only one with parts.
 
     Returns:
-        The class, and what is left out of it, each with its place.
+        The class, and notes on parts that are left out, each with its place.
 
     Raises:
         ForeignFileError: If it cannot be read, or has no such class.
@@ -75,17 +79,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
         if key.casefold() != "addparts":
             notes.append(place(path, number, f"the key {key!r} is not read"))
             continue
-        if not value.startswith("("):
-            text = f"{short_repr(value)}, expected (ItemClass=class'...', ...)"
-            raise wrong(path, number, text)
-        try:
-            part, end = _parse_struct(value, 1)
-        except RecursionError:  # thousands of parentheses
-            part, end = {}, -1
-        except ValueError as error:
-            raise wrong(path, number, str(error)) from error
-        if end != len(value):
-            raise wrong(path, number, "expected one pair of parentheses")
+        part = _parse_struct(path, number, value)
         item = _item_of(path, number, part)
         if item is None:
             text = f"a part of class {_class_of(part)!r} is left out"
@@ -97,10 +91,8 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
     try:
         return RobotModel.model_validate(content), notes
     except ValidationError as error:
-        reason = describe_invalid(error.errors()[0])
-        where = ".".join(map(str, error.errors()[0]["loc"]))
-        text = f"{path}:1: {name}: {where}: {reason}".replace(": : ", ": ")
-        raise ForeignFileError(text) from error
+        problem = describe_settings(error, RobotModel)[0]
+        raise wrong(path, 1, f"{name}: {problem}") from error
 
 
 def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
@@ -143,30 +135,21 @@ def _read_sections(path: Path) -> Sections:
     return sections
 
 
-def _parse_struct(text: str, at: int) -> tuple[Struct, int]:
-    """Parse what follows a parenthesis; return where the text goes on after it."""
-    found: Struct = {}
-    while True:
-        if text[at:].lstrip().startswith(")"):
-            return found, text.index(")", at) + 1
-        key = _FIELD.match(text, at)
-        if key is None:
-            raise ValueError(f"{short_repr(text[at:])}, expected Name=Value")
-        at = key.end()
-        value: Any
-        if text[at : at + 1] == "(":
-            value, at = _parse_struct(text, at + 1)
-        else:
-            match = _VALUE.match(text, at)
-            assert match is not None  # it may be empty
-            value = next((each for each in match.groups() if each is not None), "")
-            at = match.end()
-        found[key[1].casefold()] = value.strip() if isinstance(value, str) else value
-        rest = text[at:].lstrip()
-        if rest[:1] not in (",", ")"):
-            raise ValueError(f"{short_repr(rest)}, expected ',' or ')'")
-        if rest.startswith(","):
-            at = text.index(",", at) + 1
+def _parse_struct(path: Path, number: int, text: str) -> Struct:
+    """Parse a struct; it is that of YAML but for its signs."""
+
+    def to_yaml(token: re.Match[str]) -> str:
+        if token[2]:
+            return f"{token[2].casefold()}: "
+        return _SIGNS.get(token[0]) or json.dumps(token[1] or token[0].strip('"'))
+
+    found = None
+    with suppress(yaml.YAMLError, RecursionError):  # of thousands of parentheses
+        found = yaml.load(_TOKEN.sub(to_yaml, text), yaml.BaseLoader)  # of texts alone
+    if not isinstance(found, dict):
+        expected = "expected (ItemClass=class'...', ItemName=\"...\", ...)"
+        raise wrong(path, number, f"{short_repr(text)}, {expected}")
+    return found
 
 
 def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:

@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
@@ -45,7 +45,7 @@ CHUNK_BYTES: Final = 64 * 1024
 FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
 METADATA_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
-INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
+INFORMATION: Final = "radarsim"  # name of the record of the conditions
 LATCHED: Final = "transient_local"  # durability of topics
 DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
 # In C where there is such: metadata of hundreds of topics would take seconds.
@@ -62,11 +62,12 @@ BROKEN = (
     struct.error,
     ValueError,
     OverflowError,  # of a length that is broken
+    OSError,
 )
 
 
 def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
-    """Return what a topic offers, as rosbag2 writes it.
+    """Return the quality of service of a topic, as rosbag2 writes it.
 
     No two values are one object: YAML would refer to it by an anchor, which rosbag2
     does not read.
@@ -171,9 +172,9 @@ class BagWriter:
             self._writer.finish()
         finally:
             self._file.close()
-        # Does nothing unless a repair writes beside the old file.
+        # Does nothing unless a repair writes next to the old file.
         path = self._path.replace(self._folder / file_name(self._folder))
-        # Players read the metadata, not the file, to know what is in it.
+        # Players read the topics from the metadata, not from the file.
         text = _to_yaml({"rosbag2_bagfile_information": _metadata_of(path)})
         write_atomically({self._folder / METADATA_FILE: text.encode()})
 
@@ -192,7 +193,7 @@ class BagWriter:
 
 
 def _metadata_of(path: Path) -> dict[str, object]:
-    """Return what rosbag2 has to know of a file that is complete."""
+    """Return the metadata of rosbag2 for a file that is complete."""
     with path.open("rb") as file:
         summary = SeekingReader(file).get_summary()
     assert summary is not None
@@ -259,7 +260,7 @@ class BagReader:
         self.folder = folder
         self.is_complete = False
         self.path = find_file(folder)
-        with self._open() as file, suppress(*BROKEN):
+        with self.open() as file, suppress(*BROKEN):
             # The first record after the header.
             records = StreamReader(file, record_size_limit=LARGEST_RECORD).records
             _, record = next(records), next(records)
@@ -271,16 +272,16 @@ class BagReader:
     @property
     def is_being_written(self) -> bool:
         """Whether a process still records to the file."""
-        with self._open() as file:
+        with self.open() as file:
             return not lock(file, shared=True)
 
     def messages(self) -> Iterator[BagMessage]:
         """Yield all messages, as far as the file can be read.
 
         Raises:
-            RecordingError: If the file cannot be read at all.
+            RecordingError: If the file cannot be opened.
         """
-        with self._open() as file, suppress(*BROKEN):
+        with self.open() as file, suppress(*BROKEN):
             # What comes before an error is whole: each chunk has its own checksum.
             reader = NonSeekingReader(
                 file, validate_crcs=True, record_size_limit=LARGEST_RECORD
@@ -307,11 +308,14 @@ class BagReader:
             if message.topic in (TO_CLIENT, TO_SERVER):
                 yield decode_call(message.type, message.data)
 
-    @contextmanager
-    def _open(self) -> Iterator[IO[bytes]]:
+    def open(self) -> IO[bytes]:
+        """Open its file.
+
+        Raises:
+            RecordingError: If it cannot be opened.
+        """
         try:
-            with self.path.open("rb") as file:
-                yield file
+            return self.path.open("rb")
         except OSError as error:
             raise RecordingError(f"{self.path}: {describe_os_error(error)}") from error
 
@@ -333,7 +337,7 @@ def decode_call(type_: str, message: bytes) -> RunEvent:
 
 
 def repair(folder: Path) -> int:
-    """Write the file of a bag anew, with all messages that can be read.
+    """Rewrite the file of a bag with all messages that can be read.
 
     Args:
         folder: Folder of the bag, whose file may end in the middle.
@@ -350,7 +354,7 @@ def repair(folder: Path) -> int:
     if reader.is_being_written:
         text = f"{folder} is still being recorded, expected a run that has ended"
         raise RecordingError(text)
-    # Beside the old file, which is replaced once all of the new one is written.
+    # Next to the old file, which is replaced once all of the new one is written.
     part = folder / f".{file_name(folder)}.part"
     count = 0
     try:

@@ -1,4 +1,4 @@
-"""The folder of a recording, what it is a recording of, and what is needed to read it.
+"""The folder of a recording, the conditions of its run, and the packages to read it.
 
 A ``RecordingInfo`` has everything that a run depends on besides the calls of its host.
 """
@@ -42,7 +42,7 @@ class RecordingInfo(BaseModel):
             program.
         map_digest: SHA-256 of the map file, hexadecimal; empty likewise.
         seed: Seed of all random numbers.
-        radar_model: Revision of the model of FMCW radars; 1 where none is told.
+        radar_model: Revision of the model of FMCW radars; 1 where none is recorded.
         dialect: Name of the dialect.
         drive_unit: Unit of commands to drive.
         settings: Settings of items that were changed, by item and key.
@@ -135,8 +135,7 @@ class RecordingInfo(BaseModel):
             RecordingError: If it lacks something, or is not readable.
         """
         try:
-            # MCAP has texts only; numbers and texts are told apart by the fields'
-            # types.
+            # MCAP has texts only; the types of the fields make numbers of them.
             settings = json.loads(record.get("settings", "{}"))
             robots = json.loads(record.get("robots", "[]"))
             read = {**record, "settings": settings, "robots": robots}
@@ -212,12 +211,17 @@ def check_new(folder: Path) -> None:
     """Check that the folder of a bag can be created, as far as that is known.
 
     Raises:
-        RecordingError: If a package is missing, or the folder exists.
+        RecordingError: If a package is missing, or the folder exists, or cannot be
+            looked for.
     """
     check_installed()
-    if folder.exists():
+    try:
+        if not folder.exists():
+            return
         text = f"{folder} exists, expected a new folder for the recording"
-        raise RecordingError(text)
+    except OSError as error:
+        text = f"{folder}: {describe_os_error(error)}"
+    raise RecordingError(text)
 
 
 def create_folder(folder: Path) -> None:
@@ -227,8 +231,8 @@ def create_folder(folder: Path) -> None:
         RecordingError: If a package is missing, or the folder exists or cannot be
             created.
     """
+    check_new(folder)
     try:
-        check_new(folder)
         folder.mkdir(parents=True)
     except OSError as error:
         raise RecordingError(f"{folder}: {describe_os_error(error)}") from error

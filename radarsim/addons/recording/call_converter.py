@@ -42,7 +42,7 @@ FROM_HOST: Final = frozenset({EventType.TAKE, EventType.FINISH})
 
 
 class _Connection:
-    """What is known of one client."""
+    """The state of one client."""
 
     def __init__(self) -> None:
         self.session = Session()
@@ -73,8 +73,7 @@ class CallConverter:
         # No two events have the same time, as players sort messages by it; a thousand
         # in a tick are still far from the next one.
         last, self._time = self._time, max(event.tick * TICK, self._time + 1)
-        # Before simulated time begins there is none to be told, and maps are told of
-        # later.
+        # Before simulated time begins there is no time, and maps come later.
         if event.type not in (EventType.WAIT, EventType.MAP):
             if event.tick - self._clock > CLOCK_GAP:
                 self._clock = event.tick
@@ -100,7 +99,7 @@ class CallConverter:
             case EventType.PICTURE:
                 yield from self._picture(connection, data, time)
             case EventType.DISCONNECT:
-                # Numbers are never given twice; what is kept would only grow.
+                # Numbers are never given twice; the dict would only grow.
                 del self._connections[client]
             case EventType.TAKE | EventType.FINISH:
                 for report in connection.session.receive(data):
@@ -155,7 +154,7 @@ class CallConverter:
             yield from connection.topics.description(name, body)
 
     def _mounted(self, mounts: Iterable[Fields]) -> TopicMessage:
-        """Return where all items are, of which some are new."""
+        """Return the mounts of all items; some are new."""
         self._mounts.update({each.child_frame_id: each for each in mounts})
         # All of them: who subscribes later gets only the last message.
         return transforms("/tf_static", list(self._mounts.values()), latched=True)

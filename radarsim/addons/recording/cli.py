@@ -1,6 +1,6 @@
 """``radarsim replay``: play a recording to clients, or repeat its run.
 
-``radarsim recording`` tells what recordings contain, and repairs them.
+``radarsim recording`` lists the content of recordings, and repairs them.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def replay(
 
 
 def _verify(bag: BagReader, map_: str | None) -> int:
-    """Simulate a run again, tell whether it is the same, and return the exit code.
+    """Simulate a run again, print whether it is the same, and return the exit code.
 
     Raises:
         RecordingError: If there is no map, or it has changed.
@@ -87,8 +87,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
             f"{bag.folder} is of a client alone, expected one of a server to verify"
         )
     name = map_ or info.map
-    # Another map would differ at the first scan, and that would tell nothing about the
-    # program.
+    # Another map would differ at the first scan, whatever the program does.
     check_map(info, name)
     host = Host(load_map(name), config=info.config(), seed=info.seed)
     result = repeat_run(host, bag.calls())

@@ -17,9 +17,9 @@ from radarsim.server.views import FOV_DEG
 NANOSECONDS: Final = 1_000_000_000
 CLOCK: Final = "/clock"  # the topic
 MAP: Final = "map"  # the frame
-LATEST: Final = 2.0**31 - 1  # s that a time can tell
+LATEST: Final = 2.0**31 - 1  # s, of a time in a message
 # Of x, y, z, roll, pitch, yaw: squares of m and rad, or of m/s and rad/s. Drivers of
-# wheeled robots set such, as filters need some; large ones for what wheels do not tell.
+# wheeled robots set such, as filters need some; large ones where wheels measure none.
 ODOMETRY_COVARIANCE: Final = np.diag([1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-3]).ravel()
 # Types of ``sensor_msgs/msg/PointField`` by those of numpy.
 _POINT_TYPES: Final = {"<f4": 7, "<u2": 4}
@@ -349,5 +349,5 @@ def quaternion(pose: Pose3) -> Fields:
 
 def float32(value: float) -> float:
     """Round a number to 32 bits."""
-    # JSON has 64 bits; it tells what a subscriber with 32 bits gets as well.
+    # JSON has 64 bits; its subscribers get the same number as those with 32 bits.
     return float(np.float32(value))

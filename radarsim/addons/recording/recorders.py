@@ -1,10 +1,10 @@
-"""What is recorded of a run, by who listens to a host, or to connections to a server.
+"""Events of a run, recorded by observers of a host, or of connections to a server.
 
 A simulation depends on nothing but its scene, configuration and seed, and on the calls
 of its host: who connects, what arrives, and when time passes. With these, and with what
-clients were given, a run can be repeated and compared byte by byte. What else is told
-of robots is for those who read the recording; no repetition needs it. What passes
-between clients and a server that is another program becomes calls as of a host.
+clients were given, a run can be repeated and compared byte by byte. Descriptions of
+robots are for those who read the recording; no repetition needs them. Bytes between
+clients and a server that is another program become calls as of a host.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ DESCRIBED: Final = ("Robot", "RangeScanner", "INS")
 
 
 class EventType(IntEnum):
-    """What is recorded: calls of a host, and what else is told of a run.
+    """Kinds of events: calls of a host, and descriptions of a run.
 
     The data of a turn, a map and a view are packed by ``pack``.
     """
@@ -73,13 +73,13 @@ class EventType(IntEnum):
 
 
 class RunEvent(NamedTuple):
-    """A call of a host, or what is told of a run beside its calls.
+    """A call of a host, or a description.
 
     Attributes:
         type: What was done.
         tick: How many ticks of simulated time had passed.
         client: Number of the client.
-        data: Bytes that were received from a client, or sent to it, or what is told.
+        data: Bytes that were received from a client, or sent to it, or a description.
     """
 
     type: EventType
@@ -109,7 +109,7 @@ def unpack(data: bytes) -> list[Any]:
 
 
 class TurnCollector:
-    """Collects what an antenna receives until a turn is complete."""
+    """Collects the received power of an antenna until a turn is complete."""
 
     def __init__(self, scanner: str, report: Callable[[bytes], None]) -> None:
         """Wait for the beginning of a turn.
@@ -124,7 +124,7 @@ class TurnCollector:
         self._rows: list[NDArray[np.uint8]] = []
 
     def take(self, sector: Sector, time: float) -> None:
-        """Add what is received from neighbouring directions, from a time on, s."""
+        """Add the received power of neighbouring azimuths, from a time on, s."""
         settings = sector.spectrum.settings
         if sector.first == 0:
             self._began = time
@@ -274,7 +274,7 @@ _TIME: Final = re.compile(rb"\{Time (\d{1,7}(?:\.\d+)?)\}")
 
 @dataclass(slots=True)
 class _Connection:
-    """What is known of one connection."""
+    """The state of one connection."""
 
     robot: str
     sent: LineBuffer = field(default_factory=LineBuffer)
@@ -394,7 +394,7 @@ class WireRecorder:
 
 
 class WatchRecorder(WireRecorder):
-    """Turns what a server tells who watches its robots into calls as of a host.
+    """Turns the reports of a server to its watchers into calls as of a host.
 
     Each robot is a client that is sent its lines.
 
@@ -409,7 +409,7 @@ class WatchRecorder(WireRecorder):
         self._last_number = 0
 
     def take(self, report: Report) -> bytes:
-        """Record what a report tells of a robot.
+        """Record a report about a robot.
 
         Returns:
             Questions about a robot that is new: its own client need not ask them, and a
@@ -419,7 +419,7 @@ class WatchRecorder(WireRecorder):
         match report:
             case RobotJoined(robot, class_name):
                 asked = self._join(robot)
-                # Of which class it is, is told nowhere else.
+                # No other event has its class.
                 spawn = questions.spawn(class_name, name=robot)
                 self.sent(self.numbers[robot], spawn.data)
             case RobotLeft(robot):
@@ -434,7 +434,7 @@ class WatchRecorder(WireRecorder):
         return asked
 
     def _join(self, robot: str) -> bytes:
-        self._leave(robot)  # one of the same name, whose leaving was not told
+        self._leave(robot)  # one of the same name, whose leaving was not reported
         self._last_number += 1
         self.numbers[robot] = self._last_number
         self.begin(self._last_number, robot)

@@ -42,7 +42,7 @@ class ScanSeries:
         ranges: (T, N) float32, m; inf where nothing came back.
         angles: (N,) directions of the beams from the scanner's forward axis, rad,
             counter-clockwise.
-        range_min: Minimum range, m, as last told by the server.
+        range_min: Minimum range, m, as last reported by the server.
         range_max: Maximum range, m, likewise.
         frame: Frame of the scanner.
     """

@@ -1,8 +1,8 @@
 """Recording in a process of its own, so that it holds up no tick of a server.
 
-The server only packs what is to be recorded. A thread writes all of it to a pipe a few
-times a second: each time it wakes up, it may hold up the server. The process at the
-other end converts and writes it. It outlives a server that is killed: at the end of the
+The server only packs events. A thread writes all of them to a pipe a few times a
+second: each time it wakes up, it may hold up the server. The process at the other end
+converts and writes them. It outlives a server that is killed: at the end of the
 pipe it completes the recording.
 """
 
@@ -40,8 +40,8 @@ log = logging.getLogger("radarsim.addons.recording")
 NICENESS: Final = 10  # ticks of the server go first
 MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
 WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
-PAUSE: Final = 0.01  # s between looks at a process that is behind
-END_TIMEOUT: Final = 60.0  # s that it has to write what is left
+PAUSE: Final = 0.01  # s between checks of a process that is behind
+END_TIMEOUT: Final = 60.0  # s that it has to write the rest
 FRAME: Final = struct.Struct("<BQQQ")  # type, tick, client, bytes that follow
 # The modules are found where this process has found them.
 PROGRAM: Final = (
@@ -64,14 +64,16 @@ class RecordingProcess:
         """Start the process.
 
         Args:
-            folder: Folder of the recording, which exists and is empty.
+            folder: Folder to create.
             info: The conditions of the run.
             is_patient: Whether ``add`` waits for a process that is far behind, instead
                 of ending the recording.
 
         Raises:
-            RecordingError: If it cannot be started.
+            RecordingError: If it cannot be started, a package is missing, or the folder
+                exists.
         """
+        create_folder(folder)
         self.folder = folder
         self._frames: deque[bytes] = deque()
         self._is_closing = threading.Event()
@@ -97,7 +99,7 @@ class RecordingProcess:
     def record(
         self, host: Host, *, spectra: bool = False, camera_interval: int = 0
     ) -> None:
-        """Record what is done to a host from now on; see ``HostRecorder``."""
+        """Record the calls of a host from now on; see ``HostRecorder``."""
         self._recorder = HostRecorder(
             self.add, spectra=spectra, camera_interval=camera_interval
         )
@@ -163,7 +165,7 @@ class RecordingProcess:
 def record_host(
     host: Host, map_: str | None, seed: int, folder: Path, *, spectra: bool
 ) -> Callable[[], None]:
-    """Record what is done to a host from now on.
+    """Record the calls of a host from now on.
 
     Args:
         host: The host; nothing has been done to it yet.
@@ -180,7 +182,6 @@ def record_host(
         RecordingError: If the folder exists, or a package is missing.
     """
     info = RecordingInfo.of_host(map_, host, seed)
-    create_folder(folder)
     process = RecordingProcess(folder, info, is_patient=True)
     process.record(host, spectra=spectra)
 
@@ -224,7 +225,7 @@ def write_recording(
     Args:
         folder: Folder of the recording, which exists; see ``create_folder``.
         info: The conditions of the run.
-        events: What is recorded, in order.
+        events: The events, in order.
         scene: The map, to be shown; None for none.
 
     Raises:

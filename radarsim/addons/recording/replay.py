@@ -88,7 +88,7 @@ def _difference(call: RunEvent, sent: bytes, lines_before: int) -> str:
     shorter = min(len(sent), len(call.data))
     equal = next((i for i in range(shorter) if sent[i] != call.data[i]), shorter)
     start = call.data.rfind(b"\n", 0, equal) + 1
-    # Lines of scans have thousands of characters: only what is near is shown.
+    # Lines of scans have thousands of characters: only the part around it is shown.
     shown = max(start, equal - SHOWN // 2)
     recorded, repeated = (
         data[shown : shown + SHOWN].split(b"\r")[0].decode("latin-1")
@@ -141,13 +141,13 @@ async def serve_replay(
     *,
     speed: float = 1.0,
 ) -> int:
-    """Play what one client was sent to each client that connects, until a signal comes.
+    """Play the writes to one client to each that connects, until a signal comes.
 
-    What these send is read and ignored. A client that reads too slowly gets everything
+    Bytes of clients are read and ignored. A client that reads too slowly gets all of it
     later, as nothing is left out.
 
     Args:
-        writes: What is played.
+        writes: The writes of the client that is played.
         address: Address to listen on.
         port: Port to listen on; 0 for a free one.
         announce: Called with the address as soon as clients can connect.

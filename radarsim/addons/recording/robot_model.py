@@ -64,7 +64,7 @@ def robot_description(
     Args:
         name: Name of the robot.
         body: Its class, or another one with its dimensions.
-        scanners: Its scanners, which stand on the hull.
+        scanners: Its scanners, which stand on the body.
         frame: Returns the name of a frame in ``/tf``, such as that of ``base_link``.
     """
     robot = ET.Element("robot", name=name)

@@ -1,4 +1,4 @@
-"""From what one robot and its client say to each other to topics of ROS 2.
+"""From the lines between one robot and its client to topics of ROS 2.
 
 Points of echoes have numbers for the names of what they come from, which a ``Legend``
 lists. Frames are those of REP-105: the parent of a robot's ``base_link`` is its
@@ -9,6 +9,7 @@ what odometry has lost.
 import io
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, Literal
 
@@ -89,7 +90,7 @@ class RobotFrames:
     """The odometry and the frames of one robot."""
 
     def __init__(self, name: str, *, own_localization: bool) -> None:
-        """Begin with a robot that has sensed nothing.
+        """Begin without readings.
 
         Args:
             name: Name of the robot, which its frames and topics begin with; empty for
@@ -142,7 +143,7 @@ class RobotTopics:
     def __init__(
         self, name: str, legend: Legend, *, own_localization: bool = False
     ) -> None:
-        """Begin with a robot of which nothing else is known.
+        """Begin with a robot of this name.
 
         Args:
             name: Name of the robot as part of topics; see ``topic_name``. Empty for
@@ -158,7 +159,7 @@ class RobotTopics:
         self._frames = RobotFrames(name, own_localization=own_localization)
         self._scan_times: dict[str, float] = {}  # of the latest, by scanner
         self._lines: dict[tuple[type[Report], str], list[Any]] = {}
-        self._told_spectra: set[str] = set()  # scanners
+        self._announced_spectra: set[str] = set()  # scanners
         self._description = ""
 
     def describe(
@@ -168,7 +169,7 @@ class RobotTopics:
         ins_mounts: Mapping[str, Pose3],
         time: float,
     ) -> list[Fields]:
-        """Use what is known of the robot from now on; return where its scanners are."""
+        """Use this description from now on; return the mounts of the scanners."""
         self._robot, self._scanners = robot, tuple(scanners)
         self._ins_mounts = ins_mounts
         base = self._frame("base_link")
@@ -236,8 +237,8 @@ class RobotTopics:
         """
         names = topic_name(scanner), "spectrum"
         # Readers need it to place the bins; whoever subscribes later gets it as well.
-        if scanner not in self._told_spectra:
-            self._told_spectra.add(scanner)
+        if scanner not in self._announced_spectra:
+            self._announced_spectra.add(scanner)
             layout = {"bin_size": bin_size, "metadata_bytes": METADATA_BYTES}
             yield string(self._topic(*names, "layout"), json.dumps(layout))
         yield grey_image(self._topic(*names), time, self._frame(scanner), rows)
@@ -286,7 +287,7 @@ class RobotTopics:
         lines, scanner = self._lines_until(line), self._scanner(line.name)
         if not lines or scanner is None:
             return
-        # A scan without echoes is a message too: it tells that there were none.
+        # A scan without echoes is a message too: an empty cloud.
         cloud = np.concatenate([self._points(each, scanner) for each in lines])
         name, frame = topic_name(line.name), self._frame(line.name)
         last = "targets"
@@ -371,8 +372,7 @@ def topic_name(name: str) -> str:
     >>> topic_name("lms 200"), topic_name("2nd")
     ('lms_200', '_2nd')
     """
-    letters = [c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name]
-    text = "".join(letters) or "_"
+    text = re.sub("[^A-Za-z0-9_]", "_", name) or "_"
     return f"_{text}" if text[0].isdigit() else text
 
 

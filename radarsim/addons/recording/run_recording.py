@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
@@ -68,22 +67,20 @@ class RecordOptions:
 
 
 class ServeRecording(ServeExtension):
-    """The recording of what is done to a server's host."""
+    """The recording of the calls of a server's host."""
 
     def __init__(self, options: RecordOptions, folder: Path, served: ServedMap) -> None:
         """Plan a recording; see ``RecordOptions``."""
         self._options = options
         self._folder = folder
         self._served = served
-        self._has_folder = False
         self._process: RecordingProcess | None = None
 
     def open(self) -> None:
-        """Create the folder."""
-        from radarsim.addons.recording.bag_folder import create_folder
+        """Check that the folder can be created."""
+        from radarsim.addons.recording.bag_folder import check_new
 
-        create_folder(self._folder)
-        self._has_folder = True
+        check_new(self._folder)
 
     def attach(self, host: Host) -> None:
         """Record from now on."""
@@ -107,15 +104,9 @@ class ServeRecording(ServeExtension):
         )
 
     def close(self) -> None:
-        """Complete the recording; of one that never began, nothing is left."""
-        if self._process is not None:
-            if self._process.close():
-                print_message(f"recorded in {self._folder}")
-        elif self._has_folder:
-            # Only a folder in which nothing is written goes; a user may have put files
-            # there.
-            with suppress(OSError):
-                self._folder.rmdir()
+        """Complete the recording, if it has begun."""
+        if self._process is not None and self._process.close():
+            print_message(f"recorded in {self._folder}")
 
 
 class RunRecording(Recording):
@@ -183,11 +174,10 @@ class RunRecording(Recording):
 
     def __enter__(self) -> Self:
         """Create the folder, and begin to record."""
-        from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+        from radarsim.addons.recording.bag_folder import RecordingInfo
         from radarsim.addons.recording.recorders import WireRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
 
-        create_folder(self._folder)
         if self._hosted is None:
             info = RecordingInfo(version=__version__, drive_unit=self._drive_unit)
             self._process = RecordingProcess(self._folder, info)

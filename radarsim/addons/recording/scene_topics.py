@@ -44,11 +44,11 @@ _TRIANGLE_LIST: Final = 11  # of ``visualization_msgs/msg/Marker``
 
 
 def scene_topics(scene: Scene, *, with_map: bool = True) -> Iterator[TopicMessage]:
-    """Yield what tells of a map, for whoever subscribes at any time.
+    """Yield the latched messages about a map.
 
     Args:
         scene: The map.
-        with_map: Whether its true occupancy grid is told; not if a robot's map is.
+        with_map: Whether its true occupancy grid is published; not if a robot's is.
     """
     yield scene_markers(scene)
     if with_map and scene.parts:
@@ -64,7 +64,7 @@ def scene_markers(scene: Scene) -> TopicMessage:
 
 
 def opacity_of(material: Material) -> float:
-    """Return how much a material hides what is behind it, 0 to 1."""
+    """Return the opacity of a material, 0 to 1."""
     if not material.solid:
         return SMOKE
     return SEEN_THROUGH if material.lets_beams_in else 1.0

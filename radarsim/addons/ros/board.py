@@ -76,20 +76,20 @@ class Board:
 
 
 class BoardClient:
-    """One client: what it wants, and what waits for it.
+    """One client: its subscriptions, and the messages that wait for it.
 
     Attributes:
         name: Name of the protocol, for people.
-        subprotocols: Names of WebSocket subprotocols, of which clients ask for one.
+        subprotocols: Names of WebSocket subprotocols; clients ask for one of them.
         waiting: Texts or bytes to send, oldest first.
-        handlers: What does what the client asks for, by ``op``.
+        handlers: Functions that execute messages of the client, by ``op``.
     """
 
     name: str
     subprotocols: tuple[str, ...] = ()
 
     def __init__(self, board: Board) -> None:
-        """Begin without subscriptions; what there is to know waits."""
+        """Begin without subscriptions."""
         self.waiting: deque[Any] = deque()
         self.handlers: Mapping[str, Callable[[Json], object]] = {}
         self._board = board
@@ -124,7 +124,7 @@ class BoardClient:
         """Queue the news that there is a topic."""
 
     def receive(self, data: str | bytes) -> None:
-        """Do what a message asks for; what is wrong is answered."""
+        """Execute a message; errors are answered by a status."""
         try:
             self._take(data)
         except WRONG as error:
@@ -132,7 +132,7 @@ class BoardClient:
             self.complain(f"{data[:80]!r} is not understood: {reason}")
 
     def complain(self, text: str) -> None:
-        """Queue a status that says what is wrong."""
+        """Queue a status with an error."""
         raise NotImplementedError
 
     def _add_subscription(self, topic: str, key: str | int, interval: float) -> Any:

@@ -1,6 +1,6 @@
 """Connects the robots of a server with a side of ROS, until the end.
 
-A watcher of the server gets what robots are sent, which becomes the topics of
+A watcher of the server gets the lines of robots, which become the topics of
 ``LiveTopics``. A robot of the bridge follows velocity commands, and stops when none
 come any more (``Driver``). One robot may be mapped in a thread while it drives
 (``publish_map``). Where topics go, and commands come from, is a ``RosSide``.
@@ -11,7 +11,7 @@ import io
 import math
 import struct
 from collections.abc import Callable, Iterable
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack
 from typing import Final, Protocol, TypeAlias
 
 from PIL import Image
@@ -38,7 +38,7 @@ from radarsim.addons.recording.robot_topics import (
 from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
-from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
+from radarsim.client import AsyncClient, RobotInfo
 from radarsim.client.robot_info import same_name
 from radarsim.errors import ClientError, describe_os_error
 from radarsim.listening import first_of, in_daemon_thread
@@ -47,7 +47,7 @@ from radarsim.protocol.images import ImageType
 from radarsim.protocol.reports import ClockTick, CommandError, Report
 
 # The bytes of the wire are for recordings, as nobody else can repeat a run; the server
-# tells the time even in ticks without other news.
+# reports the time even in ticks without other reports.
 UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
 TWIST: Final = "geometry_msgs/msg/Twist"  # of ``cmd_vel``
 MAP_INTERVAL: Final = 1.0  # s of simulated time between messages of a map
@@ -57,7 +57,6 @@ CHECK_INTERVAL: Final = 0.05  # s
 SPAWN_TIMEOUT: Final = 120.0  # s; the server may be busy
 LARGEST_PICTURE: Final = 2**26  # bytes
 QUALITY: Final = 75  # percent, of JPEG
-SILENCE: Final = 60.0  # s that one call waits for reports
 
 # Called with a forward speed, m/s, and a turn rate, rad/s.
 DriveCallback: TypeAlias = Callable[[float, float], None]
@@ -103,7 +102,7 @@ class LiveTopics:
         self._robots = WatchRecorder(self._convert)
 
     def take(self, reports: Iterable[Report]) -> bytes:
-        """Publish what reports of a watcher tell; return what is to be asked."""
+        """Publish reports of a watcher; return questions for the server."""
         asked = b""
         for report in reports:
             if isinstance(report, ClockTick):
@@ -112,7 +111,7 @@ class LiveTopics:
         return asked
 
     def take_picture(self, jpeg: bytes) -> None:
-        """Publish what the camera on the first robot sees now."""
+        """Publish a picture of the camera on the first robot."""
         first, tick = next(iter(self._robots.numbers.values()), None), self._robots.tick
         if first is not None and tick:
             self._convert(RunEvent(EventType.PICTURE, tick, first, jpeg))
@@ -130,7 +129,7 @@ async def publish_map(
     *,
     echoes: bool,
 ) -> None:
-    """Map a robot of radarsim with its first scanner, and begin anew if it leaves.
+    """Map a robot of radarsim with its first scanner, and begin again if it leaves.
 
     Args:
         server: Host and port of the server.
@@ -216,10 +215,9 @@ class Driver:
             await asyncio.sleep(CHECK_INTERVAL)
 
     async def _read(self) -> None:
-        """Read what the robot senses, which its watcher publishes."""
+        """Read the reports of the robot, which its watcher publishes."""
         while True:
-            with suppress(ClientTimeout):
-                await self._client.read()
+            await self._client.read(math.inf)
 
 
 def as_jpeg(image_type: int, data: bytes) -> bytes:
@@ -284,7 +282,7 @@ async def read_pictures(
 
 
 def load_shown(options: TopicOptions) -> list[TopicMessage]:
-    """Return what tells of the map that is to be drawn.
+    """Return the messages about the map that is to be drawn.
 
     Raises:
         MapError: If the map is wrong.
@@ -363,11 +361,10 @@ async def run_bridge(
 
 async def _watch(client: AsyncClient, topics: LiveTopics) -> None:
     while True:
-        with suppress(ClientTimeout):
-            reports = await client.read(SILENCE)
-            for report in reports:
-                if isinstance(report, CommandError):
-                    raise ClientError(f"the server says: {report.text}")
-            asked = topics.take(reports)
-            if asked:
-                await client.send(asked)
+        reports = await client.read(math.inf)
+        for report in reports:
+            if isinstance(report, CommandError):
+                raise ClientError(f"the server says: {report.text}")
+        asked = topics.take(reports)
+        if asked:
+            await client.send(asked)

@@ -167,5 +167,5 @@ def _make_side(options: BridgeOptions) -> RosSide:
 
 
 def announce(name: str, address: tuple[str, int]) -> None:
-    """Tell programs on stdout that clients of a protocol can connect."""
+    """Print for programs that clients of a protocol can connect."""
     print_now(f"radarsim: {name} on ws://{join_address(*address)}")

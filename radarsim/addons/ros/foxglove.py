@@ -16,7 +16,7 @@ from radarsim.addons.recording.cdr import (
     definition_of,
     encode,
 )
-from radarsim.addons.recording.messages import CLOCK, NANOSECONDS, TopicMessage
+from radarsim.addons.recording.messages import CLOCK, NANOSECONDS
 from radarsim.addons.ros.board import (
     LONGEST_NAME,
     MOST_ENTRIES,
@@ -29,7 +29,7 @@ from radarsim.addons.ros.board import (
 )
 
 APP: Final = "https://app.foxglove.dev"
-MESSAGE, TIME = 1, 2  # first bytes of what is binary
+MESSAGE, TIME = 1, 2  # first bytes of binary messages
 _MESSAGE_HEAD: Final = struct.Struct("<BIQ")
 _TIME: Final = struct.Struct("<BQ")
 _CLIENT_HEAD: Final = struct.Struct("<BI")
@@ -38,7 +38,7 @@ _INFO: Final = {
     "name": "radarsim",
     "capabilities": ["clientPublish", "time"],
     "supportedEncodings": ["cdr", "json"],
-    # Whoever does not know it takes messages to publish for those of no ROS.
+    # Clients that do not know it publish no messages of ROS.
     "metadata": {"ROS_DISTRO": "jazzy"},
 }
 
@@ -48,6 +48,7 @@ class FoxgloveClient(BoardClient):
 
     name = "Foxglove"
     subprotocols = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+    encode = staticmethod(encode)
 
     def __init__(self, board: Board) -> None:
         super().__init__(board)
@@ -60,12 +61,7 @@ class FoxgloveClient(BoardClient):
             "advertise": self._advertise,
             "unadvertise": self._unadvertise,
         }
-        self._tell(list(board.types))
-
-    @staticmethod
-    def encode(message: TopicMessage) -> bytes:
-        """See ``BoardClient.encode``."""
-        return encode(message)
+        self._announce(list(board.types))
 
     @classmethod
     def trusts(cls, origin: str) -> bool:
@@ -83,7 +79,7 @@ class FoxgloveClient(BoardClient):
         return now
 
     def wants(self, topic: str) -> bool:
-        """See ``BoardClient.wants``; the clock is told in any case."""
+        """See ``BoardClient.wants``; all clients get the clock."""
         return topic == CLOCK or bool(self._subscriptions.get(topic))
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
@@ -95,7 +91,7 @@ class FoxgloveClient(BoardClient):
 
     def announce(self, topic: str) -> None:
         """See ``BoardClient.announce``."""
-        self._tell([topic])
+        self._announce([topic])
 
     def complain(self, text: str) -> None:
         """See ``BoardClient.complain``."""
@@ -108,7 +104,7 @@ class FoxgloveClient(BoardClient):
         else:
             super()._take(data)
 
-    def _tell(self, topics: list[str]) -> None:
+    def _announce(self, topics: list[str]) -> None:
         types = self._board.types
         # The number of a topic is its place.
         channels = [

@@ -28,7 +28,7 @@ from radarsim.errors import MissingPackage, import_optional
 
 
 def message_json(message: TopicMessage) -> str:
-    """Return a message as JSON; octets are in base64, and what is no number is null."""
+    """Return a message as JSON; octets are in base64, and NaN and infinity are null."""
 
     def plain(value: object) -> object:
         match value:
@@ -74,6 +74,7 @@ class RosbridgeClient(BoardClient):
     """One client; see ``BoardClient``."""
 
     name = "rosbridge"
+    encode = staticmethod(message_json)
 
     def __init__(self, board: Board) -> None:
         super().__init__(board)
@@ -103,11 +104,6 @@ class RosbridgeClient(BoardClient):
                 ("rosapi/time", "rosapi/get_time"), lambda _: {"time": self._time}
             ),
         }
-
-    @staticmethod
-    def encode(message: TopicMessage) -> str:
-        """See ``BoardClient.encode``."""
-        return message_json(message)
 
     @property
     def _all_types(self) -> dict[str, str]:

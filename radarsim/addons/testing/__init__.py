@@ -39,7 +39,7 @@ import pytest
 from radarsim.errors import RadarsimError
 
 if TYPE_CHECKING:
-    from radarsim.server.host import Host
+    from radarsim.server.server_thread import ServerThread
 
 __all__ = [
     "UsarsimClient",
@@ -53,14 +53,6 @@ MARKER = (
     "usarsim(map='empty_room', seed=0, dialect='compat', speed=1, settings={}):"
     " what the usarsim_server of a test serves, and how"
 )
-DEFAULTS: dict[str, Any] = {
-    "seed": 0,
-    "dialect": "compat",
-    "speed": 1.0,
-    "settings": {},
-}
-
-
 TIMEOUT = 5.0  # s of the wall clock
 MIN_WAIT = 0.001  # s; a socket timeout of 0 would make the socket non-blocking
 
@@ -178,12 +170,8 @@ def usarsim_server(
     request: pytest.FixtureRequest, usarsim_map: str | Path
 ) -> Iterator[UsarsimServer]:
     """A USARSim server that runs while the test does, on a free port of 127.0.0.1."""
-    # Imported here, so that pytest starts fast where no test uses a server.
-    from radarsim.server.server_thread import ServerThread  # noqa: PLC0415
-
-    options = _options(request.node, usarsim_map)
     try:
-        thread = ServerThread(make_host(options), speed=options["speed"])
+        thread = make_thread(_options(request.node, usarsim_map))
     except (RadarsimError, ValueError) as error:
         text = f"usarsim_server cannot start: {error}"
         raise pytest.fail.Exception(text, pytrace=False) from None
@@ -200,24 +188,23 @@ def usarsim_client(usarsim_server: UsarsimServer) -> Iterator[UsarsimClient]:
 
 def _options(item: pytest.Item, map_: str | Path) -> dict[str, Any]:
     """Return the options of a test; of several marks the nearest counts."""
-    options = dict(DEFAULTS, map=map_)
+    options: dict[str, Any] = {"map": map_}
     for mark in reversed(list(item.iter_markers("usarsim"))):
-        if mark.args or not mark.kwargs.keys() <= options.keys():
-            came = ", ".join([*map(repr, mark.args), *mark.kwargs])[:80]
-            expected = f"expected some of {sorted(options)} by name"
-            pytest.fail(f"mark usarsim({came}), {expected}", pytrace=False)
+        if mark.args:
+            raise ValueError(f"mark usarsim{mark.args!r}, expected options by name")
         options |= mark.kwargs
     return options
 
 
-def make_host(options: dict[str, Any]) -> "Host":
-    """Create the host for the options of a test.
+def make_thread(options: dict[str, Any]) -> "ServerThread":
+    """Create the thread of a server with the options of a test.
 
     Raises:
         RadarsimError: If the map or the settings are wrong.
         ValueError: If another option is, or is of another type.
     """
-    # As above: they import the engine, Embree and shapely.
+    # Imported here, so that pytest starts fast where no test uses a server: they import
+    # the engine, Embree and shapely.
     from annotated_types import Ge, Gt  # noqa: PLC0415
     from pydantic import (  # noqa: PLC0415
         BaseModel,
@@ -229,24 +216,26 @@ def make_host(options: dict[str, Any]) -> "Host":
     from radarsim.protocol.dialect import get_dialect  # noqa: PLC0415
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
     from radarsim.server.host import Host  # noqa: PLC0415
+    from radarsim.server.server_thread import ServerThread  # noqa: PLC0415
     from radarsim.simulation.config import SimulationConfig  # noqa: PLC0415
-    from radarsim.validation import describe_invalid  # noqa: PLC0415
+    from radarsim.validation import describe_settings  # noqa: PLC0415
 
     class Options(BaseModel):
-        model_config = ConfigDict(strict=True)
+        model_config = ConfigDict(strict=True, extra="forbid")
 
         map: str | Path
-        seed: Annotated[int, Ge(0)]
-        dialect: Literal["compat", "udk"]
-        speed: Annotated[FiniteFloat, Gt(0)]
-        settings: dict[str, dict[str, Any]]
+        seed: Annotated[int, Ge(0)] = 0
+        dialect: Literal["compat", "udk"] = "compat"
+        speed: Annotated[FiniteFloat, Gt(0)] = 1.0
+        settings: dict[str, dict[str, Any]] = {}
 
     try:
         checked = Options.model_validate(options)
     except ValidationError as error:
-        first = error.errors()[0]
-        raise ValueError(f"{first['loc'][0]} {describe_invalid(first)}") from None
-    dialect = get_dialect(checked.dialect)
+        raise ValueError(describe_settings(error, Options)[0]) from None
     scene = load_map(checked.map)
-    config = SimulationConfig(dialect, item_settings=checked.settings)
-    return Host(scene, config=config, seed=checked.seed)
+    config = SimulationConfig(
+        get_dialect(checked.dialect), item_settings=checked.settings
+    )
+    host = Host(scene, config=config, seed=checked.seed)
+    return ServerThread(host, speed=checked.speed)

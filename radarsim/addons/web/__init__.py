@@ -7,6 +7,6 @@ How messages flow: what a page asks for is received by ``program``, checked by
 ``activities`` (tasks and maps, done with ``algorithms``) or to ``recording``. Reports
 of the server come to ``robots`` from two sides: from ``server_link``, which watches all
 of them, and from the connections of the commander's own (``own_robot``). Each becomes
-part of a ``robot_view``. Whatever changes is told by ``viewers``: texts at once, and
+part of a ``robot_view``. Changes are sent by ``viewers``: texts at once, and
 all that moves by the next frame.
 """

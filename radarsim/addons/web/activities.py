@@ -1,8 +1,8 @@
-"""What goes on with robots beside driving: tasks, and the maps that are made.
+"""Tasks of robots, and the maps that are made of them.
 
-Tasks run in threads, as what they are done with blocks; so do makers of maps. All of it
-is in ``algorithms``, which takes a second to import. So the program does that beside
-all else; who asks earlier waits for it.
+Tasks and makers of maps run in threads, as their calls block. They are in
+``algorithms``, which takes a second to import: the program imports it in a thread, for
+which an earlier request waits.
 """
 
 import asyncio
@@ -10,6 +10,7 @@ import logging
 import threading
 from collections.abc import Callable, Set
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from radarsim.addons.web.own_robot import OwnRobot, RobotClient, TaskClock, Work
@@ -56,7 +57,7 @@ class Activities:
 
         Args:
             robots: The robots.
-            viewers: The browsers, which are told.
+            viewers: The browsers, which get the messages.
             on_change: Called when others are at work or are mapped than before.
         """
         self.scene: SceneMessages | None = None
@@ -83,11 +84,11 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        from radarsim.addons.web.algorithms import plan_drive  # noqa: PLC0415
+        from radarsim.addons.web.algorithms import drive_to_goal  # noqa: PLC0415
 
         if self.scene is not None:
             self._check_goal(self._robots.find_own(request.robot), request.goal)
-        work = plan_drive(request, self._wanted_distance)
+        work = partial(drive_to_goal, request, self._wanted_distance)
         self._begin("goto", request.robot, work, str(request))
 
     def explore(self, request: Explore) -> None:
@@ -96,11 +97,11 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        from radarsim.addons.web.algorithms import plan_exploration  # noqa: PLC0415
+        from radarsim.addons.web.algorithms import explore  # noqa: PLC0415
 
         name = request.robot
         colours = self._colours.get(name, DEFAULT_COLOURS)
-        self._begin("explore", name, plan_exploration(request, colours))
+        self._begin("explore", name, partial(explore, request, colours))
         # Only now, as a task that is refused leaves the map as it was.
         self._stop_map(name)  # the explorer's own is shown
 
@@ -117,7 +118,7 @@ class Activities:
             task.cancel()
             # Servers hold the last speeds, and the thread of the task may notice late.
             task.robot.set_wheels(0.0, 0.0)
-            self._tell_state(task, "cancelled")
+            self._send_state(task, "cancelled")
 
     def switch_map(self, request: Map) -> None:
         """Make a map of a robot, or no more, or in other colours.
@@ -130,7 +131,7 @@ class Activities:
         self._colours[name] = request.colours
         if not request.on:
             self._stop_map(name)
-            self._tell({"op": "map", "robot": name, "png": None})
+            self._send({"op": "map", "robot": name, "png": None})
         elif name in self._makers:
             self._makers[name].colours = request.colours
         elif len(self._makers) >= MOST_MAPS:
@@ -138,8 +139,8 @@ class Activities:
         else:
             from radarsim.addons.web.algorithms import MapMaker  # noqa: PLC0415
 
-            tell, has_echoes = self._tell_threadsafe, self._robots.is_watching
-            self._makers[name] = MapMaker(view, request, tell, has_echoes=has_echoes)
+            send, has_echoes = self._send_threadsafe, self._robots.is_watching
+            self._makers[name] = MapMaker(view, request, send, has_echoes=has_echoes)
             self._on_change()
 
     def forget(self, robot: str) -> None:
@@ -157,7 +158,7 @@ class Activities:
 
     def safety_distance(self, robot: OwnRobot) -> float | None:
         """Return the distance that a robot keeps on its way, m; None if it has none."""
-        with suppress(NavigationError):  # which a drive tells as well
+        with suppress(NavigationError):  # which a drive reports as well
             return safety_distance_for(robot.info, self._wanted_distance, 0.0)
         return None
 
@@ -195,8 +196,8 @@ class Activities:
             BadRequest: If the robot cannot, or there are too many tasks.
         """
         own = self._robots.find_own(robot)
-        if own.hindrance is not None:
-            raise BadRequest(f"{robot!r} cannot go by itself: {own.hindrance}")
+        if own.refusal is not None:
+            raise BadRequest(f"{robot!r} cannot go by itself: {own.refusal}")
         self.stop(robot)
         # Those of cancelled tasks count: they compute until they next read or drive.
         if self._threads >= MOST_TASKS:
@@ -205,15 +206,15 @@ class Activities:
         task = RobotClient(own, kind, self._count, self.clock)
         self.running[robot] = task
         self._threads += 1
-        self._tell_state(task, "running", text)
+        self._send_state(task, "running", text)
         threading.Thread(target=self._run, args=(task, work), daemon=True).start()
 
-    def _tell_threadsafe(self, message: dict[str, Any]) -> None:
-        self._call(self._tell, message)
+    def _send_threadsafe(self, message: dict[str, Any]) -> None:
+        self._call(self._send, message)
 
-    def _tell_state(self, task: RobotClient, state: str, text: str = "") -> None:
-        """Tell how a task stands; ``text`` says where it leads, or how it ended."""
-        self._tell(
+    def _send_state(self, task: RobotClient, state: str, text: str = "") -> None:
+        """Send the state of a task; ``text`` is its goal, or how it ended."""
+        self._send(
             {
                 "op": "task",
                 "id": task.number,
@@ -228,7 +229,7 @@ class Activities:
         """Do the work, in its thread."""
         state, text = "failed", "an error of the program"
         try:
-            text = work(task, self._tell_threadsafe)
+            text = work(task, self._send_threadsafe)
             state = "done"
         except RadarsimError as error:
             text = str(error)
@@ -241,7 +242,7 @@ class Activities:
         if self.running.get(task.robot.name) is task:  # else it was cancelled
             del self.running[task.robot.name]
             task.cancel()
-            self._tell_state(task, state, text)
+            self._send_state(task, state, text)
 
     def _call(self, function: Callable[..., None], *arguments: Any) -> None:
         with suppress(RuntimeError):  # the loop is closed
@@ -253,13 +254,13 @@ class Activities:
             maker.stop()
             self._on_change()
 
-    def _tell(self, message: dict[str, Any]) -> None:
-        """Tell all browsers, and those that come later."""
+    def _send(self, message: dict[str, Any]) -> None:
+        """Send a message to all browsers, and to those that come later."""
         op, robot = message["op"], message["robot"]
         if op == "task":  # frames say who drives
             self._on_change()
         text = encode_json(message)
-        # A thread may tell something of a robot that is gone by now.
+        # A thread may send a message about a robot that is gone by now.
         if robot in self._robots.views:
             self.newest[op, robot] = text
         self._viewers.broadcast(text, (op, robot, message.get("id")))

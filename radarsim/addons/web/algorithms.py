@@ -1,6 +1,6 @@
 """What robots do by themselves: drive to a goal, explore, and map what they sense.
 
-All of it blocks, and so runs in threads; it tells what happens as messages.
+All of it blocks, and so runs in threads; it reports progress as messages.
 """
 
 import base64
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from radarsim.addons.web.own_robot import RobotClient, Tell, Work
+from radarsim.addons.web.own_robot import RobotClient, Send
 from radarsim.addons.web.requests import BadRequest, Colours, Explore, Goto, Map
 from radarsim.addons.web.robot_view import RobotView
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
@@ -63,12 +63,22 @@ def _every(interval: float) -> Callable[[], bool]:
     return is_due
 
 
-def plan_drive(request: Goto, safety_distance: float | None) -> Work:
-    """Plan a drive to a goal, which tells the path.
+def drive_to_goal(
+    request: Goto, safety_distance: float | None, client: RobotClient, send: Send
+) -> str:
+    """Drive to a goal, and send the path meanwhile.
 
     Args:
         request: Algorithm and goal.
         safety_distance: m; None for the least one that suits the robot.
+        client: The client of the robot.
+        send: Called with messages.
+
+    Returns:
+        How it went, in words.
+
+    Raises:
+        RadarsimError: If the goal is not reached.
     """
     mission = Mission(
         algorithm=request.algorithm,
@@ -78,70 +88,66 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
         safety_distance=safety_distance,
         time_limit=math.inf,
     )
+    run_log, is_due = RunLog(), _every(PATH_INTERVAL)
 
-    def drive(client: RobotClient, tell: Tell) -> str:
-        run_log = RunLog()
-        is_due = _every(PATH_INTERVAL)
+    def send_path() -> None:
+        path = describe_path(request.robot, run_log.path)
+        marks = {"hits": run_log.hit_points, "leaves": run_log.leave_points}
+        aim = {"goal": request.goal, "heading": request.heading}
+        send({**path, **marks, **aim})
 
-        def tell_path() -> None:
-            path = describe_path(request.robot, run_log.path)
-            marks = {"hits": run_log.hit_points, "leaves": run_log.leave_points}
-            aim = {"goal": request.goal, "heading": request.heading}
-            tell({**path, **marks, **aim})
+    def observe(step: NavigationStep) -> None:
+        run_log.add(step)
+        if is_due():
+            send_path()
 
-        def observe(step: NavigationStep) -> None:
-            run_log.add(step)
-            if is_due():
-                tell_path()
-
-        try:
-            result = run_mission(client, mission, observe)
-        finally:
-            # Where a drive that failed has ended is of interest as well.
-            tell_path()
-        if result.outcome != "reached":
-            no_path = result.outcome == "no_path"
-            raise RadarsimError("there is no path" if no_path else result.outcome)
-        return f"{request}, in {result.time:.0f} s, {result.path_length:.1f} m"
-
-    return drive
+    try:
+        result = run_mission(client, mission, observe)
+    finally:
+        # Where a drive that failed has ended is of interest as well.
+        send_path()
+    if result.outcome != "reached":
+        no_path = result.outcome == "no_path"
+        raise RadarsimError("there is no path" if no_path else result.outcome)
+    return f"{request}, in {result.time:.0f} s, {result.path_length:.1f} m"
 
 
-def plan_exploration(request: Explore, colours: Colours) -> Work:
-    """Plan an exploration, which tells path and map.
+def explore(request: Explore, colours: Colours, client: RobotClient, send: Send) -> str:
+    """Explore, and send path and map meanwhile.
 
     Args:
         request: The strategy.
         colours: Colours of the map.
+        client: The client of the robot.
+        send: Called with messages.
+
+    Returns:
+        How it went, in words.
+
+    Raises:
+        RadarsimError: If the area is not explored.
     """
     plan = ExplorationPlan(strategy=request.strategy, pose=HERE)
     exploration = Exploration(plan, generator_for(0, request.robot))
+    is_path_due, is_map_due = _every(PATH_INTERVAL), _every(MAP_INTERVAL)
 
-    def explore(client: RobotClient, tell: Tell) -> str:
-        is_path_due, is_map_due = _every(PATH_INTERVAL), _every(MAP_INTERVAL)
+    def show(*, path: bool, grid: bool) -> None:
+        mapper = exploration.mapper
+        if mapper is None or not mapper.scans:
+            return
+        if path:
+            send(describe_path(request.robot, mapper.trajectory.rows()))
+        if grid:
+            send(describe_map(request.robot, mapper.grid, colours))
 
-        def show(*, path: bool, grid: bool) -> None:
-            mapper = exploration.mapper
-            if mapper is None or not mapper.scans:
-                return
-            if path:
-                tell(describe_path(request.robot, mapper.trajectory.rows()))
-            if grid:
-                tell(describe_map(request.robot, mapper.grid, colours))
-
-        def observe(_: str) -> None:
-            show(path=is_path_due(), grid=is_map_due())
-
-        try:
-            exploration.run(client, observe)
-        finally:
-            show(path=True, grid=True)
-        outcome, trip = exploration.outcome, exploration.trip
-        if outcome is not Outcome.EXPLORED:
-            raise RadarsimError(outcome.value.replace("_", " "))
-        return f"explored in {trip.time:.0f} s, {trip.length:.1f} m"
-
-    return explore
+    try:
+        exploration.run(client, lambda _: show(path=is_path_due(), grid=is_map_due()))
+    finally:
+        show(path=True, grid=True)
+    outcome, trip = exploration.outcome, exploration.trip
+    if outcome is not Outcome.EXPLORED:
+        raise RadarsimError(outcome.value.replace("_", " "))
+    return f"explored in {trip.time:.0f} s, {trip.length:.1f} m"
 
 
 def describe_path(robot: str, path: Floats) -> dict[str, Any]:
@@ -167,7 +173,7 @@ def describe_path(robot: str, path: Floats) -> dict[str, Any]:
 
 
 def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str, Any]:
-    """Return the message ``map``: a picture of what is sensed, and where it belongs.
+    """Return the message ``map``: a picture of the sensed part, and its place.
 
     The first row of the picture is the northernmost; ``origin`` is the south-western
     corner, m, map frame. ``legend`` has each colour in it with what it means.
@@ -216,22 +222,22 @@ class MapMaker:
     """
 
     def __init__(
-        self, robot: RobotView, request: Map, tell: Tell, *, has_echoes: bool
+        self, robot: RobotView, request: Map, send: Send, *, has_echoes: bool
     ) -> None:
         """Start.
 
         Args:
             robot: The robot, whose reports it takes until it is stopped.
             request: The scanner to map with, and the colours.
-            tell: Called with messages, in the maker's thread.
-            has_echoes: Whether the echoes of the scanner are told.
+            send: Called with messages, in the maker's thread.
+            has_echoes: Whether the server sends the echoes of the scanner.
 
         Raises:
             BadRequest: If it has no such scanner, or it has not scanned yet.
         """
         self.colours = request.colours
         self._robot = robot
-        self._tell = tell
+        self._send = send
         self._mapper = Mapper(
             _choose_scanner(robot, request.scanner),
             echo_wait=1.0 if has_echoes else 0.0,
@@ -261,7 +267,7 @@ class MapMaker:
                 if self._mapper.scans > shown and is_due():
                     shown = self._mapper.scans
                     grid = self._mapper.grid
-                    self._tell(describe_map(self._robot.name, grid, self.colours))
+                    self._send(describe_map(self._robot.name, grid, self.colours))
         except RadarsimError as error:
             log.warning("the map of %s ends: %s", self._robot.name, error)
 

@@ -1,6 +1,6 @@
 """``radarsim commander``: see, drive and explain robots in a browser.
 
-``serve --web`` runs it as a process of its own beside the server, with which it ends.
+``serve --web`` runs it in a second process, which ends with the server.
 """
 
 from __future__ import annotations
@@ -52,7 +52,6 @@ PROGRAM: Final = (
     "from radarsim.cli import main; main()"
 )
 OPTION: Final = "--web"
-LONGEST_TOKEN: Final = 200  # characters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +94,6 @@ class PageOptions:
     Attributes:
         web: Port of the web page; 0 takes a free one.
         web_host: Address on which browsers reach the page.
-        web_token_file: Read the token from here instead of making a new one.
         record_to: Folder in which the page's recordings get folders of their own.
     """
 
@@ -103,18 +101,15 @@ class PageOptions:
 
     web: Port = 8000
     web_host: Annotated[str, RARE] = "127.0.0.1"
-    web_token_file: Annotated[Path | None, RARE] = None
     record_to: Annotated[Path, Option(metavar="DIR", is_rare=True)] = Path()
 
     def words(self) -> list[str]:
         """Return them as words of a command line."""
         words = ["--web", str(self.web), "--web-host", self.web_host]
-        if self.web_token_file is not None:
-            words += ["--web-token-file", str(self.web_token_file)]
         return [*words, "--record-to", str(self.record_to)]
 
     def extension(self, served: ServedMap) -> CommanderExtension:
-        """Return the page beside a server."""
+        """Return the extension of a server that serves the page."""
         return CommanderExtension(self, served)
 
 
@@ -151,15 +146,20 @@ def commander(
     with cure_of_port({OPTION: page.web}):  # before imports that take long
         check_port(page.web_host, page.web)
     from radarsim.addons.web.program import serve_page
+    from radarsim.server.web_server import LOOPBACK, make_token
 
     config, drawn = server.config(), server.map or server.draw
     if server.recording is not None:
         config, drawn = conditions_of(server.recording, drawn)
     shown = _read_address() if child else server.connect or server.recording
     assert shown is not None  # one of them is required
-    if not child:  # else the parent says what is wrong with them, and ends
+    if not child:  # else the parent reports errors in them, and ends
         check_item_settings(config)
-    token = _find_token(page)
+    if page.web_host not in LOOPBACK:
+        print_message(
+            f"whoever reaches {page.web_host} and knows the token can drive the robots"
+        )
+    token = make_token()
 
     async def run() -> int:
         with exit_code_of_signal() as end:
@@ -190,16 +190,6 @@ def _read_address() -> tuple[str, int]:
     return host, int(port)
 
 
-def _find_token(page: PageOptions) -> str:
-    from radarsim.server.web_server import make_token
-
-    if page.web_host not in ("127.0.0.1", "localhost", "::1"):
-        print_message(
-            f"whoever reaches {page.web_host} and knows the token can drive the robots"
-        )
-    return read_token(page.web_token_file) if page.web_token_file else make_token()
-
-
 def conditions_of(
     folder: Path, drawn: str | None
 ) -> tuple[SimulationConfig, str | None]:
@@ -225,31 +215,8 @@ def conditions_of(
     return info.config(), drawn
 
 
-def read_token(path: Path) -> str:
-    """Read a token: the first line of a file.
-
-    Raises:
-        click.BadParameter: If there is none.
-    """
-    try:
-        with path.open(encoding="ascii") as file:
-            # Limited, as the file may be a device without an end; two more characters
-            # show that it is too long.
-            token = file.readline(LONGEST_TOKEN + 2).strip()
-    except OSError as error:
-        reason = describe_os_error(error)
-    except UnicodeError:
-        reason = "not ASCII"
-    else:
-        if 16 <= len(token) <= LONGEST_TOKEN and token.isprintable():
-            return token
-        reason = f"{len(token)} characters, expected 16 to {LONGEST_TOKEN}"
-    text = f"no token in {path}: {reason}"
-    raise click.BadParameter(text, param_hint="--web-token-file")
-
-
 def announce_commander(address: tuple[str, int], token: str) -> None:
-    """Tell on stdout, on one line, what a browser has to open."""
+    """Print the address for a browser on one line."""
     set_exit_code_of_sigterm(0)
     fragment = urlencode({"token": token})  # those of base64 have a plus, a blank else
     print_now(f"radarsim: commander on http://{join_address(*address)}/#{fragment}")
@@ -276,7 +243,7 @@ class WebOptions:
 
 
 class CommanderExtension(ServeExtension):
-    """A commander beside the server that it shows, in a process of its own."""
+    """A commander of the server that it shows, in a second process."""
 
     def __init__(self, page: PageOptions, served: ServedMap) -> None:
         """Plan a commander."""
@@ -309,9 +276,9 @@ class CommanderExtension(ServeExtension):
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
 
     def follow_pace(self, pace: Pace) -> None:
-        """Let browsers change the pace, and tell them of changes."""
+        """Let browsers change the pace, and send them changes."""
         self._pace = pace
-        pace.observers.append(self._tell_pace)
+        pace.observers.append(self._send_pace)
 
     async def start(self, address: str) -> None:  # noqa: ARG002
         """Note in which event loop the server runs."""
@@ -322,17 +289,17 @@ class CommanderExtension(ServeExtension):
         await asyncio.to_thread(self.close)
 
     def announce(self, address: tuple[str, int]) -> None:
-        """Tell it where the server listens."""
+        """Send it the address of the server."""
         host, port = address
-        self._tell(f"{ANY_ADDRESS.get(host, host)} {port}")
-        self._tell_pace()
+        self._send(f"{ANY_ADDRESS.get(host, host)} {port}")
+        self._send_pace()
 
-    def _tell_pace(self) -> None:
+    def _send_pace(self) -> None:
         if self._pace is not None:
             state = {"paused": self._pace.is_paused, "speed": self._pace.speed}
-            self._tell(json.dumps(state))
+            self._send(json.dumps(state))
 
-    def _tell(self, line: str) -> None:
+    def _send(self, line: str) -> None:
         if self._process is not None and self._process.stdin is not None:
             with suppress(OSError, ValueError):  # it has ended, and said why
                 self._process.stdin.write(f"{line}\n")
@@ -349,8 +316,7 @@ class CommanderExtension(ServeExtension):
         if process is None or process.stdin is None:
             return
         with suppress(OSError):
-            # The end of its input tells it to end, and leaves it time to do so in
-            # order.
+            # It ends in order when its input ends.
             process.stdin.close()
         try:
             process.wait(END_TIMEOUT)
@@ -359,7 +325,7 @@ class CommanderExtension(ServeExtension):
             process.wait()
 
     def _watch(self, process: subprocess.Popen[str]) -> None:
-        """Pass on what it prints and asks for, and tell when it ends by itself.
+        """Pass on its output and its requests, and print when it ends by itself.
 
         Robots are served on without it.
         """

@@ -1,6 +1,6 @@
-"""The commander: acts upon what browsers ask for, and tells them what there is.
+"""The commander: executes the requests of browsers, and sends them the state.
 
-Everything runs in one event loop. What takes long, such as spawning, is done beside it.
+Everything runs in one event loop, and long work, such as spawning, in tasks.
 """
 
 import asyncio
@@ -64,7 +64,7 @@ class Commander:
         self._activities = Activities(self._robots, self._viewers, self._robots_changed)
         self._robots.on_left = self._activities.forget
         link.on_link, link.on_reports = self._server_changed, self._show_reports
-        link.on_time, link.on_damage = self._time_changed, self._tell_error
+        link.on_time, link.on_damage = self._time_changed, self._send_error
         self._recording = RecordingSwitch(
             link.address, config, record_to, self._viewers, map_=map_
         )
@@ -103,7 +103,7 @@ class Commander:
             viewer.send(scene.plan, "scene")
 
     def join(self) -> Viewer:
-        """Add a browser, and tell it what there is."""
+        """Add a browser, and send it the state."""
         viewer = self._viewers.add()
         self._watch()
         self._greet(viewer)
@@ -111,7 +111,7 @@ class Commander:
             viewer.send(self._activities.scene.plan)
         viewer.send(self._recording.state, "recording")
         viewer.send(self._link.time_message(), "time")
-        self._tell_server(viewer)
+        self._send_server(viewer)
         for text in self._activities.newest.values():
             viewer.send(text)
         # Also the first one is acknowledged, upon which others follow.
@@ -178,10 +178,10 @@ class Commander:
             raise BadRequest("no map is known; start the commander with --draw")
         viewer.send(self._activities.scene.triangles, "triangles")
 
-    # What browsers are told
+    # Messages to browsers
 
     def _greet(self, viewer: Viewer) -> None:
-        """Tell what the server and the program have."""
+        """Send the state of the server, and the choices of the program."""
         state, scene = self._link.state, self._activities.scene
         greeting = {
             "op": "hello",
@@ -206,7 +206,7 @@ class Commander:
         self._activities.clock.set_rate(0.0 if link.is_paused else link.speed)
         self._viewers.broadcast(link.time_message(), "time")
 
-    def _tell_error(self, text: str) -> None:
+    def _send_error(self, text: str) -> None:
         self._viewers.broadcast({"op": "error", "text": text})
 
     def _show_reports(self, reports: Sequence[Report]) -> None:
@@ -219,7 +219,7 @@ class Commander:
         self._viewers.update()
 
     def _watch(self) -> None:
-        """Ask the server for what is needed now, and no more for what is not."""
+        """Ask the server for the robots and echoes that are needed now."""
         looking = [viewer for viewer in self._viewers if viewer.is_looking]
         mapped = self._activities.mapped
         if looking or mapped:
@@ -242,13 +242,13 @@ class Commander:
             return
         for viewer in self._viewers:
             self._greet(viewer)
-            self._tell_server(viewer)
+            self._send_server(viewer)
         # After the greetings, so that a page has them when it is shown again.
         if was_lost:
             self._viewers.broadcast({"op": "found"}, "server")
 
-    def _tell_server(self, viewer: Viewer) -> None:
-        """Tell a browser what the server does not do."""
+    def _send_server(self, viewer: Viewer) -> None:
+        """Send a browser why the server is lost or shows no robots of others."""
         state = self._link.state
         if state.problem:
             viewer.send({"op": "lost", "text": state.problem}, "server")
@@ -264,7 +264,7 @@ class Commander:
             owners[name] = {
                 "mine": True,
                 "driver": robot.driver or work,
-                "hindrance": robot.hindrance,
+                "hindrance": robot.refusal,
                 "safety": safety,
                 "clearance": None if safety is None else least_clearance(safety),
             }

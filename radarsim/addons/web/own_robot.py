@@ -13,7 +13,6 @@ import math
 import queue
 import time
 from collections.abc import Awaitable, Callable, Sequence
-from contextlib import suppress
 from typing import Any, Final, NoReturn, TypeAlias
 
 from radarsim.addons.web.requests import FIRST_CLASS
@@ -26,7 +25,6 @@ from radarsim.protocol.reports import Report
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
 SENSORS: Final = ("SEN ",)  # how lines of sensors begin
-SILENCE: Final = 60.0  # s that one call waits for reports
 MOST_WAITING: Final = 1000  # times that reports arrive; beyond it the oldest are lost
 
 
@@ -36,7 +34,7 @@ class OwnRobot:
     Attributes:
         name: Name that was asked for.
         info: Dimensions, limits and scanners.
-        hindrance: Why it can do nothing by itself; None if it can.
+        refusal: Why it can do nothing by itself; None if it can.
         driver: Name of the viewer that drives it; None for none.
     """
 
@@ -60,7 +58,7 @@ class OwnRobot:
         """
         self.name = name
         self.info = info
-        self.hindrance = find_hindrance(info)
+        self.refusal = find_refusal(info)
         self.driver: str | None = None
         self._on_driver, self._on_reports = on_driver, on_reports
         self._are_sensors_left = False
@@ -156,18 +154,17 @@ class OwnRobot:
 
     def _post(self, subject: object, send: Callable[[], Awaitable[None]]) -> None:
         """Send a command soon; one of the same subject that still waits is dropped."""
-        # A server that is slow to read gets what is wanted now, and nothing old.
+        # A server that is slow to read gets the newest command, and nothing old.
         self._outbox.pop(subject, None)
         self._outbox[subject] = send
         self._wake.set()
 
     async def _read(self) -> NoReturn:
         while True:
-            with suppress(ClientTimeout):  # a server may pause
-                reports = await self._client.read(SILENCE)
-                self._on_reports(self, reports)
-                if self._reader is not None:
-                    self._reader(reports)
+            reports = await self._client.read(math.inf)  # a server may pause
+            self._on_reports(self, reports)
+            if self._reader is not None:
+                self._reader(reports)
 
     async def _send(self) -> NoReturn:
         while True:
@@ -177,7 +174,7 @@ class OwnRobot:
                 await self._outbox.pop(next(iter(self._outbox)))()
 
 
-def find_hindrance(robot: RobotInfo) -> str | None:
+def find_refusal(robot: RobotInfo) -> str | None:
     """Return why a robot cannot drive to a goal or explore; None if it can.
 
     Args:
@@ -304,6 +301,6 @@ class RobotClient(Client):
         self._loop.call_soon_threadsafe(function, *arguments)
 
 
-Tell: TypeAlias = Callable[[dict[str, Any]], None]  # browsers, with a message
+Send: TypeAlias = Callable[[dict[str, Any]], None]  # browsers, with a message
 # What a robot does by itself: returns how it went, in words, or raises why it did not.
-Work: TypeAlias = Callable[[RobotClient, Tell], str]
+Work: TypeAlias = Callable[[RobotClient, Send], str]

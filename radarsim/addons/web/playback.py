@@ -1,23 +1,22 @@
 """Plays a recording to the commander, in place of a server.
 
 A bag has an index of its chunks, so that any second of it is read without the others.
-Robots are told of as a server tells of them that is watched: that they join and leave,
-and the lines that their clients were sent. Who goes back is told that all robots have
-left, and then again of those that were there, with the last second before.
+Robots are reported as by a watched server: that they join and leave, and the lines that
+their clients were sent. After a jump back all robots leave, and those of that time join
+again, with the lines of the second before.
 """
 
 import asyncio
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, Self, TypeAlias
+from typing import IO, Any, Final, NamedTuple, TypeAlias
 
 from mcap.reader import SeekingReader
 
 from radarsim.addons.recording.bag import (
     BROKEN,
     LARGEST_RECORD,
-    BagReader,
     decode_call,
 )
 from radarsim.addons.recording.bag_folder import RecordingInfo
@@ -30,7 +29,7 @@ from radarsim.addons.recording.recorders import (
 )
 from radarsim.addons.web.requests import BadRequest, Pace, Seek
 from radarsim.addons.web.server_link import Link, ServerState
-from radarsim.errors import MalformedMessage, RecordingError, describe_os_error
+from radarsim.errors import MalformedMessage, RecordingError
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import (
     RobotJoined,
@@ -43,8 +42,8 @@ from radarsim.protocol.watch import RobotChoice
 from radarsim.simulation.clock import seconds
 
 SECOND: Final = 1_000_000_000  # ns
-INTERVAL: Final = 0.05  # s between two looks at what is due
-BEFORE: Final = 1.0  # s of lines that tell how everything is at a time
+INTERVAL: Final = 0.05  # s between two checks for lines that are due
+BEFORE: Final = 1.0  # s of lines that show the state at a time
 FIRST_LOOK: Final = 0.2  # s after the first robot, when it has scanned
 
 
@@ -81,17 +80,17 @@ class RecordedLines:
     """
 
     def __init__(self, file: IO[bytes], info: RecordingInfo) -> None:
-        """Read which robots there are; ``open`` finds the file.
+        """Read which robots there are.
 
         Args:
-            file: The file, which is closed by ``close``.
+            file: The file of the bag.
             info: The conditions of the run.
 
         Raises:
             RecordingError: If it has no index, or nothing in it.
         """
         self.info = info
-        self._file = file
+        self._path = Path(file.name)
         self._reader = SeekingReader(
             file, validate_crcs=True, record_size_limit=LARGEST_RECORD
         )
@@ -105,31 +104,9 @@ class RecordedLines:
         self.robots = _find_robots(self._calls(TO_SERVER, None, None), self.end)
         first = next(self._calls(TO_CLIENT, None, None), None)
         if first is None:
-            text = f"nothing was sent in {file.name}, expected a robot at least"
+            text = f"nothing was sent in {self._path}, expected a robot at least"
             raise RecordingError(text)
         self.start = seconds(first.tick)
-
-    @classmethod
-    def open(cls, folder: Path) -> Self:
-        """Open the recording in a folder.
-
-        Raises:
-            RecordingError: If there is none, or it cannot be read.
-        """
-        bag = BagReader(folder)
-        try:
-            file = bag.path.open("rb")
-        except OSError as error:
-            raise RecordingError(f"{bag.path}: {describe_os_error(error)}") from error
-        try:
-            return cls(file, bag.info)
-        except BaseException:
-            file.close()
-            raise
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def read(self, second: int) -> list[TimedLine]:
         """Return the lines from a second on up to the next one, in order.
@@ -170,13 +147,12 @@ class RecordedLines:
         try:
             for schema, _, message in found:
                 yield decode_call(schema.name if schema else "", message.data)
-        except (*BROKEN, OSError) as error:
+        except BROKEN as error:
             raise RecordingError(self._describe(f"is damaged: {error}")) from error
 
     def _describe(self, problem: str) -> str:
-        folder = Path(self._file.name).parent
-        cure = f"'radarsim recording repair {folder}' keeps what can be read"
-        return f"{self._file.name} {problem}; {cure}"
+        command = f"radarsim recording repair {self._path.parent}"
+        return f"{self._path} {problem}; {command!r} keeps what can be read"
 
 
 def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
@@ -194,11 +170,9 @@ def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
         if call.type is EventType.DISCONNECT:
             leave(call.client, time)
         elif call.type is EventType.RECEIVE:
-            for spawned in map(spawned_robot, call.data.decode("latin-1").splitlines()):
-                if spawned is None:
-                    continue
+            lines = call.data.decode("latin-1").splitlines()
+            for wanted, class_name in filter(None, map(spawned_robot, lines)):
                 leave(call.client, time)
-                wanted, class_name = spawned
                 name = _unique(wanted or class_name or UNNAMED, taken)
                 current[call.client] = len(robots)
                 robots.append(RecordedRobot(call.client, name, class_name, time, end))
@@ -224,7 +198,7 @@ class Playback(Link):
         """Stand where the first robot is there.
 
         Args:
-            recording: What is played.
+            recording: The recording.
         """
         level = recording.info.level or recording.info.map  # which older ones lack
         super().__init__(None, ServerState(level, watches=True, problem=""))
@@ -255,7 +229,7 @@ class Playback(Link):
         return {**super().time_message(), **times}
 
     def change_pace(self, request: Pace) -> None:
-        """See ``Link.change_pace``; who goes on at the end begins anew."""
+        """See ``Link.change_pace``; at the end it begins again."""
         paused = self.is_paused if request.paused is None else request.paused
         if request.step is not None:
             paused = True
@@ -290,22 +264,19 @@ class Playback(Link):
             if wanted is not None:
                 await self._show(wanted)
             elif not self.is_paused:
-                await self._play(passed * self.speed)
+                end = self._recording.end
+                time = min(self._time + passed * self.speed, end)
+                await self._show(time)
+                if time >= end and self._wanted is None:
+                    self._set_pace(self.speed, True)
 
     def _go(self, time: float) -> None:
         # Only the newest place counts, however many are asked for meanwhile.
         self._wanted = time
         self._changed.set()
 
-    async def _play(self, duration: float) -> None:
-        end = self._recording.end
-        time = min(self._time + duration, end)
-        await self._show(time)
-        if time >= end and self._wanted is None:
-            self._set_pace(self.speed, True)
-
     async def _show(self, time: float) -> None:
-        """Tell what was sent up to a time since the one before, or a little before."""
+        """Report the lines up to a time, from the last one or a little before it on."""
         since = self._time
         if time < since:
             self.on_reports([RobotLeft(name) for name in sorted(self._present)])
@@ -316,11 +287,11 @@ class Playback(Link):
         if self._wanted is not None:  # meanwhile somebody went elsewhere
             return
         self._time = time
-        self._tell_robots(time)
+        self._report_robots(time)
         self.on_reports([line for line in lines if line.robot in self._present])
 
-    def _tell_robots(self, time: float) -> None:
-        """Tell which robots have joined and left up to a time."""
+    def _report_robots(self, time: float) -> None:
+        """Report the robots that have joined and left up to a time."""
         robots = self._recording.robots
         there = {r.name: r for r in robots if r.joined <= time <= r.left}
         gone = sorted(self._present - there.keys())

@@ -1,15 +1,15 @@
-"""The program: serves the page and talks to browsers, until it is told to end.
+"""The program: serves the page and talks to browsers, until it has to end.
 
 By HTTP it sends the files of the page; all else goes over the WebSocket of each
-browser, of which the first message has to have the token. A browser may send only so
-many messages in a second.
+browser, whose first message has to have the token. The number of messages that a
+browser may send in a second is limited.
 """
 
 import asyncio
 import mimetypes
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 PAGE: Final = Path(__file__).parent / "page"
 HELLO_TIMEOUT: Final = 5.0  # s
-# Why a WebSocket was closed, beside the codes of the protocol.
+# Why a WebSocket was closed, in addition to the codes of the protocol.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
 # Not left to the tables of the system, where scripts may be plain text.
 mimetypes.add_type("text/css", ".css")
@@ -86,13 +86,15 @@ async def serve_page(
         address = listening.getsockname()[:2]
         link: Link
         if isinstance(server, Path):
+            from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415
             from radarsim.addons.web.playback import (  # noqa: PLC0415
                 Playback,
                 RecordedLines,
             )
 
-            recording = stack.enter_context(closing(RecordedLines.open(server)))
-            link = Playback(recording)
+            bag = BagReader(server)
+            lines = RecordedLines(stack.enter_context(bag.open()), bag.info)
+            link = Playback(lines)
         elif is_child:
             link = ParentLink(server)
             link.follow(end)
@@ -108,7 +110,7 @@ async def serve_page(
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
                 return
-            loading.result()  # raises what is wrong with the map
+            loading.result()  # raises errors of the map
         working = asyncio.ensure_future(_work(commander, loading))
         serving = asyncio.ensure_future(web.serve([listening]))
         try:
@@ -194,10 +196,10 @@ async def _await_hello(socket: WebSocket, token: str) -> int | None:
     try:
         # Sockets that say nothing must not use up the connections of the server.
         async with asyncio.timeout(HELLO_TIMEOUT):
-            hello = parse_request(await _receive(socket))
+            hello = parse_request(await socket.receive_text())
     except TimeoutError:
         return NO_HELLO
-    except BadRequest:
+    except (BadRequest, KeyError):  # bytes have no text
         return WRONG_TOKEN
     if isinstance(hello, Hello) and is_token(hello.token, token):
         return None
@@ -205,7 +207,7 @@ async def _await_hello(socket: WebSocket, token: str) -> int | None:
 
 
 async def _talk(socket: WebSocket, commander: Commander) -> None:
-    """Pass on what a browser says and is told, until either side ends it."""
+    """Pass on messages of a browser and to it, until either side ends it."""
     viewer = commander.join()
 
     async def hear() -> int:
@@ -214,7 +216,7 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
         newest: deque[float] = deque(maxlen=MESSAGES_PER_SECOND)
         while len(newest) < MESSAGES_PER_SECOND or clock() - newest[0] >= 1.0:
             newest.append(clock())
-            text = await _receive(socket)
+            text = await socket.receive_text()
             try:
                 commander.act(viewer, parse_request(text))
             except RadarsimError as error:
@@ -231,21 +233,9 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
                     await socket.send_bytes(data)
         return SLOW
 
-    with suppress(RuntimeError):  # it is closed already
+    with suppress(RuntimeError, KeyError):  # it is closed already, or sends bytes
         try:
             code: int = await first_of(send(), hear())
         finally:
             commander.leave(viewer)
         await socket.close(code)
-
-
-async def _receive(socket: WebSocket) -> str:
-    """Return the next message; one that is too long is left to the web server.
-
-    Raises:
-        WebSocketDisconnect: If the browser is gone.
-    """
-    message = await socket.receive()
-    if message["type"] == "websocket.disconnect":
-        raise WebSocketDisconnect(message.get("code", 1005))
-    return message.get("text") or ""  # bytes are no request

@@ -1,29 +1,23 @@
 """Recordings of all robots of a server, which the page begins and ends, one at a time.
 
 A recording has a connection of its own that watches the robots, and is none of those
-that show them: what is recorded does not depend on who looks. Another process writes
+that show them: a recording does not depend on open pages. Another process writes
 the files.
 """
 
 import asyncio
-from contextlib import suppress
+import math
 from datetime import datetime
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from radarsim.addons.recording.bag_folder import (
-    RecordingInfo,
-    check_installed,
-    create_folder,
-)
+from radarsim.addons.recording.bag_folder import RecordingInfo, check_installed
 from radarsim.addons.web.requests import BadRequest
 from radarsim.addons.web.viewers import Viewers
-from radarsim.client import AsyncClient, ClientTimeout
+from radarsim.client import AsyncClient
 from radarsim.errors import RadarsimError, RecordingError
 from radarsim.simulation.config import SimulationConfig
-
-SILENCE: Final = 60.0  # s that one call waits for reports
 
 
 class RecordingSwitch:
@@ -48,7 +42,7 @@ class RecordingSwitch:
             server: Host and port of the server; None if a recording is played.
             config: How the server was started, as far as it is known.
             folder: Folder in which each recording gets one of its own.
-            viewers: Who is told.
+            viewers: The browsers, which get the state.
             map_: The map that is shown.
         """
         self._server = server
@@ -60,7 +54,7 @@ class RecordingSwitch:
         self.state: dict[str, Any] = {"op": "recording", "on": False, "text": ""}
 
     def switch(self, on: bool) -> None:
-        """Begin to record, or end it; what is so already stays so.
+        """Begin to record, or end it; no change if that is the state already.
 
         Raises:
             BadRequest: If the recording before is still being completed.
@@ -91,12 +85,12 @@ class RecordingSwitch:
         try:
             await self._record_to(server, folder)
         except asyncio.CancelledError:
-            self._tell(False, f"Recorded in {folder}")
+            self._send_state(False, f"Recorded in {folder}")
         except RadarsimError as error:
             # What was recorded until a connection was lost is complete.
             is_cut = isinstance(error, RecordingError)
             text = f"{folder} is not complete" if is_cut else f"Recorded in {folder}"
-            self._tell(False, text if self.state["on"] else "")
+            self._send_state(False, text if self.state["on"] else "")
             self._viewers.broadcast({"op": "error", "text": f"recording: {error}"})
         finally:
             self._task = None
@@ -126,25 +120,23 @@ class RecordingSwitch:
             level = (await client.greeting()).level
             # All robots with all echoes, whatever the pages look at.
             await client.watch(echoes=True)
-            await asyncio.to_thread(create_folder, folder)
             drawn = _lasting_name(self._map)
             info = RecordingInfo.of_config(self._config, level=level, drawn_map=drawn)
             process = await asyncio.to_thread(RecordingProcess, folder, info)
             recorder = WatchRecorder(process.add)
             try:
-                self._tell(True, f"Records to {folder}")
+                self._send_state(True, f"Records to {folder}")
                 while not process.has_ended:
-                    with suppress(ClientTimeout):
-                        asked = map(recorder.take, await client.read(SILENCE))
-                        await client.send(b"".join(asked))
+                    asked = map(recorder.take, await client.read(math.inf))
+                    await client.send(b"".join(asked))
             finally:
                 recorder.end()
                 if not await asyncio.to_thread(process.close):
                     text = f"{folder} is not complete: is the disk full?"
                     # also if it was cancelled, which would say that all is well
-                    raise RecordingError(f"{text} radarsim's terminal tells why")
+                    raise RecordingError(f"{text} radarsim's terminal shows the reason")
 
-    def _tell(self, on: bool, text: str) -> None:
+    def _send_state(self, on: bool, text: str) -> None:
         self.state = {"op": "recording", "on": on, "text": text}
         self._viewers.broadcast(self.state, "recording")
 

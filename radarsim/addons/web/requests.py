@@ -1,6 +1,6 @@
 """What the page may ask for: one class for each kind of message, checked when parsed.
 
-A message is a JSON object whose ``op`` tells its kind. Keys that a kind does not have,
+A message is a JSON object whose ``op`` names its kind. Keys that a kind does not have,
 and values of another type, are errors.
 
 Many a message names something that the program has: a class, an algorithm, a setting.
@@ -8,22 +8,12 @@ The page offers what ``make_offers`` lists, which comes from the program's own t
 so that none is old. Names are those of the program; labels are for people.
 """
 
-import functools
 import math
-import operator
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    TypeAdapter,
-    ValidationError,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from radarsim.autonomy.plans import Algorithm, StrategyName
 from radarsim.errors import RadarsimError, expected_one_of
@@ -172,7 +162,7 @@ class Record(Request):
 
 
 class Pace(Request):
-    """Pause, go on, pause after a step in s, or change the speed; what is None stays.
+    """Pause, go on, pause after a step in s, or change the speed; None keeps a value.
 
     The speed is in simulated seconds per second.
     """
@@ -198,16 +188,11 @@ class Ack(Request):
     t: Time | None = None
 
 
-def _op_of(message: Any) -> str | None:
-    op = message.get("op") if isinstance(message, dict) else None
-    return op if isinstance(op, str) else None
+class _AnyRequest(BaseModel):
+    op: str
 
 
 _KINDS: Final = {kind.__name__.lower(): kind for kind in Request.__subclasses__()}
-# ``op`` chooses among all kinds, so that errors are those of one kind.
-_TAGGED: Any = [Annotated[kind, Tag(op)] for op, kind in _KINDS.items()]
-_ANY: Any = Annotated[functools.reduce(operator.or_, _TAGGED), Discriminator(_op_of)]
-_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(_ANY)
 
 
 def parse_request(text: str) -> Request:
@@ -218,18 +203,17 @@ def parse_request(text: str) -> Request:
             the first of them.
     """
     try:
-        return _ADAPTER.validate_json(text)
+        op = _AnyRequest.model_validate_json(text).op
+        if op in _KINDS:
+            return _KINDS[op].model_validate_json(text)
+        problem = f"op {expected_one_of(op, [*_KINDS])}"
     except ValidationError as error:
-        problem = error.errors()[0]
-    place = ".".join(str(step) for step in problem["loc"])
-    text = f"{place or 'message'}: {describe_invalid(problem)}"
-    if problem["type"] == "union_tag_invalid":
-        text = f"op {expected_one_of(problem['ctx']['tag'], [*_KINDS])}"
-    elif problem["type"] == "union_tag_not_found":
-        text = "message: expected an object whose op is a text"
-    elif problem["type"] == "json_invalid":
-        text = problem["msg"]
-    raise BadRequest(text)
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "message"
+        problem = f"{place}: {describe_invalid(first)}"
+        if first["type"] == "json_invalid":
+            problem = first["msg"]
+    raise BadRequest(problem)
 
 
 # What slides, the most useful first: smallest and greatest value, and step. Others take

@@ -1,9 +1,9 @@
-"""What is known of one robot, by what its client is sent, and how pages are told.
+"""The state of one robot, by the lines to its client, and frames for pages.
 
 The newest state of all robots is a frame, which is binary. It begins with the length of
 a JSON header as four bytes, the least significant first. After the header follow the
-ranges of all scans as whole centimetres of two bytes each, likewise; the header tells
-where those of a scan begin.
+ranges of all scans as whole centimetres of two bytes each, likewise; the header has
+the offsets of scans.
 """
 
 import json
@@ -29,7 +29,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.reports import EchoLine, RangeScan, Report, TargetEchoes
 from radarsim.scene.material import Material
 from radarsim.simulation.config import SimulationConfig
-from radarsim.validation import describe_invalid
+from radarsim.validation import describe_settings
 
 NO_RETURN: Final = 65535  # instead of a range in cm
 
@@ -65,7 +65,7 @@ class Scanner:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenScan:
-    """A scan with its echoes, as far as these were told.
+    """A scan with its echoes, if these were sent.
 
     Attributes:
         scan: The scan.
@@ -85,7 +85,7 @@ class RobotView(RobotState):
         name: Name of the robot.
         class_name: Name of its class.
         number: Number that no other robot has, the smallest when it came.
-        size: Length and width of the hull, m.
+        size: Length and width of the footprint, m.
         scans: The newest scan of each scanner, by its casefolded name.
         scanners: Scanners by their casefolded names.
         listeners: Called with each report.
@@ -129,7 +129,7 @@ class RobotView(RobotState):
         Args:
             config: How its items differ from their presets.
         """
-        # What is known already may have been changed since.
+        # Known settings may have been changed since.
         if any(scanner.settings for scanner in self.scanners.values()):
             return
         with suppress(PresetError):
@@ -191,9 +191,8 @@ class RobotView(RobotState):
                 json.dumps(settings), strict=True
             )
         except ValidationError as error:
-            problem = error.errors()[0]
-            path = ".".join(str(step) for step in problem["loc"]) or key
-            raise BadRequest(f"{path}: {describe_invalid(problem)}") from None
+            problems = describe_settings(error, SensorSettings)
+            raise BadRequest(problems[0]) from None
         self._last_change = scanner, scanner.settings
         # As they are shown, so that numbers stay numbers.
         scanner.settings = changed.model_dump(mode="json", exclude={"medium"})
@@ -216,7 +215,7 @@ class RobotView(RobotState):
         Args:
             pose: Where it is.
             parts: Ranges of scans in the frame, to which its own are appended.
-            is_selected: Whether settings and echoes are told, which are most of it.
+            is_selected: Whether settings and echoes are included, which are most of it.
         """
         seen = [*self.scans.values()]
         return {
@@ -259,7 +258,7 @@ class RobotView(RobotState):
             "kind": scanner.medium,
             "t": scan.time,
             "fov": scan.fov,
-            # from the number of beams: what the line tells has few digits
+            # from the number of beams: the resolution of the line has few digits
             "resolution": scan.fov / gaps if gaps > 0 else scan.resolution,
             "max": scanner.max_range,
             "x": round(mount.x, 4),
@@ -287,7 +286,7 @@ def encode_frame(
             viewer that drives it, ``task`` or None; why it can do nothing by itself;
             the distance that it keeps from obstacles on its way, and that of a goal
             from obstacles below which it is refused, m.
-        selected: Name of the robot whose echoes are told; None for none.
+        selected: Name of the robot whose echoes are included; None for none.
         time: The time that is shown, s; None for that of the newest report.
     """
     shown = [(robot, robot.pose) for robot in robots]

@@ -1,6 +1,6 @@
 """All robots that are known, and those of them that the commander spawned.
 
-What is told of a robot comes from the connection that watches all of them; of the
+Reports of a robot come from the connection that watches all of them; of the
 commander's own robots, by their own connections where the server lets nobody watch.
 """
 
@@ -30,18 +30,18 @@ MOST_VIEWS: Final = 2000  # robots that are known; a server has at most 1024
 ANSWER: Final = 5.0  # s that a server has to answer
 SPAWN_TIMEOUT: Final = 120.0  # s; a server may be busy
 PLAYED: Final = "a recording is played, in which robots do what they did"
-LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
+LONG_WAIT: Final = 4.0  # s for a robot, after which a browser gets the reason
 
 
 class Robots:
     """Robots by name.
 
     Attributes:
-        views: What is known of each robot.
+        views: The state of each robot.
         own: Robots that the commander spawned.
-        starts: Starts of the map, of which a robot gets the first free one.
-        is_watching: Whether the server tells of all robots now, so that the own
-            connections of robots need not be looked at.
+        starts: Starts of the map; a robot gets the first free one.
+        is_watching: Whether the server reports all robots now, so that the own
+            connections of robots need not be read.
         on_left: Called with the name of a robot that is gone.
     """
 
@@ -57,7 +57,7 @@ class Robots:
         Args:
             address: Host and port of the server; None if a recording is played.
             config: How the server was started, as far as it is known.
-            viewers: The browsers, which are told what happens to robots.
+            viewers: The browsers, which get news of robots.
             on_change: Called when there is something new to show.
         """
         self.views: dict[str, RobotView] = {}
@@ -84,7 +84,7 @@ class Robots:
         return self.own[name]
 
     def find(self, name: str) -> RobotView:
-        """Return what is known of a robot.
+        """Return the state of a robot.
 
         Raises:
             BadRequest: If there is none of that name.
@@ -132,7 +132,7 @@ class Robots:
         await asyncio.gather(*(self._remove(robot) for robot in [*self.own.values()]))
 
     def watch(self, reports: Iterable[Report]) -> None:
-        """Process what the server tells of all robots."""
+        """Process the reports of the server about all robots."""
         news = False
         for report in reports:
             match report:
@@ -156,7 +156,7 @@ class Robots:
             self._on_change()
 
     def forget_others(self) -> None:
-        """Forget robots of other clients, of which nothing more is heard."""
+        """Forget robots of other clients, which are not watched any more."""
         self._switch_watching(False)
         for name in self.views.keys() - self.own.keys():
             del self.views[name]
@@ -169,7 +169,7 @@ class Robots:
             robot.leave_sensors(on)
 
     def _begin(self, viewer: Viewer, work: Coroutine[Any, Any, None]) -> None:
-        """Do something beside all else, and tell the browser if it fails."""
+        """Do something in a task, and send the browser an error if it fails."""
 
         async def report() -> None:
             try:
@@ -182,14 +182,14 @@ class Robots:
         task.add_done_callback(self._tasks.discard)
 
     async def _spawn(self, viewer: Viewer, name: str, request: Spawn) -> None:
-        def tell_wait() -> None:
+        def send_wait() -> None:
             text = f"{name} is not there yet: there is no free place, or the server"
             text += " is paused or busy"
             viewer.send({"op": "notice", "text": text})
 
         start, pose = request.start, request.pose and Pose2(*request.pose)
         class_name, drive_unit = request.class_name, self._config.wheel_unit
-        waiting = asyncio.get_running_loop().call_later(LONG_WAIT, tell_wait)
+        waiting = asyncio.get_running_loop().call_later(LONG_WAIT, send_wait)
         assert self._address is not None  # ``spawn`` has refused
         try:
             client = await AsyncClient.connect(*self._address, timeout=ANSWER)
@@ -206,7 +206,7 @@ class Robots:
         finally:
             waiting.cancel()
             self._spawning.discard(name)
-        robot = OwnRobot(client, name, info, self._tell_driver, self._take_own)
+        robot = OwnRobot(client, name, info, self._send_driver, self._take_own)
         self._add(name, class_name).learn(info)
         self.own[name] = robot
         robot.leave_sensors(self.is_watching)
@@ -221,7 +221,7 @@ class Robots:
             # Not while it is being removed, and not for another one of that name.
             if self.own.get(robot.name) is robot:
                 self._forget(robot)
-                # Who drives it is told that this is an error, all others that it is so.
+                # An error for the browser that drives it, a notice for all others.
                 text = f"the robot {robot.name!r} is gone: {error}"
                 for viewer in self._viewers:
                     op = "error" if robot.driver == viewer.name else "notice"
@@ -239,12 +239,12 @@ class Robots:
         self._on_change()
 
     def _add(self, name: str, class_name: str) -> RobotView:
-        """Add a robot, if it is not known yet, and return what is known of it."""
+        """Add a robot, if it is not known yet, and return its state."""
         view = self.views.get(name)
         if view is None:
             config = self._config if self.is_watching else None
             view = RobotView(name, class_name, config)
-            # A server that tells of ever new robots must not fill the memory.
+            # A server that reports ever new robots must not fill the memory.
             if len(self.views) < MOST_VIEWS:
                 taken = {each.number for each in self.views.values()}
                 view.number = next(n for n in range(len(taken) + 1) if n not in taken)
@@ -268,7 +268,7 @@ class Robots:
             if any(news):
                 self._on_change()
 
-    def _tell_driver(self, robot: OwnRobot) -> None:
+    def _send_driver(self, robot: OwnRobot) -> None:
         message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}
         self._viewers.broadcast(message, ("driver", robot.name))
         self._viewers.update()

@@ -19,7 +19,7 @@ _SENT_DIGITS: Final = 3  # millimetres
 
 
 class SceneMessages:
-    """A map as it is told to browsers.
+    """A map as browsers get it.
 
     Attributes:
         plan: The message ``scene``, as JSON.
@@ -127,7 +127,7 @@ def _lines(segments: Floats) -> Iterable[Floats]:
     """Join line segments, (S, 2, 2) m, to rings, or else to lines."""
     if not len(segments):
         return ()
-    # The outline of what is enclosed: walls inside of an obstacle are not drawn.
+    # The outline of the enclosed area: walls inside of an obstacle are not drawn.
     joined = shapely.boundary(enclosed_area(segments))
     if shapely.is_empty(joined):
         ends = np.round(segments, _DIGITS)

@@ -1,13 +1,14 @@
-"""The connection that sees the robots of all clients, and what lets their time pass.
+"""The connection that watches the robots of all clients, and the pace of their time.
 
-The connection is opened again when it is lost. The server is asked to tell what
-somebody looks at, and nothing else. Copies of the robots' lines take time of the
+The connection is opened again when it is lost. The server is asked only for reports
+that a page shows. Copies of the robots' lines take time of the
 server, echoes far more. Without a page on a screen, and without a map that is being
-made, the server tells nothing.
+made, the server sends nothing.
 """
 
 import asyncio
 import logging
+import math
 import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
@@ -25,9 +26,8 @@ log = logging.getLogger("radarsim.commander")
 
 UNCONNECTED: Final = "not connected yet"
 RETRY: Final = 1.0  # s between two attempts to connect
-ASK_AGAIN: Final = 5.0  # s after the server has refused to tell of all robots
+ASK_AGAIN: Final = 5.0  # s after the server has refused to be watched
 ANSWER: Final = 5.0  # s that the server has to answer
-SILENCE: Final = 60.0  # s that one call waits for reports
 FOREIGN: Final = (
     "this page has not started the server; 'radarsim serve MAP --web PORT' has a page"
     " that can"
@@ -36,13 +36,13 @@ FOREIGN: Final = (
 
 @dataclass(slots=True)
 class ServerState:
-    """What is known of the server.
+    """The state of the server.
 
     Attributes:
         level: Name of its map.
         starts: Start poses by name.
-        watches: Whether it tells of robots of other clients when it is asked to, as not
-            every server does.
+        watches: Whether it reports robots of other clients on request, as not every
+            server does.
         refusal: Why it does not at present; empty if it has not said so.
         problem: Why there is no connection; empty while there is one.
     """
@@ -59,11 +59,11 @@ class Link:
 
     Attributes:
         address: Host and port of the server; None if a recording is played.
-        state: What is known of the server.
+        state: The state of the server.
         speed: Simulated seconds in one second of the wall clock.
         is_paused: Whether time passes only by steps.
         on_link: Called when the connection is there, when it is lost, and when the
-            server turns out to tell of robots, or refuses to.
+            server turns out to report robots, or refuses to.
         on_reports: Called with reports of all robots.
         on_time: Called when speed or pause have changed.
         on_damage: Called with a text on a part that cannot be read.
@@ -118,8 +118,8 @@ class Link:
         """Watch all robots from now on, or none.
 
         Args:
-            echoes: Names of the robots of which echoes are told as well; None to watch
-                no robot.
+            echoes: Names of the robots whose echoes are sent as well; None to watch no
+                robot.
         """
 
     async def run(self) -> None:
@@ -149,7 +149,7 @@ class ServerLink(Link):
                 await self._connect()
             except ClientError as error:
                 self._client = None
-                # Each attempt fails alike; browsers are told once.
+                # Each attempt fails alike; browsers get it once.
                 if self.state.problem == UNCONNECTED:
                     log.warning("waiting for a server: %s", error)
                 if self.state.problem != str(error):
@@ -170,7 +170,7 @@ class ServerLink(Link):
             self._asking = asyncio.ensure_future(self._ask(self._client))
 
     async def _connect(self) -> None:
-        """Ask for what is needed, and listen until the connection is lost.
+        """Ask for the needed reports, and read until the connection is lost.
 
         Raises:
             ClientError: When it is lost, or cannot be opened.
@@ -183,11 +183,10 @@ class ServerLink(Link):
             self.state = ServerState(level, starts, problem="")
             self._client = client
             self.on_link()
-            # What was asked for before there was this connection.
+            # Requests from before this connection.
             await self._ask(client)
             while True:
-                with suppress(ClientTimeout):
-                    self._take(await client.read(SILENCE))
+                self._take(await client.read(math.inf))
 
     async def _ask(self, client: AsyncClient) -> None:
         with suppress(ClientError):  # who reads notices that it is lost
@@ -222,8 +221,8 @@ class ServerLink(Link):
 class ParentLink(ServerLink):
     """A link to the server that runs in the parent process, whose time it controls.
 
-    Requests go to the parent on stdout, a line of JSON each; the parent tells the state
-    on stdin, likewise.
+    Requests go to the parent on stdout, a line of JSON each; the parent writes the
+    state to stdin, likewise.
     """
 
     refusal = ""
@@ -234,13 +233,13 @@ class ParentLink(ServerLink):
         sys.stdout.flush()
 
     def follow(self, exit_code: asyncio.Future[int]) -> None:
-        """Take what the parent tells of time; an exit code of 0 at its end."""
+        """Read the pace from the parent; an exit code of 0 at its end."""
         loop = asyncio.get_running_loop()
 
         def take(line: str) -> None:
-            told = Pace.model_validate_json(line)
-            speed = self.speed if told.speed is None else told.speed
-            self._set_pace(speed, bool(told.paused))
+            pace = Pace.model_validate_json(line)
+            speed = self.speed if pace.speed is None else pace.speed
+            self._set_pace(speed, bool(pace.paused))
 
         def end() -> None:
             if not exit_code.done():

@@ -51,7 +51,7 @@ class Viewer:
             subject: A message of the same subject that still waits is replaced.
         """
         if len(self._texts) >= MOST_TEXTS:
-            # Its conversation ends it: this is called while all browsers are told.
+            # Its own task closes it: this is called in a loop over all browsers.
             self._is_gone = True
         else:
             key = object() if subject is None else subject
@@ -67,7 +67,7 @@ class Viewer:
         self._wake.set()
 
     async def outgoing(self) -> AsyncIterator[str | bytes]:
-        """Yield what is to be sent, as it comes.
+        """Yield messages and frames to send, as they come.
 
         Raises:
             SlowViewer: If too much waits.
@@ -126,7 +126,7 @@ class Viewers:
             viewer.send(text, subject)
 
     def update(self) -> None:
-        """Show all of them soon what is new."""
+        """Send all of them a new frame soon."""
         self._version += 1
         if self._timer is None:
             # After a pause a change is shown at once, else with others in one frame.

@@ -211,10 +211,8 @@ def test_recording_that_falls_behind_ends(
     monkeypatch.setattr(recording_process, "MAX_WAITING", 1000)
     program = "import sys; sys.stdin.buffer.read()"
     monkeypatch.setattr(recording_process, "PROGRAM", program)
-    folder = tmp_path / "run"
-    create_folder(folder)
     info = RecordingInfo(version="1")
-    process = RecordingProcess(folder, info)
+    process = RecordingProcess(tmp_path / "run", info)
     with caplog.at_level(logging.WARNING):
         for _ in range(3):
             process.add(RunEvent(EventType.RECEIVE, 1, 1, bytes(2_000_000)))

@@ -10,17 +10,9 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from radarsim.addons.testing import (
-    DEFAULTS,
-    UsarsimClient,
-    UsarsimServer,
-    make_host,
-)
-from radarsim.server.server_thread import ServerThread
+from radarsim.addons.testing import UsarsimClient, UsarsimServer, make_thread
 
 pytest_plugins = ["pytester"]
-
-OPTIONS = {**DEFAULTS, "map": "empty_room"}
 
 STRICT_INI = """
 [pytest]
@@ -190,18 +182,18 @@ def test_server_that_cannot_start_fails_the_setup_with_one_line(
     result.stdout.fnmatch_lines(
         [
             f"{start}forest: no such file*, expected a map file or one of *empty_room*",
-            f"{start}seed -1, expected at least 0",
-            f"{start}speed 0, expected more than 0",
-            f"{start}dialect 'ude'*, expected 'compat' or 'udk'",
+            f"{start}seed: -1, expected at least 0",
+            f"{start}speed: 0, expected more than 0",
+            f"{start}dialect: 'ude'*, expected 'compat' or 'udk'",
             f"{start}item 'lms201'*, expected one of *",
-            "mark usarsim(sed), expected some of * by name",
-            f"{start}speed 'fast', expected a number",
-            f"{start}seed 1.5, expected a whole number",
-            f"{start}map 3, expected text",
-            f"{start}dialect None, expected 'compat' or 'udk'",
-            f"{start}settings 5, expected keys with values",
-            f"{start}settings 'max_range=5', expected keys with values",
-            "mark usarsim('forest'), expected some of * by name",
+            f"{start}no setting 'sed' (did you mean 'seed'?), expected one of *",
+            f"{start}speed: 'fast', expected a number",
+            f"{start}seed: 1.5, expected a whole number",
+            f"{start}map*: 3, expected text",
+            f"{start}dialect: None, expected 'compat' or 'udk'",
+            f"{start}settings.lms200: 5, expected keys with values",
+            f"{start}settings: 'max_range=5', expected keys with values",
+            f"{start}mark usarsim('forest',), expected options by name",
         ]
     )
     result.stdout.no_fnmatch_line("*another exception*")
@@ -280,14 +272,14 @@ def files_left(count: int) -> Iterator[None]:
 
 
 def test_start_fails_when_no_socket_is_left() -> None:
-    thread = ServerThread(make_host(OPTIONS), speed=1.0)
+    thread = make_thread({"map": "empty_room"})
     with files_left(3), pytest.raises(ExceptionGroup, match="usarsim_server failed"):
         thread.begin()  # the loop takes three
     assert not thread.is_alive()
 
 
 def test_server_thread_stops_while_clients_are_connected() -> None:
-    thread = ServerThread(make_host(OPTIONS), speed=1.0)
+    thread = make_thread({"map": "empty_room"})
     server = UsarsimServer(*thread.begin())
     clients = [UsarsimClient(server.address) for _ in range(10)]
     for client in clients:

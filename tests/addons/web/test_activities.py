@@ -31,14 +31,12 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended(
 
     ways = dict.fromkeys(("read_by", "set_wheels"), lambda *_: None)
     robots: Any = SimpleNamespace(
-        find_own=lambda name: SimpleNamespace(name=name, hindrance=None, **ways),
+        find_own=lambda name: SimpleNamespace(name=name, refusal=None, **ways),
         views={},
     )
     viewers: Any = SimpleNamespace(broadcast=broadcast)
     activities = Activities(robots, viewers, lambda: None)
-    monkeypatch.setattr(
-        "radarsim.addons.web.algorithms.plan_exploration", lambda *_: wait
-    )
+    monkeypatch.setattr("radarsim.addons.web.algorithms.explore", wait)
 
     def explore(robot: str) -> None:
         activities.explore(Explore(robot=robot, strategy=StrategyName.FRONTIERS))
