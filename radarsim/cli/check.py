@@ -189,7 +189,8 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
         if lines:
             print_lines((title, *(f"  {line}" for line in lines)))
     if plot is not None:
-        from radarsim.plotting.scans import draw_scene
+        from radarsim.plotting.plan import plot_scene
+        from radarsim.plotting.style import figure_of, render
 
-        write_picture(plot, draw_scene(scene, form=form))
+        write_picture(plot, render(figure_of(plot_scene(scene)), form))
     return int(strict and any(doubts.values()))

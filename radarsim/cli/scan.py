@@ -17,6 +17,7 @@ from annotated_types import Ge
 
 from radarsim.cli.fields import MapName, OutputFile, Seed, SensorName, Setting
 from radarsim.cli.output import (
+    PICTURE_FORMS,
     check_writable,
     list_endings,
     print_bytes,
@@ -45,11 +46,6 @@ class ScanFormat(StrEnum):
     PNG = "png"
     SVG = "svg"
     PDF = "pdf"
-
-    @property
-    def is_picture(self) -> bool:
-        """Whether it shows the scans instead of listing their numbers."""
-        return self not in (ScanFormat.JSON, ScanFormat.CSV)
 
 
 def _read_pose(text: str) -> tuple[float, ...]:
@@ -157,7 +153,7 @@ def scan(
     is_terminal = sys.stdout.isatty()
     if output is not None:
         write_file(output, _as_bytes(scans, scene, plan.start, chosen))
-    elif is_terminal and chosen.is_picture:
+    elif is_terminal and chosen in PICTURE_FORMS:
         raise click.BadParameter("a picture for a terminal, expected -o FILE")
     elif is_terminal and format_ is None:
         print_lines(_summary(scans))
@@ -216,12 +212,13 @@ def _as_bytes(
     if form is ScanFormat.CSV:
         return _as_csv(scans).encode()
     from radarsim.geometry import Pose2
-    from radarsim.plotting.scans import draw_scans
+    from radarsim.plotting.scans import plot_scans
+    from radarsim.plotting.style import render
 
     found = None if start is None else scene.start(start)
     at = None if found is None else found.pose
     robot = None if at is None else Pose2(at.x, at.y, at.yaw)
-    return draw_scans(scene, scans, robot=robot, form=form.value)
+    return render(plot_scans(scene, scans, robot=robot), form.value)
 
 
 def _as_csv(scans: list[Scan]) -> str:

@@ -28,7 +28,7 @@ from radarsim.autonomy.mapping.occupancy_grid import (
     distance_field,
 )
 from radarsim.autonomy.navigation.grid_search import flood_fill
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
@@ -247,7 +247,6 @@ def _with_scene(frame: GridFrame, scene: Scene) -> GridFrame:
 def score_map(
     grid: OccupancyGrid,
     scene: Scene,
-    *,
     start: Position,
     robot_radius: float,
     height: float,
@@ -321,24 +320,6 @@ def score_map(
         "misplaced": _mean(misplaced),
         "told_apart": _class_accuracy(classes, truth),
     }
-
-
-def score_mapper(
-    mapper: Mapper, scene: Scene, *, robot_class: str, start: Pose2
-) -> Score:
-    """Score the map that a robot has made with its scanner.
-
-    Args:
-        mapper: Holds the map.
-        scene: The mapped scene.
-        robot_class: Class of the robot.
-        start: Start pose of the robot, map frame.
-    """
-    place = (start.x, start.y)
-    radius, height = robot_and_sensor(mapper, scene, robot_class, place)
-    return score_map(
-        mapper.grid, scene, start=place, robot_radius=radius, height=height
-    )
 
 
 def robot_and_sensor(

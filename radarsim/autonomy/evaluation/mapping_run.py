@@ -19,7 +19,8 @@ import numpy as np
 from radarsim.autonomy.evaluation.map_score import (
     FloorPart,
     Score,
-    score_mapper,
+    robot_and_sensor,
+    score_map,
 )
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, GroundTruthMonitor
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
@@ -208,7 +209,9 @@ class MappingRun:
         start = self.source.trip.start
         if scene is None or mapper is None or robot is None or start is None:
             return
-        self.score = score_mapper(mapper, scene, robot_class=robot, start=start)
+        place = start.x, start.y
+        radius, height = robot_and_sensor(mapper, scene, robot, place)
+        self.score = score_map(mapper.grid, scene, place, radius, height)
 
     def _note_area(self, *, last: bool = False) -> None:
         """Add to the curve of known area; to be called at every scan."""

@@ -40,11 +40,6 @@ MARK: Final = "radarsim map"
 HEAD: Final = 64  # bytes at the beginning of a file that hold the mark
 
 
-def is_radarsim_map(head: bytes) -> bool:
-    """Return whether a map file is by this program, by its first bytes."""
-    return MARK.encode() in head[:HEAD]
-
-
 def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """Return all cells of a map in the colours of UsarCommander, (R, C, 3).
 

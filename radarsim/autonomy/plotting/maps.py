@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import Bbox
 
-from radarsim.autonomy.mapping.export import MARK, sensed_window
+from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
 from radarsim.autonomy.plotting.panels import (
@@ -39,7 +39,7 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
-from radarsim.plotting.style import HALO, figure_of, render
+from radarsim.plotting.style import HALO, figure_of
 from radarsim.scene.scene import Part
 
 # Colour and text of each class of cells.
@@ -173,15 +173,6 @@ class MapPanel:
         """Everything in the panel, by which a film draws a frame."""
         marks = (self._path, self._start, self._label)
         return [self._image, *self._outlines, *marks, *self._robot]
-
-
-def draw_map_view(view: MapView) -> bytes:
-    """Draw a map with a scale, the path and a legend.
-
-    Returns:
-        Content of a PNG file; the same map gives the same bytes.
-    """
-    return render(map_figure([view], numbers=True), software=MARK)
 
 
 def map_figure(

@@ -46,7 +46,6 @@ from radarsim.plotting import palette
 from radarsim.plotting.film import Pixels
 from radarsim.plotting.palette import MARKER, PAPER
 from radarsim.plotting.plan import draw_robot
-from radarsim.plotting.style import render
 
 _HEAD: Final = Path(
     np.array([(1.0, 0.0), (-0.8, 0.8), (-0.3, 0.0), (-0.8, -0.8), (1.0, 0.0)]),
@@ -241,11 +240,6 @@ class RunPanel:
     def artists(self) -> list[Artist]:
         """Everything in the panel, by which a film draws a frame."""
         return [*self._areas, *self._sensed.artists, *self._moving]
-
-
-def draw_run(view: RunView, *, form: str = "png") -> bytes:
-    """Draw a run into a file of a form; equal runs give equal bytes."""
-    return render(run_figure([view], numbers=True), form)
 
 
 def run_figure(
