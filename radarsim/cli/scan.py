@@ -182,23 +182,23 @@ def _summary(scans: list[Scan]) -> list[str]:
 
 
 def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanFormat:
-    """Return the format that is asked for, or that the ending of a file tells.
+    """Return the format of an option, or of the ending of a file.
 
     Raises:
-        click.BadParameter: If the ending tells no format, or another one.
+        click.BadParameter: If the ending is that of no format, or of another one.
     """
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    told = ScanFormat(ending) if ending in list(ScanFormat) else None
+    found = ScanFormat(ending) if ending in list(ScanFormat) else None
     # With --format any ending is fine, except that of a picture of another format.
-    if ending and told is None and (format_ is None or ending in _OTHER_PICTURES):
+    if ending and found is None and (format_ is None or ending in _OTHER_PICTURES):
         text = f"{output}, expected {list_endings(list(ScanFormat))}"
         if ending not in _OTHER_PICTURES:
             text += ", or --format"
         raise click.BadParameter(text, param_hint="-o")
-    if format_ is not None and told not in (None, format_):
-        text = f"{format_}, expected {told} as {output} has this ending"
+    if format_ is not None and found not in (None, format_):
+        text = f"{format_}, expected {found} as {output} has this ending"
         raise click.BadParameter(text, param_hint="--format")
-    return format_ or told or ScanFormat.JSON
+    return format_ or found or ScanFormat.JSON
 
 
 def _as_bytes(

@@ -228,7 +228,7 @@ def draw_scan(
         axes: Axes in m to draw in.
         scene: The map.
         scans: One or more scans of one sensor.
-        legend: Gets rows for what is drawn; several panels may share it.
+        legend: Gets rows for all marks; several panels may share it.
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
     """
     legend = legend or Legend()

@@ -81,7 +81,7 @@ class MapFiles:
     """The files of a map.
 
     Attributes:
-        options: What is written.
+        options: Options of the files.
         stem: The path that the names of all files begin with.
         paths: All files: cells, nav2's image and YAML, trajectory, picture.
     """
@@ -90,7 +90,7 @@ class MapFiles:
         """Choose the names.
 
         Args:
-            options: What is written. A folder, or what the names of the files begin
+            options: Options of the files: a folder, or what their names begin
                 with; the suffix of one of the files may follow.
             name: What they begin with by default.
         """
@@ -371,7 +371,7 @@ def explore(
 
     Args:
         run: The run.
-        files: What is written.
+        files: The files to write.
         recording: Records what passes, and the map.
         address: Host and port of the server, unless it is in this process.
         as_json: Whether to print JSON.
@@ -403,7 +403,7 @@ def follow(
 
     Args:
         plan: The scanner, the source of its motion, and the map's cells.
-        files: What is written.
+        files: The files to write.
         recording: Records what passes, and the map.
         server: Host and port of the server, which is one of radarsim.
         robot: Name of the robot.

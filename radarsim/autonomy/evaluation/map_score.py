@@ -39,7 +39,7 @@ Score: TypeAlias = dict[str, Any]  # by name, see ``score_map``
 
 _SAMPLES: Final = 4  # along a line, for each cell
 TOLERANCE: Final = 2  # cells
-BESIDE: Final = 0.5  # cells more, so that corners of a cell count as beside it
+BESIDE: Final = 0.5  # cells more, so that corners of a cell count as next to it
 MISPLACED: Final = 0.15  # m; obstacles farther from everything true are a second wall
 
 
@@ -108,8 +108,8 @@ class Truth:
             outdoors: Whether surfaces that face the outside of walls count too.
         """
         solid = self.kinds[CellClass.OBSTACLE]
-        beside = distance_field(~solid if outdoors else self.indoors, 1.5)
-        return np.asarray((solid & np.isfinite(beside)) | self.kinds[CellClass.FOLIAGE])
+        near = distance_field(~solid if outdoors else self.indoors, 1.5)
+        return np.asarray((solid & np.isfinite(near)) | self.kinds[CellClass.FOLIAGE])
 
 
 def class_of(material: Material) -> CellClass:
@@ -184,7 +184,7 @@ def find_floor(
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
     pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
-    # the piece that the robot is in, or beside, if it starts at a wall
+    # the piece that the robot is in, or next to, if it starts at a wall
     home = min(pieces, key=Point(start).distance, default=None)
     if home is not None and home.distance(Point(start)) > robot_radius:
         home = None
@@ -273,7 +273,7 @@ def score_map(
             there is no such part.
         obstacles: Number of cells classified as obstacle.
         within_one_cell: Share of ``obstacles`` with a solid surface, or foliage, in the
-            cell itself or beside it; None if there are none.
+            cell itself or next to it; None if there are none.
         within_two_cells: The same with one cell more.
         false_obstacles: Number of ``obstacles`` farther from everything solid, per
             known cell that is empty.
@@ -290,7 +290,7 @@ def score_map(
     solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     smoke = truth.kinds[CellClass.SMOKE]
     blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    # Side rays see objects two cells beside their beam. Free is wrong only deeper than
+    # Side rays see objects two cells off their beam. Free is wrong only deeper than
     # that inside of an object.
     right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
     right |= (classes == CellClass.SMOKE) & (_distances(smoke) <= TOLERANCE + BESIDE)

@@ -3,9 +3,9 @@
 The server is either one in this process, which runs in lockstep with the client and
 whose scene the map is compared with, or one that listens on a TCP port.
 
-A curve of the known area over time shows how fast the exploration is. The map itself
-tells the area that is sensed. With a scene it is also known which floor the robot can
-get to, and when some share of that was known.
+A curve of the known area over time shows how fast the exploration is. The sensed area
+follows from the map itself. With a scene it is also known which floor the robot can get
+to, and when some share of that was known.
 """
 
 import json
@@ -177,9 +177,9 @@ class MappingRun:
             connect: Connects to the server, unless it is in this process.
 
         Raises:
-            ClientError: If the server does not send what is needed.
+            ClientError: If the server does not send the needed reports.
             MappingError: If no map can be made of what it sends.
-            NavigationError: If the robot cannot do what is asked of it.
+            NavigationError: If the robot cannot follow the plan.
         """
         exploration, monitor = self.source, self.monitor
         assert isinstance(exploration, Exploration)

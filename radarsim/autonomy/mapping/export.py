@@ -132,9 +132,9 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
 def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
     """Return the rows and columns of the sensed cells with a margin of 0.5 m.
 
-    They are one cell if nothing is sensed. Open floor is left out beyond 5 m around
-    what is on the map and was seen at short range: beams that meet nothing sense it up
-    to their range.
+    They are one cell if nothing is sensed. Open floor is left out beyond 5 m around all
+    cells that are not free or were seen at short range: beams that meet nothing sense
+    it up to their range.
 
     Raises:
         ValueError: If the map has no cells.

@@ -312,7 +312,9 @@ def test_stuck_robot_is_an_error(
     empty_room: Scene, rewrite: Callable[[bytes], bytes]
 ) -> None:
     link = FaultyTransport(Host(empty_room), ignores_drive=True, rewrite=rewrite)
-    with pytest.raises(NavigationError, match=r"stays at -8\.00 0\.00, told to go 3 m"):
+    with pytest.raises(
+        NavigationError, match=r"stays at -8\.00 0\.00, commanded to go 3 m"
+    ):
         go(link, speed=0.6)
     assert stops(link) == [link.drive_commands[-1][0]]
 
