@@ -199,4 +199,4 @@ class ControlLoop:
         came = f"what came: {names}" if received else "nothing came"
         missing = f"no {self._source.missing} within {self._timeout:g} s"
         hint = f"; {self._source.hint}" * bool(self._source.hint)
-        raise ClientTimeout(f"{missing}, {came}; the robot was stopped{hint}")
+        raise ClientTimeout(f"{missing}, {came}; the robot was commanded to stop{hint}")

@@ -181,7 +181,9 @@ def test_robot_is_stopped_if_no_scans_arrive(
     empty_room: Scene, fault: str | bytes, what_came: str
 ) -> None:
     link = FaultyTransport(Host(empty_room), fault, since=3.0, until=6.0)
-    expected = f"^no scan of 'lms200' within 2 s, {what_came}; the robot was told to"
+    expected = (
+        f"^no scan of 'lms200' within 2 s, {what_came}; the robot was commanded to"
+    )
     with pytest.raises(ClientError, match=expected):
         go(link)
     assert 3.4 < stops(link)[0] < 3.7
