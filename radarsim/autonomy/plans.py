@@ -190,7 +190,7 @@ class ExplorationPlan(DrivePlan):
         waypoints: Drive to this waypoint instead; several in turn.
         motion_source: Sensor from which the motion between scans is read.
         resolution: Side of a cell.
-        map_range: Map only what is within this range of the scanner; its whole range by
+        map_range: Map only things within this range of the scanner; its whole range by
             default. The pose is found with all of it.
         radius: Farthest distance from the start, where no walls are nearer.
     """

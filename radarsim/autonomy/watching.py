@@ -105,7 +105,7 @@ class RobotWatcher:
             if not self._is_watching:
                 text = "no answer to WATCH, expected a server of radarsim"
                 raise ClientError(text) from None
-            # No line tells that a robot leaves: GEO is refused once it has.
+            # No line reports that a robot leaves: GEO is refused once it has.
             transport.send(self._question(questions.geometry, ROBOT))
             return False
         for report in self._session.receive(data):
@@ -193,7 +193,7 @@ class WatchMapper:
 
         Returns:
             The exit code: 0 if the robot has left, that of the signal, or 1 if it
-            cannot be watched. ``error`` tells whether there is a map.
+            cannot be watched. ``error`` is the reason if there is no map.
         """
         code = 0
         try:

@@ -33,7 +33,7 @@ from radarsim.processes import BROKEN_PIPE, INTERRUPTED, ignore_signals
 
 
 def describe_usage_error(error: click.UsageError) -> str:
-    """Return what is wrong with a command line; empty if its help was printed."""
+    """Return the error of a command line; empty if its help was printed."""
     ctx = error.ctx
     if isinstance(error, click.MissingParameter):
         missing = ["COMMAND"]
@@ -42,7 +42,7 @@ def describe_usage_error(error: click.UsageError) -> str:
         return f"missing: {', '.join(missing)}{_see_help(ctx)}"
     if isinstance(error, click.NoSuchOption):
         return _describe_unknown_option(error)
-    # click tells only by its text whether a value is missing or one too many.
+    # Only the text of click says whether a value is missing or one too many.
     if isinstance(error, click.BadOptionUsage):
         expected = "a" if "requires" in error.message else "no"
         return f"{error.option_name}: expected {expected} value with it"
@@ -191,7 +191,7 @@ class _Program(EntryGroup):
             sys.exit(INTERRUPTED)
 
     def make_context(self, *args: Any, **options: Any) -> click.Context:
-        """Read the options of the program, of which some print."""
+        """Read the options of the program; some of them print."""
         with _ending_with_its_reader():
             return super().make_context(*args, **options)
 
@@ -236,7 +236,7 @@ def _replace_closed_streams() -> None:
 
 
 def _report_text() -> str:
-    """Return what is to be reported of a bug."""
+    """Return the request to report a bug."""
     return (
         "this is an error in radarsim itself; please report the lines above, the"
         " command with its files, and these versions:"
@@ -261,7 +261,7 @@ def main() -> None:
         print_message(f"cannot write{name}: {reason}")
         _drop_output()
         sys.exit(1)
-    except Exception as error:  # noqa: BLE001 - a bug: all of it is told
+    except Exception as error:  # noqa: BLE001 - a bug, with its traceback
         traceback.print_exception(error)
         print_message(_report_text())
         sys.exit(1)

@@ -156,7 +156,7 @@ def _trial(trial: Trial) -> str:
 
 
 def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> int:
-    """Read a map and print what is in it, or all its errors.
+    """Read a map and print its contents, or all its errors.
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
@@ -166,7 +166,7 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
     Returns:
         The exit code.
     """
-    # Before the map is read and drawn, which may take long: a wrong name is told at
+    # Before the map is read and drawn, which may take long: a wrong name is an error at
     # once.
     form = check_picture(plot)
     from radarsim.scene.map_file import load_variants
@@ -189,7 +189,8 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
         if lines:
             print_lines((title, *(f"  {line}" for line in lines)))
     if plot is not None:
-        from radarsim.plotting.scans import draw_scene
+        from radarsim.plotting.plan import plot_scene
+        from radarsim.plotting.style import figure_of, render
 
-        write_picture(plot, draw_scene(scene, form=form))
+        write_picture(plot, render(figure_of(plot_scene(scene)), form))
     return int(strict and any(doubts.values()))

@@ -214,7 +214,7 @@ class PlanCommand(click.Command):
         """
         # No parameter is required by click, which would name only the first missing.
         rest = super().parse_args(ctx, args)
-        if ctx.resilient_parsing:  # a shell asks what is possible
+        if ctx.resilient_parsing:  # a shell asks for completions
             return rest
         self._warn_of_unknown_variables(ctx)
         if self.missing(ctx):
@@ -224,7 +224,7 @@ class PlanCommand(click.Command):
             found = [key for key in names if key in given]
             typed = [key for key in found if _is_typed(ctx, key)]
             if len(found) > 1 and len(typed) == 1:
-                # What is typed counts before what an exported variable says.
+                # Typed options take precedence over exported variables.
                 for key in {*found} - {*typed}:
                     ctx.set_parameter_source(key, ParameterSource.DEFAULT)
                     given.discard(key)
@@ -253,7 +253,7 @@ class PlanCommand(click.Command):
             name: ctx.params[key] for key, name in self._values.items() if key in given
         }
         for name, plan, keys, is_one_of_many in self._plans:
-            # What is not given is left out, so that defaults stand in the plans alone.
+            # Others are left out, so that defaults stand in the plans alone.
             found = {f: ctx.params[key] for f, key in keys.items() if key in given}
             made = plan(**found)
             values[name] = (*values.get(name, ()), made) if is_one_of_many else made
@@ -299,7 +299,7 @@ class PlanCommand(click.Command):
                 print_message(f"warning: {name}{meant} is ignored, it is no option's")
 
     def _given(self, ctx: click.Context) -> set[str]:
-        """Return what is given, in the command, the environment or a file."""
+        """Return the fields that the command, the environment or a file gives."""
         # By where a value comes from, not by what it is: who types a default has given
         # it.
         absent = (None, ParameterSource.DEFAULT)

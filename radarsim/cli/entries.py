@@ -113,7 +113,7 @@ COMMANDS: Final = own_entries(
             "cli.first_steps:demo": (
                 "Draw what radar and laser see of a room behind bushes, in one picture."
             ),
-            "cli.check:check": "Read a map and print what is in it, or all its errors.",
+            "cli.check:check": "Read a map and print its contents, or all its errors.",
             "cli.first_steps:new": (
                 "Write a small map to start your own from, with comments."
             ),

@@ -160,11 +160,11 @@ def _explain_events(
             if not is_sheet:
                 entered[event.part] = row
     end = events[-1]
-    # The ray ended inside of these volumes, so no event of leaving them told their
+    # The ray ended inside of these volumes, so no event of leaving them has their
     # power.
     for row in entered.values():
         row["power_after"] = _finite(end.power)
-    # Behind the end of the ray, less what is absorbed there.
+    # Behind the end of the ray, without the power that is absorbed there.
     left = _finite(end.power - end.absorbed)
     if end.kind is EventKind.ABSORBED:
         left = 0.0

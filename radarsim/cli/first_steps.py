@@ -124,7 +124,7 @@ def docs(topic: Annotated[str, Option(is_argument=True)] = "index") -> None:
     # a terminal shows no pictures and comments, and its links are commands
     text = _COMMENT.sub("", _PICTURE.sub("", text))
     text = _LINK_TO_PAGE.sub(r"\1 (`radarsim docs \2`)", text)
-    text = _LINK_TO_FILE.sub(r"\1", text)  # beside the manual, or on the same page
+    text = _LINK_TO_FILE.sub(r"\1", text)  # next to the manual, or on the same page
     # As git does: colours pass, and a page that fits on the screen is just printed.
     os.environ.setdefault("LESS", "-FRX")
     console = Console()

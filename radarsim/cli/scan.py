@@ -17,6 +17,7 @@ from annotated_types import Ge
 
 from radarsim.cli.fields import MapName, OutputFile, Seed, SensorName, Setting
 from radarsim.cli.output import (
+    PICTURE_FORMS,
     check_writable,
     list_endings,
     print_bytes,
@@ -45,11 +46,6 @@ class ScanFormat(StrEnum):
     PNG = "png"
     SVG = "svg"
     PDF = "pdf"
-
-    @property
-    def is_picture(self) -> bool:
-        """Whether it shows the scans instead of listing their numbers."""
-        return self not in (ScanFormat.JSON, ScanFormat.CSV)
 
 
 def _read_pose(text: str) -> tuple[float, ...]:
@@ -157,7 +153,7 @@ def scan(
     is_terminal = sys.stdout.isatty()
     if output is not None:
         write_file(output, _as_bytes(scans, scene, plan.start, chosen))
-    elif is_terminal and chosen.is_picture:
+    elif is_terminal and chosen in PICTURE_FORMS:
         raise click.BadParameter("a picture for a terminal, expected -o FILE")
     elif is_terminal and format_ is None:
         print_lines(_summary(scans))
@@ -186,23 +182,23 @@ def _summary(scans: list[Scan]) -> list[str]:
 
 
 def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanFormat:
-    """Return the format that is asked for, or that the ending of a file tells.
+    """Return the format of an option, or of the ending of a file.
 
     Raises:
-        click.BadParameter: If the ending tells no format, or another one.
+        click.BadParameter: If the ending is that of no format, or of another one.
     """
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    told = ScanFormat(ending) if ending in list(ScanFormat) else None
+    found = ScanFormat(ending) if ending in list(ScanFormat) else None
     # With --format any ending is fine, except that of a picture of another format.
-    if ending and told is None and (format_ is None or ending in _OTHER_PICTURES):
+    if ending and found is None and (format_ is None or ending in _OTHER_PICTURES):
         text = f"{output}, expected {list_endings(list(ScanFormat))}"
         if ending not in _OTHER_PICTURES:
             text += ", or --format"
         raise click.BadParameter(text, param_hint="-o")
-    if format_ is not None and told not in (None, format_):
-        text = f"{format_}, expected {told} as {output} has this ending"
+    if format_ is not None and found not in (None, format_):
+        text = f"{format_}, expected {found} as {output} has this ending"
         raise click.BadParameter(text, param_hint="--format")
-    return format_ or told or ScanFormat.JSON
+    return format_ or found or ScanFormat.JSON
 
 
 def _as_bytes(
@@ -216,12 +212,13 @@ def _as_bytes(
     if form is ScanFormat.CSV:
         return _as_csv(scans).encode()
     from radarsim.geometry import Pose2
-    from radarsim.plotting.scans import draw_scans
+    from radarsim.plotting.scans import plot_scans
+    from radarsim.plotting.style import render
 
     found = None if start is None else scene.start(start)
     at = None if found is None else found.pose
     robot = None if at is None else Pose2(at.x, at.y, at.yaw)
-    return draw_scans(scene, scans, robot=robot, form=form.value)
+    return render(plot_scans(scene, scans, robot=robot), form.value)
 
 
 def _as_csv(scans: list[Scan]) -> str:

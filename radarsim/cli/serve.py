@@ -24,7 +24,7 @@ from radarsim.cli.server_options import (
     ServeExtension,
     ServerOptions,
     announce,
-    cure_of_port,
+    hint_of_port,
     load_host,
 )
 from radarsim.errors import join_address
@@ -43,8 +43,7 @@ class LogOptions:
 
     Attributes:
         verbose: As --log-level info.
-        log_level: What is logged: connections as well, or errors alone; warnings by
-            default.
+        log_level: Log connections as well, or errors alone; warnings by default.
         log_format: Form of the log on stderr.
     """
 
@@ -87,7 +86,7 @@ def serve(
         max_clients: Refuse clients when this many are connected.
         config: YAML file with values of options that are not given, and the map.
         log_options: The log.
-        extensions: What is to run beside the server.
+        extensions: Options of extensions of the server.
 
     Returns:
         The exit code.
@@ -95,45 +94,45 @@ def serve(
     host, port = listener.addresses, listener.port
     served = ServedMap(map_, options, seed)
     planned = [each.extension(served) for each in extensions]
-    beside = [each for each in planned if each is not None]
-    _check_ports(host, port, beside)  # before imports that take long
+    others = [each for each in planned if each is not None]
+    _check_ports(host, port, others)  # before imports that take long
     with ExitStack() as until_end:
-        for each in beside:
+        for each in others:
             # Before it opens, so that what it began is ended even if opening fails
             # half-way.
             until_end.callback(each.close)
             each.open()
         log_options.start()
         simulated = load_host(map_, options.config(), seed=seed)
-        for each in beside:
+        for each in others:
             each.attach(simulated)
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
 
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
-        for each in beside:
+        for each in others:
             each.follow_pace(server.pace)
 
         def announce_all(address: tuple[str, int]) -> None:
             announce(address)
             for other in listener.host[1:]:
                 print_now(f"radarsim: listening on {join_address(other, address[1])}")
-            for extension in beside:
+            for extension in others:
                 extension.announce(address)
 
-        serving = serve_until_signal(server, host, port, announce_all, beside)
-        with cure_of_port({k: v for each in beside for k, v in each.ports.items()}):
+        serving = serve_until_signal(server, host, port, announce_all, others)
+        with hint_of_port({k: v for each in others for k, v in each.ports.items()}):
             return asyncio.run(serving)
 
 
-def _check_ports(host: str, port: int, beside: Iterable[ServeExtension]) -> None:
+def _check_ports(host: str, port: int, others: Iterable[ServeExtension]) -> None:
     """Check that all ports differ, and are free.
 
     Args:
         host: Address to listen on.
         port: Port of the robots; 0 where any will do.
-        beside: What else has ports.
+        others: Extensions, which may have ports.
 
     Raises:
         click.BadParameter: If two ports are the same.
@@ -142,7 +141,7 @@ def _check_ports(host: str, port: int, beside: Iterable[ServeExtension]) -> None
     from radarsim.listening import check_port
 
     places = [("--port", host, port)]
-    for each in beside:
+    for each in others:
         places += [(o, each.address or host, at) for o, at in each.ports.items()]
     taken: dict[int, str] = {}
     for option, _, number in places:
@@ -150,7 +149,7 @@ def _check_ports(host: str, port: int, beside: Iterable[ServeExtension]) -> None
             text = f"{number} is the port of {taken[number]}, expected another one"
             raise click.BadParameter(text, param_hint=option)
         taken[number] = option
-    with cure_of_port({option: number for option, _, number in places}):
+    with hint_of_port({option: number for option, _, number in places}):
         for _, address, number in places:
             check_port(address, number)
 
@@ -166,7 +165,7 @@ def _permitted_clients(wanted: int) -> int:
     most = max(min(files // 2, FEWEST_CLIENTS), files - OTHER_FILES)
     log.warning(
         "at most %d clients: the system permits %d open files, expected %d for"
-        " --max-clients %d; 'ulimit -n' tells the limit",
+        " --max-clients %d; 'ulimit -n' shows the limit",
         most,
         files,
         expected,

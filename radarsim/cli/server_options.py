@@ -1,8 +1,8 @@
-"""Serving a map: the options of all commands that do, and what runs beside a server.
+"""Serving a map: the options of all commands that do, and extensions of a server.
 
 A part of the program adds to ``radarsim serve`` by a plan in the group
 ``radarsim.serve``; see ``radarsim.plugins``. Its fields become options of the command.
-With their values, it says what is to run beside the server.
+With their values, it makes an extension of the server.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from radarsim.simulation.config import SimulationConfig
 
 EXTENSIONS: Final = "radarsim.serve"  # group of entries
-SERVED: Final = {  # what is served, by the options of the ports
+SERVED: Final = {  # words for messages, by the options of the ports
     "--image-port": "images",
     "--truth-port": "truth",
     "--wireless-port": "wireless",
@@ -141,7 +141,7 @@ class ServedMap:
 
 
 class ServeExtension:
-    """Something that runs beside a server.
+    """An extension of a server, which runs with it.
 
     Its methods are called in the order in which they stand here, and ``close`` in any
     case. Each does nothing unless a subclass overrides it.
@@ -174,7 +174,7 @@ class ServeExtension:
         """
 
     def announce(self, address: tuple[str, int]) -> None:
-        """Tell that clients can connect; to the server, at host and port."""
+        """Report that clients can connect; to the server, at host and port."""
 
     async def stop(self) -> None:
         """End what ``start`` has begun; never raises."""
@@ -187,7 +187,7 @@ class ExtensionOptions(Protocol):
     """Options of a part: a plan."""
 
     def extension(self, served: ServedMap) -> ServeExtension | None:
-        """Return what is to run beside a server; None for nothing.
+        """Return the extension of a server; None for none.
 
         Raises:
             click.BadParameter: If the options are wrong.
@@ -196,7 +196,7 @@ class ExtensionOptions(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SidePorts:
-    """Ports beside that of the robots.
+    """Other ports than that of the robots.
 
     Attributes:
         image_port: Serve pictures of the first robot's camera on this port as well; the
@@ -223,7 +223,7 @@ class SidePorts:
 
 
 class SideServers(ServeExtension):
-    """The servers at ports beside that of the robots."""
+    """The servers at other ports than that of the robots."""
 
     def __init__(self, ports: Mapping[str, int]) -> None:
         """Plan servers; the ports are those of ``SidePorts`` by their options."""
@@ -262,7 +262,7 @@ class SideServers(ServeExtension):
             await server.start(address)
 
     def announce(self, _: tuple[str, int]) -> None:
-        """Tell on stdout what is served, and where."""
+        """Print on stdout where each of them listens."""
         for option, server in self._servers.items():
             for host in server.addresses:
                 place = join_address(host, server.address[1])
@@ -275,7 +275,7 @@ class SideServers(ServeExtension):
 
 
 @contextmanager
-def cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
+def hint_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
     """Say in the error of a port which option takes a free one.
 
     Args:
@@ -326,7 +326,7 @@ def check_item_settings(config: SimulationConfig) -> None:
 
 
 def announce(address: tuple[str, int]) -> None:
-    """Tell programs on stdout that clients can connect, and a person what is next."""
+    """Print on stdout that clients can connect, and for a person the next command."""
     set_exit_code_of_sigterm(0)  # it runs, and has no end of its own
     host, port = address
     print_now(f"radarsim: listening on {join_address(host, port)}")

@@ -56,8 +56,8 @@ def film_format(path: Path) -> str:
 
             imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
-            cure, name = install_command("film"), path.with_suffix(".gif")
-            text = f"MP4 films need ffmpeg, expected: {cure}, or a film {name}"
+            hint, name = install_command("film"), path.with_suffix(".gif")
+            text = f"MP4 films need ffmpeg, expected: {hint}, or a film {name}"
             raise ValueError(text) from None
     return suffix
 
@@ -142,7 +142,7 @@ class GifEncoder:
         self._shown, self._times = pixels.copy(), 1
 
     def finish(self) -> None:
-        """Write what is left, and the end of the file."""
+        """Write the last frame, and the end of the file."""
         self._write_waiting()
         self._file.write(b";")
 

@@ -151,10 +151,10 @@ def _places(label: Label, box: Floats, text: Bbox, gap: float) -> list[Floats]:
     for along in _ALONG:
         for right, up in _SIDES:
             side = np.array([right, up])
-            beside = np.where(side == 0, along * half, side * away)
+            shift = np.where(side == 0, along * half, side * away)
             if along and right and up:
                 continue  # a corner has no length to go along
-            centres.append(middle + beside)
+            centres.append(middle + shift)
     return [np.concatenate([c - size / 2, c + size / 2]) for c in centres]
 
 

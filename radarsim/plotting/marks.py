@@ -1,9 +1,9 @@
-"""Rays and marks of scans: what is seen through something is drawn the largest.
+"""Rays and marks of scans: readings behind something are drawn the largest.
 
 A single scan has a mark at the end of each ray. Of several scans each reading is a
 small, pale dot, so that the picture shows how densely they lie.
 
-The shape of an echo's mark tells its kind, the colour its material.
+The shape of an echo's mark shows its kind, the colour its material.
 
 Theory of operation
 ===================
@@ -80,7 +80,7 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
     leaving = _shares(events["power"] - events["absorbed"], rays.power[ray])
     first = np.diff(ray, prepend=-1) > 0
     start = np.where(first, 0.0, np.roll(t, 1))
-    # From what is left behind the event before: a sheet's loss is a step there.
+    # From the power behind the event before: a sheet's loss is a step there.
     share = np.where(first, 1.0, np.roll(leaving, 1))
     fall = np.maximum(share - arriving, 0.0)
     # a fall by a whole number of twelfths may be a little more by rounding

@@ -6,8 +6,9 @@ This is the only table of colours: plots take theirs from here, and the web page
 Materials have the colour of their family: foliage is green, wood brown, concrete and
 brick grey, smoke and dust a pale sand that is drawn translucent. All radars are violet
 and all lasers orange, in every picture; several of them differ in lightness. The path
-of a robot is blue, and red is what is truly there. Only where left and right rays of a
-radar are told apart they are coloured as in the thesis: left red, right blue.
+of a robot is blue, and true outlines and paths are red. Only where a picture
+distinguishes left and right rays of a radar, left is red and right blue, as in the
+thesis.
 
 All colours that one picture shows together differ for normal sight, deuteranopia and
 protanopia; the tests list these groups.
@@ -39,7 +40,7 @@ PAPER: Final = "#ffffff"
 PALE: Final = 0.45  # share of a colour in its paler one
 INK: Final = "#191818"  # text, outlines, markers, robots
 
-# As they look on paper; what is translucent is painted darker, see ``area_style``.
+# As they look on paper; translucent ones are painted darker, see ``area_style``.
 FAMILY_COLOURS: Final = {
     Family.FOLIAGE: "#a5c262",
     Family.WOOD: "#6b2610",
@@ -63,8 +64,8 @@ LASERS: Final = (LASER, "#8f2d00", "#ffa875")
 # Power that comes back of a radar beam.
 RETURNED: Final = "#047e7d"
 
-# Parts of navigation and mapping runs; what is sensed has the colour of the sensor.
-TRUTH: Final = "#cc1400"  # what is truly there, and where a robot truly drove
+# Parts of navigation and mapping runs; sensed cells have the colour of the sensor.
+TRUTH: Final = "#cc1400"  # true outlines and true paths
 GOING: Final = "#06a8fe"  # path of a robot, or its path towards the goal
 FOLLOWING: Final = "#ffc800"  # path along a boundary, and the hit point it begins at
 RETURNING: Final = "#0b6b57"  # path back to the leave point
@@ -77,7 +78,7 @@ ROBOTS: Final = (
 )
 NOT_SENSED: Final = "#c2cbe0"  # cells of a map that no beam has crossed
 MARKER: Final = INK  # markers, and their edges
-ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
+ROBOT: Final = PAPER  # footprint of the robot, outlined in ``MARKER``
 
 # Of charts.
 GRID: Final = "#dddddd"  # lines of a grid

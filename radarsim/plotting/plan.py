@@ -39,10 +39,10 @@ from radarsim.scene.scene import Part, Scene, StartPose, expected_scene
 
 _TYRE: Final = 0.09  # m, width of a wheel
 HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
-MARGIN: Final = 0.8  # m around what is shown
+MARGIN: Final = 0.8  # m around the content
 ROBOT_CLASS: Final = "P3AT"
 LEAF_OPACITY: Final = 0.35  # of the area around leaves
-_BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
+_BAR_SPACE: Final = 0.06  # of the height, below the content, for the scale bar
 _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
 _WALLS: Final = ("wall", "fence")  # objects of these names need no label
 MANY: Final = 8  # objects alike; more of them have one name
@@ -64,13 +64,13 @@ _TITLE_LINES, _SMALL_LINES = 2, 2  # that have room in each frame
 def draw_robot(
     axes: Axes, robot_class: str | RobotModel, pose: Pose2, *, zorder: float = 5
 ) -> list[Polygon]:
-    """Draw a robot from above: hull, wheels and a wedge that points ahead.
+    """Draw a robot from above: footprint, wheels and a wedge that points ahead.
 
     Args:
         axes: Axes in m, map frame.
         robot_class: The robot class, or the name of a shipped one.
         pose: Pose of the robot.
-        zorder: Z-order of the hull; wheels and wedge are drawn a little above it.
+        zorder: Z-order of the footprint; wheels and wedge are drawn a little above it.
 
     Returns:
         What was drawn.
@@ -78,11 +78,11 @@ def draw_robot(
     model = robot_class
     if isinstance(model, str):
         model = load_robot(model)
-    hull = Footprint(model.length, model.width)
+    body = Footprint(model.length, model.width)
     tyre = Footprint(2 * model.wheel_radius, _TYRE)
     ahead, aside = model.wheel_base / 2, model.wheel_separation / 2
     wheels = ((ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside))
-    shapes = [(hull, (0.0, 0.0), ROBOT, zorder)]
+    shapes = [(body, (0.0, 0.0), ROBOT, zorder)]
     shapes += [(tyre, wheel, MARKER, zorder + 0.1) for wheel in wheels]
     drawn = []
     for shape, (x, y), colour, order in shapes:
@@ -159,7 +159,7 @@ def show_extent(axes: Axes, points: Floats, *, coordinates: bool = False) -> Non
 
     Args:
         axes: Axes in m.
-        points: What is to be seen, (N, 2) m.
+        points: Points to show, (N, 2) m.
         coordinates: Whether a grid with coordinates is drawn, in place of the bar.
     """
     if not len(points):
@@ -261,7 +261,7 @@ def label_objects(parts: Iterable[Part], height: float) -> list[Label]:
     """Return the names of objects that a section cuts, walls excepted.
 
     Objects in a row, such as ``bush_1`` and ``bush_2``, have one name together, and so
-    have many alike that stand apart. Names lie in large pale objects, and beside all
+    have many alike that stand apart. Names lie in large pale objects, and next to all
     others.
 
     Args:
@@ -323,7 +323,7 @@ def fit_plan(figure: Figure, axes: Axes, *, coordinates: bool = False) -> None:
         figure: The figure, without a layout engine.
         axes: Its axes, with their final limits, and the title and the small print that
             ``write_title`` wrote.
-        coordinates: Whether there are numbers beside the axes.
+        coordinates: Whether there are numbers at the axes.
     """
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     aspect = (east - west) / (north - south)

@@ -37,7 +37,6 @@ from radarsim.plotting.plan import (
     draw_robot,
     fit_plan,
     name_objects,
-    plot_scene,
     show_extent,
 )
 from radarsim.plotting.sight import BeamEnd, Sight, find_sight, name_materials
@@ -191,27 +190,6 @@ def _beams(scan: Scan) -> str:
     return f"N = {settings.side_offset_uu:g} {settings.side_mode}, {answer}, {echoes}"
 
 
-def draw_scans(
-    scene: Scene,
-    scans: Sequence[Scan],
-    *,
-    robot: Pose2 | None = None,
-    form: str = "png",
-) -> bytes:
-    """Draw scans; arguments as in ``plot_scans``.
-
-    Args:
-        scene: The map.
-        scans: One or more scans of one sensor.
-        robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
-        form: File format, one of ``FORMS``.
-
-    Returns:
-        Content of the file; the same scans give the same bytes.
-    """
-    return render(plot_scans(scene, scans, robot=robot), form)
-
-
 def plot_scans(
     scene: Scene, scans: Sequence[Scan], *, robot: Pose2 | None = None
 ) -> Figure:
@@ -250,7 +228,7 @@ def draw_scan(
         axes: Axes in m to draw in.
         scene: The map.
         scans: One or more scans of one sensor.
-        legend: Gets rows for what is drawn; several panels may share it.
+        legend: Gets rows for all marks; several panels may share it.
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
     """
     legend = legend or Legend()
@@ -285,11 +263,6 @@ def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
     draw_scan(axes, scene, [scan])
     name_objects(axes, scene.parts, scan.pose.z, _NAMES)
     return axes
-
-
-def draw_scene(scene: Scene, *, form: str = "png") -> bytes:
-    """Draw the plan of a scene, see ``plot_scene``, as a file of one of ``FORMS``."""
-    return render(figure_of(plot_scene(scene)), form)
 
 
 def as_svg(axes: Axes) -> str:

@@ -31,7 +31,7 @@ from radarsim.sensors.scan import Scan
 
 _PASSED = (int(EventKind.LEAVE), int(EventKind.SHEET))
 BESIDE: Final = 0.2  # m
-_NEAR = 1e-6  # m; what is nearer than this to the reading is the reading
+_NEAR = 1e-6  # m; an event nearer than this to the reading is the reading
 
 
 class BeamEnd(IntEnum):

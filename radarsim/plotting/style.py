@@ -116,7 +116,7 @@ def write_at(
     offset: tuple[float, float] = (0.0, 0.0),
     **style: Any,
 ) -> None:
-    """Write a text, some points beside a place in the units of the axes.
+    """Write a text, some points from a place in the units of the axes.
 
     Args:
         axes: The axes.
@@ -171,9 +171,9 @@ def round_length(longest: float) -> float:
 
 
 class Legend:
-    """Legend beside a plot: samples with texts, in groups under headings.
+    """Legend next to a plot: samples with texts, in groups under headings.
 
-    It lists what is added to it, each text once under its heading; a heading without
+    It lists its rows, each text once under its heading; a heading without
     rows is left out. Several panels may share it.
 
     Attributes:
@@ -237,8 +237,8 @@ class Legend:
         side = "lower center" if columns > 1 else "right center"
         place: dict[str, Any] = {"loc": f"outside {side}", "ncols": columns}
         if figure.get_layout_engine() is None:
-            beside = max(axes.get_position().x1 for axes in figure.axes)
-            place = {"loc": "center left", "bbox_to_anchor": (beside, 0.5)}
+            edge = max(axes.get_position().x1 for axes in figure.axes)
+            place = {"loc": "center left", "bbox_to_anchor": (edge, 0.5)}
         legend = figure.legend(
             [sample for _, sample, _ in rows],
             [" "] * len(rows),  # matplotlib hides texts that begin with "_"

@@ -125,7 +125,7 @@ def _count(wanted: SweepFile, tasks: int) -> str:
 def _collect(
     folder: SweepFolder, keys: list[str], running: Iterator[TaskResult[Any]]
 ) -> None:
-    """Log each result as soon as there is one; an interrupt keeps what is there."""
+    """Log each result as soon as there is one; an interrupt keeps them."""
     done = 0
     try:
         for number, rows, error in with_bar(running, "tasks", len(keys)):

@@ -79,7 +79,7 @@ class SweepFile(_Model):
 
     Attributes:
         kind: What a task is: ``count`` scans, a trial of a navigator, or a map.
-        map: Maps, as commands take them; files beside the sweep file come first.
+        map: Maps, as commands take them; files in its folder come first.
         sensor: Values of ``name``, a preset, and of its settings.
         pose: Poses of the sensor, of scans.
         count: Scans of a task.
@@ -194,7 +194,7 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
 
 
 def _sensor_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
-    """Yield what is wrong with the sensor, each setting alone and all together."""
+    """Yield errors of the sensor, of each setting alone and of all together."""
     if "name" not in sweep.sensor:
         yield file.problem(("sensor",), "no 'name', expected a sensor preset")
         return

@@ -196,7 +196,7 @@ class SweepFolder:
         Args:
             file: The sweep file.
             sweep: Its contents.
-            tasks: All its tasks, each of which has run.
+            tasks: All its tasks; each has run.
 
         Raises:
             OSError: If a file cannot be written.

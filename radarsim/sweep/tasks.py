@@ -62,9 +62,9 @@ def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
     scenes = {}
     for name in dict.fromkeys(sweep.map):
         stem = name.partition("@")[0]
-        beside = path.parent / stem
-        beside = beside if beside.suffix else beside.with_suffix(".yaml")
-        found = name.replace(stem, str(beside), 1) if beside.is_file() else name
+        near = path.parent / stem
+        near = near if near.suffix else near.with_suffix(".yaml")
+        found = name.replace(stem, str(near), 1) if near.is_file() else name
         scene = load_map(found)
         if sweep.kind == "trial" and scene.trial is None:
             raise MapError([f"{name}: no 'trial', expected one with kind trial"])
@@ -164,7 +164,7 @@ def _map_rows(task: Parameters, scene: Scene) -> list[Row]:
         strategy=StrategyName(task["strategy"]), time_limit=task["time_limit"]
     )
     row = run_plan(plan, _host(task, scene), seed=task["seed"])
-    # sweeps of maps have always told the length that the robot measured
+    # the table of a sweep of maps has the length that the robot measured
     row = replace(row, path_length=row.measured_length)
     names = ("outcome", "collisions", "path_length", "time", "note", *MAP_VALUES)
     return [row.select(names, 4)]

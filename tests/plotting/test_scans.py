@@ -15,9 +15,9 @@ import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.plotting.marks import FULL_OPACITY, NO_RETURN_OPACITY
-from radarsim.plotting.scans import draw_scans, plot_scans
+from radarsim.plotting.scans import plot_scans
 from radarsim.plotting.sight import BeamEnd, find_sight, name_materials
-from radarsim.plotting.style import FORMS
+from radarsim.plotting.style import FORMS, render
 from radarsim.raycast.rays import EventKind
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
@@ -202,7 +202,7 @@ def test_each_form_is_written_with_the_same_bytes(
     foliage_room: Scene, form: str
 ) -> None:
     scan = scan_of(foliage_room)
-    first, second = (draw_scans(foliage_room, [scan], form=form) for _ in range(2))
+    first, second = (render(plot_scans(foliage_room, [scan]), form) for _ in range(2))
     assert first == second
     assert {"png": b"PNG", "svg": b"<svg", "pdf": b"%PDF"}[form] in first[:2000]
 
@@ -239,7 +239,9 @@ def test_material_names_are_literal_and_limited_in_number() -> None:
     assert "m6," in others
     assert "m7" not in others
     assert "23 more" in others
-    assert draw_scans(scene, [scan_of(scene)])  # mathematics would not be understood
+    assert render(
+        plot_scans(scene, [scan_of(scene)])
+    )  # mathematics would not be understood
 
 
 def test_scan_without_any_return_is_drawn() -> None:

@@ -12,7 +12,7 @@ from annotated_types import Interval
 
 from radarsim.cli.fields import Port, RobotName, Server
 from radarsim.cli.output import print_message, print_now, start_log
-from radarsim.cli.server_options import cure_of_port
+from radarsim.cli.server_options import hint_of_port
 from radarsim.errors import import_optional, join_address
 from radarsim.plans import RARE, Option, Sets
 from radarsim.protocol.dialect import DriveUnit
@@ -134,7 +134,7 @@ def ros(
             return 1 if code is None else code
 
     port = PORTS.get(options.bridge) if options.web is None else options.web
-    with cure_of_port({"--web": port}):
+    with hint_of_port({"--web": port}):
         return asyncio.run(run())
 
 

@@ -27,7 +27,7 @@ from radarsim.cli.server_options import (
     ServeExtension,
     ServerOptions,
     check_item_settings,
-    cure_of_port,
+    hint_of_port,
 )
 from radarsim.errors import (
     MapError,
@@ -143,7 +143,7 @@ def commander(
     if page.record_to.is_file():
         text = f"{page.record_to} is a file, expected a folder"
         raise click.BadParameter(text, param_hint="--record-to")
-    with cure_of_port({OPTION: page.web}):  # before imports that take long
+    with hint_of_port({OPTION: page.web}):  # before imports that take long
         check_port(page.web_host, page.web)
     from radarsim.addons.web.program import serve_page
     from radarsim.server.web_server import LOOPBACK, make_token
@@ -177,7 +177,7 @@ def commander(
 
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
-    with cure_of_port({OPTION: page.web}):
+    with hint_of_port({OPTION: page.web}):
         code = asyncio.run(run())
     return exit_immediately(code)  # threads may still import or compute
 

@@ -32,7 +32,7 @@ class MappedPlace(Simulation):
         seed: Seed of the simulation and of turn_away.
     """
 
-    one_required: ClassVar = ()  # what is followed may be on the usual server
+    one_required: ClassVar = ()  # a robot to watch may be on the usual server
     at_most_one: ClassVar = (
         ("map", "connect"),
         ("map", "watch"),
@@ -44,7 +44,7 @@ class MappedPlace(Simulation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFileOptions(RunFiles):
-    """What is written.
+    """Files that a map is written into.
 
     Attributes:
         output: A folder or the beginning of names; by default the map's name.
@@ -70,7 +70,7 @@ def map_(
     OUT_view.png with path, scale and legend.
 
     Args:
-        where: The simulation, the server, or what is followed.
+        where: The simulation, the server, or the robot to watch.
         plan: How to explore.
         files: What to write.
         as_json: Print JSON, for programs.
@@ -80,7 +80,7 @@ def map_(
     """
     _check_combination(where, plan)
 
-    # Late, so that wrong options are told at once: numpy and plots take long.
+    # Late, so that wrong options are reported at once: numpy and plots take long.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 

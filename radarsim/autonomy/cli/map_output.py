@@ -28,8 +28,8 @@ from radarsim.autonomy.evaluation.map_score import FloorPart, robot_and_sensor
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.mapping.export import (
     HEAD,
+    MARK,
     commander_png,
-    is_radarsim_map,
     nav_map,
 )
 from radarsim.autonomy.mapping.mapper import Mapper
@@ -39,7 +39,7 @@ from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.plotting.maps import (
     MapFrames,
     MapView,
-    draw_map_view,
+    map_figure,
 )
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
@@ -53,6 +53,7 @@ from radarsim.cli.progress import live_status
 from radarsim.errors import describe_os_error
 from radarsim.files import is_by_radarsim, write_atomically
 from radarsim.plotting.film import Pixels
+from radarsim.plotting.style import render
 from radarsim.processes import raise_on_signals, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class MapFiles:
     """The files of a map.
 
     Attributes:
-        options: What is written.
+        options: Options of the files.
         stem: The path that the names of all files begin with.
         paths: All files: cells, nav2's image and YAML, trajectory, picture.
     """
@@ -89,7 +90,7 @@ class MapFiles:
         """Choose the names.
 
         Args:
-            options: What is written. A folder, or what the names of the files begin
+            options: Options of the files: a folder, or what their names begin
                 with; the suffix of one of the files may follow.
             name: What they begin with by default.
         """
@@ -146,12 +147,13 @@ class MapFiles:
             return
         grid, paths = mapper.grid, self.paths
         image, yaml = nav_map(grid, paths[2].stem, mode=self.options.mode).values()
+        figure = map_figure([view_of(run, mapper)], numbers=True)
         contents = (
             commander_png(grid),
             image,
             yaml,
             tum_text(mapper.trajectory).encode(),
-            draw_map_view(view_of(run, mapper)),
+            render(figure, software=MARK),
         )
         try:
             # all or none: old and new files never stand side by side
@@ -168,7 +170,7 @@ def _is_ours(path: Path) -> bool:
     """Return whether a file is of radarsim's, as far as it can be read."""
     try:
         with path.open("rb") as file:
-            return is_radarsim_map(file.read(HEAD)) or is_by_radarsim(path)
+            return MARK.encode() in file.read(HEAD) or is_by_radarsim(path)
     except OSError:
         return True
 
@@ -369,7 +371,7 @@ def explore(
 
     Args:
         run: The run.
-        files: What is written.
+        files: The files to write.
         recording: Records what passes, and the map.
         address: Host and port of the server, unless it is in this process.
         as_json: Whether to print JSON.
@@ -401,7 +403,7 @@ def follow(
 
     Args:
         plan: The scanner, the source of its motion, and the map's cells.
-        files: What is written.
+        files: The files to write.
         recording: Records what passes, and the map.
         server: Host and port of the server, which is one of radarsim.
         robot: Name of the robot.

@@ -75,7 +75,8 @@ class NavigationFiles(RunFiles):
     def written(self, run: NavigationRun) -> Iterator[None]:
         """Write trace and plot after a run, however it ends."""
         from radarsim.autonomy.cli.navigate_output import view_of
-        from radarsim.autonomy.plotting.runs import draw_run
+        from radarsim.autonomy.plotting.runs import run_figure
+        from radarsim.plotting.style import render
 
         try:
             yield
@@ -85,7 +86,8 @@ class NavigationFiles(RunFiles):
                 print_message(f"wrote {self.trace}")
             if self.plot is not None and run.run_log.rows:
                 form = check_picture(self.plot)
-                write_picture(self.plot, draw_run(view_of(run), form=form))
+                figure = run_figure([view_of(run)], numbers=True)
+                write_picture(self.plot, render(figure, form))
 
 
 def navigate(

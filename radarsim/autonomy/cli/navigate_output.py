@@ -75,7 +75,7 @@ def run_progress(
             if row.activity is Activity.GOING and row.goal is not None:
                 x, y = row.goal
                 change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
-            # hits and leaves are told by the log, which knows the goals in between
+            # hits and leaves are those of the log, which knows the goals in between
             if len(run_log.leave_points) > leaves:
                 leaves = len(run_log.leave_points)
                 change = f"leave point {leaves} at {position}, {change}"

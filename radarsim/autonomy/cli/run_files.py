@@ -108,7 +108,7 @@ class Recording:
     """Records nothing; what records overrides all methods."""
 
     def attach(self, host: Host, map_: str) -> None:
-        """Record what is done to a host in this process, whose map has this name."""
+        """Record a host in this process, whose map has this name."""
 
     def connect(self, host: str, port: int) -> Client:
         """Connect to a server over TCP, and record what passes.

@@ -28,7 +28,7 @@ from radarsim.autonomy.mapping.occupancy_grid import (
     distance_field,
 )
 from radarsim.autonomy.navigation.grid_search import flood_fill
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
@@ -39,7 +39,7 @@ Score: TypeAlias = dict[str, Any]  # by name, see ``score_map``
 
 _SAMPLES: Final = 4  # along a line, for each cell
 TOLERANCE: Final = 2  # cells
-BESIDE: Final = 0.5  # cells more, so that corners of a cell count as beside it
+BESIDE: Final = 0.5  # cells more, so that corners of a cell count as next to it
 MISPLACED: Final = 0.15  # m; obstacles farther from everything true are a second wall
 
 
@@ -108,8 +108,8 @@ class Truth:
             outdoors: Whether surfaces that face the outside of walls count too.
         """
         solid = self.kinds[CellClass.OBSTACLE]
-        beside = distance_field(~solid if outdoors else self.indoors, 1.5)
-        return np.asarray((solid & np.isfinite(beside)) | self.kinds[CellClass.FOLIAGE])
+        near = distance_field(~solid if outdoors else self.indoors, 1.5)
+        return np.asarray((solid & np.isfinite(near)) | self.kinds[CellClass.FOLIAGE])
 
 
 def class_of(material: Material) -> CellClass:
@@ -184,7 +184,7 @@ def find_floor(
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
     pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
-    # the piece that the robot is in, or beside, if it starts at a wall
+    # the piece that the robot is in, or next to, if it starts at a wall
     home = min(pieces, key=Point(start).distance, default=None)
     if home is not None and home.distance(Point(start)) > robot_radius:
         home = None
@@ -247,7 +247,6 @@ def _with_scene(frame: GridFrame, scene: Scene) -> GridFrame:
 def score_map(
     grid: OccupancyGrid,
     scene: Scene,
-    *,
     start: Position,
     robot_radius: float,
     height: float,
@@ -274,7 +273,7 @@ def score_map(
             there is no such part.
         obstacles: Number of cells classified as obstacle.
         within_one_cell: Share of ``obstacles`` with a solid surface, or foliage, in the
-            cell itself or beside it; None if there are none.
+            cell itself or next to it; None if there are none.
         within_two_cells: The same with one cell more.
         false_obstacles: Number of ``obstacles`` farther from everything solid, per
             known cell that is empty.
@@ -291,7 +290,7 @@ def score_map(
     solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     smoke = truth.kinds[CellClass.SMOKE]
     blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    # Side rays see objects two cells beside their beam. Free is wrong only deeper than
+    # Side rays see objects two cells off their beam. Free is wrong only deeper than
     # that inside of an object.
     right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
     right |= (classes == CellClass.SMOKE) & (_distances(smoke) <= TOLERANCE + BESIDE)
@@ -321,24 +320,6 @@ def score_map(
         "misplaced": _mean(misplaced),
         "told_apart": _class_accuracy(classes, truth),
     }
-
-
-def score_mapper(
-    mapper: Mapper, scene: Scene, *, robot_class: str, start: Pose2
-) -> Score:
-    """Score the map that a robot has made with its scanner.
-
-    Args:
-        mapper: Holds the map.
-        scene: The mapped scene.
-        robot_class: Class of the robot.
-        start: Start pose of the robot, map frame.
-    """
-    place = (start.x, start.y)
-    radius, height = robot_and_sensor(mapper, scene, robot_class, place)
-    return score_map(
-        mapper.grid, scene, start=place, robot_radius=radius, height=height
-    )
 
 
 def robot_and_sensor(

@@ -3,9 +3,9 @@
 The server is either one in this process, which runs in lockstep with the client and
 whose scene the map is compared with, or one that listens on a TCP port.
 
-A curve of the known area over time shows how fast the exploration is. The map itself
-tells the area that is sensed. With a scene it is also known which floor the robot can
-get to, and when some share of that was known.
+A curve of the known area over time shows how fast the exploration is. The sensed area
+follows from the map itself. With a scene it is also known which floor the robot can get
+to, and when some share of that was known.
 """
 
 import json
@@ -19,7 +19,8 @@ import numpy as np
 from radarsim.autonomy.evaluation.map_score import (
     FloorPart,
     Score,
-    score_mapper,
+    robot_and_sensor,
+    score_map,
 )
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, GroundTruthMonitor
 from radarsim.autonomy.exploration.exploration import Exploration, Outcome
@@ -176,9 +177,9 @@ class MappingRun:
             connect: Connects to the server, unless it is in this process.
 
         Raises:
-            ClientError: If the server does not send what is needed.
+            ClientError: If the server does not send the needed reports.
             MappingError: If no map can be made of what it sends.
-            NavigationError: If the robot cannot do what is asked of it.
+            NavigationError: If the robot cannot follow the plan.
         """
         exploration, monitor = self.source, self.monitor
         assert isinstance(exploration, Exploration)
@@ -208,7 +209,9 @@ class MappingRun:
         start = self.source.trip.start
         if scene is None or mapper is None or robot is None or start is None:
             return
-        self.score = score_mapper(mapper, scene, robot_class=robot, start=start)
+        place = start.x, start.y
+        radius, height = robot_and_sensor(mapper, scene, robot, place)
+        self.score = score_map(mapper.grid, scene, place, radius, height)
 
     def _note_area(self, *, last: bool = False) -> None:
         """Add to the curve of known area; to be called at every scan."""

@@ -155,7 +155,7 @@ class NavigationRun:
             connect: Connects to the server, unless it runs in this process.
 
         Raises:
-            ClientError: If the server does not send what is needed.
+            ClientError: If the server does not send the needed reports.
             NavigationError: If the robot cannot do what the mission asks for.
         """
 

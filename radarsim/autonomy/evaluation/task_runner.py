@@ -264,7 +264,7 @@ def run_batches(
     size: int,
     count_threads: Callable[[], int],
 ) -> Iterator[TaskResult[Value]]:
-    """Run tasks in batches, few of which wait at any time.
+    """Run tasks in batches; only a few batches wait at any time.
 
     Args:
         executor: An executor of processes that have what the function needs.

@@ -71,11 +71,11 @@ class NearestTargetStrategy(Strategy):
             activity: Name of the activity.
             turn: Angle to turn on the spot first, rad, so that other beams cross the
                 gaps between those of one scan: a frontier there would be one of the
-                scanner, and not of what is known.
+                scanner, and not of the map.
         """
         super().__init__(settings)
         self.activity = activity
-        self._turn = turn  # what is left of it
+        self._turn = turn  # the rest of it
         self._yaw: float | None = None  # at the last scan of the turn
         self._select_targets = select_targets
 
@@ -89,7 +89,7 @@ class NearestTargetStrategy(Strategy):
             floor = follower.floor
             targets = self._select_targets(floor)
             # Those around the last one come first. Else the robot would change between
-            # two sides of a room, each of which is the nearer one as soon as the robot
+            # two sides of a room, where each is the nearer one as soon as the robot
             # has seen something of the other.
             if follower.end is not None:
                 near = targets & floor.disc(*follower.end, NEIGHBORHOOD)

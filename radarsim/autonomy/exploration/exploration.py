@@ -38,7 +38,7 @@ class Outcome(StrEnum):
     INCOMPLETE = "incomplete"  # the strategy was done before
     TIME_LIMIT = "time_limit"
     STUCK = "stuck"
-    FAILED = "failed"  # the server did not send what is needed
+    FAILED = "failed"  # the server did not send the needed reports
     BROKEN_OFF = "broken_off"
 
 
@@ -83,9 +83,9 @@ class Exploration:
                 strategy is doing, in one word.
 
         Raises:
-            ClientError: If the server does not send what is needed.
+            ClientError: If the server does not send the needed reports.
             MappingError: If no map can be made of what it sends.
-            NavigationError: If the robot cannot do what is asked of it.
+            NavigationError: If the robot cannot follow the plan.
         """
         try:
             loop, strategy = self._prepare(client)

@@ -2,7 +2,7 @@
 
 At every scan a strategy receives the observation and the map, and returns the twist
 until the next scan. Paths are planned on the map and lead over sensed and open floor.
-The bumpers overrule them: no robot drives towards what is too near.
+The bumpers overrule them: no robot drives towards a thing that is too near.
 """
 
 import math

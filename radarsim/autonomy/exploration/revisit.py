@@ -112,7 +112,7 @@ class Revisit(Strategy):
     def find_unexplored(
         self, observation: Observation, grid: OccupancyGrid
     ) -> tuple[list[Point], list[Point]]:
-        """Find what is left; where no walls enclose the area, within its radius.
+        """Find unexplored places; where no walls enclose the area, within its radius.
 
         Args:
             observation: The latest one.
@@ -190,7 +190,7 @@ class Revisit(Strategy):
             self._since = None
             self._strategy = self._create(self._settings)
         elif observation.time > self._since + LOOK_TIME:
-            # Until it is open again: then it is remembered anew.
+            # Until it is open again: then it is remembered again.
             shut = self._may_open & ~floor.open
             labels, _ = ndimage.label(shut, np.ones((3, 3)))
             number = labels[floor.nearest(shut, *path[at])]

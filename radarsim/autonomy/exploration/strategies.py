@@ -1,12 +1,12 @@
 """Exploration strategies by name, and ``AutoStrategy``, which chooses among them.
 
-``auto`` chooses by what is sensed. Where less than half of all directions end at
+``auto`` chooses by the scans and the map. Where less than half of all directions end at
 something, the area is open: it drives a spiral from the start, and then to frontiers no
 farther from its start than the spiral has led. Otherwise it drives to frontiers. With
 walls all around and no frontier that it can reach, it follows the walls and covers the
 interior.
 
-When a strategy has nothing more to do, what is left of an area is looked at as well.
+When a strategy has nothing more to do, the rest of an area is explored as well.
 """
 
 import math

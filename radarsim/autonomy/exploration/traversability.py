@@ -1,4 +1,4 @@
-"""Traversability map: where a robot may go by the map so far, and what is left to see.
+"""Traversability map: where a robot may go by the map so far, and its frontiers.
 
 Theory of operation
 ===================
@@ -109,7 +109,7 @@ class TraversabilityMap:
         column = round((other._corner[0] - left) / self.size)
         row = round((other._corner[1] - bottom) / self.size)
         result = np.zeros_like(self.open)
-        # Cut, as a map that was built anew need not have all of them.
+        # Cut, as a map that was rebuilt need not have all of them.
         tiles = tiles[max(-row, 0) :, max(-column, 0) :]
         place = result[max(row, 0) :, max(column, 0) :]
         rows, columns = np.minimum(place.shape, tiles.shape)

@@ -40,11 +40,6 @@ MARK: Final = "radarsim map"
 HEAD: Final = 64  # bytes at the beginning of a file that hold the mark
 
 
-def is_radarsim_map(head: bytes) -> bool:
-    """Return whether a map file is by this program, by its first bytes."""
-    return MARK.encode() in head[:HEAD]
-
-
 def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """Return all cells of a map in the colours of UsarCommander, (R, C, 3).
 
@@ -137,9 +132,9 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
 def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
     """Return the rows and columns of the sensed cells with a margin of 0.5 m.
 
-    They are one cell if nothing is sensed. Open floor is left out beyond 5 m around
-    what is on the map and was seen at short range: beams that meet nothing sense it up
-    to their range.
+    They are one cell if nothing is sensed. Open floor is left out beyond 5 m around all
+    cells that are not free or were seen at short range: beams that meet nothing sense
+    it up to their range.
 
     Raises:
         ValueError: If the map has no cells.

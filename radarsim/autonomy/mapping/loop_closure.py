@@ -13,7 +13,7 @@ proportion to the path, so that poses are tried all around the estimated one, an
 best is corrected. It counts only where most points fit, and not in a corridor, which
 looks the same everywhere along it, nor where the points fit about as well at the
 estimated pose, far from the best one, as in a row of niches. What a wall looks like
-depends on where it is seen from: a match from some metres beside the old place can be
+depends on where it is seen from: a match from some metres off the old place can be
 off by more than the whole loop is, above all while much of what the robot sees is not
 on the old map yet. From there, almost all points must fit; otherwise the loop closes
 farther on.
@@ -47,11 +47,11 @@ from radarsim.engine import Packed
 from radarsim.geometry import Floats, Pose2
 
 REACHES: Final = 1.5  # distance at which keyframes are left behind, by the reach
-STRIDE: Final = 2.0  # m of path after which keyframes are left behind anew
+STRIDE: Final = 2.0  # m of path after which keyframes are left behind again
 MAX_DISTANCE: Final = 4.0  # m from the old keyframe
 SAME_PLACE: Final = 2.0  # m from it, beyond which almost all points must fit
 MIN_INLIERS_BESIDE: Final = 0.9  # share of the points there
-RETRY: Final = 0.5  # m of path between two attempts, each of which takes long
+RETRY: Final = 0.5  # m of path between two attempts, since each takes long
 LATEST: Final = 3.0  # m of path whose keyframes are matched together
 MAX_POINTS: Final = 600  # of these, that are matched
 DRIFT: Final = 0.04  # share of the path by which the pose may be off
@@ -110,7 +110,7 @@ class KeyframeMap:
         # how far keyframes overlap, and so how far away they still belong together
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
-        # Only now and then: a map that some keyframes leave is made anew.
+        # Only now and then: a map that some keyframes leave is rebuilt.
         if keyframe.station > self._swept + STRIDE:
             self._swept, far = keyframe.station, False
             for each in self.keyframes:
@@ -171,7 +171,7 @@ class KeyframeMap:
         found = find_pose(map_of(around).table, self._latest(), drift, turn)
         if found is None:
             return None
-        # From beside the old place walls look different, and a match may be off by more
+        # From some metres off walls look different, and a match may be off by more
         # than the loop is. Farther on there will be another attempt.
         is_beside = found.pose.distance(old.pose) > SAME_PLACE
         if is_beside and found.inliers < MIN_INLIERS_BESIDE:
@@ -292,7 +292,7 @@ def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:
         first ones do not show it.
     """
     keyframes = known.keyframes
-    # Who has left parts of the map behind may have bent it since; only a loop tells.
+    # Who has left parts of the map behind may have bent it since; only a loop shows it.
     if not all(each.is_local for each in keyframes):
         return None
     start = keyframes[0].pose

@@ -5,7 +5,7 @@ of each scan (``slam``) and adds the scan to the grid. Where a server sends echo
 scan without all of its own serves for finding the pose but not for the map: the range
 of a radar alone does not tell foliage from a wall.
 
-When a loop closes, all scans have other poses, and the grid is built anew from them.
+When a loop closes, all scans have other poses, and the grid is rebuilt from them.
 That takes seconds, in which a robot would drive on blindly. Some old scans are
 therefore added to the new grid with each new scan, which the old grid gets meanwhile;
 the new one replaces it when it holds all scans.
@@ -55,7 +55,7 @@ class RebuildableGrid:
     """A grid, and the scans that it consists of.
 
     Attributes:
-        grid: The map; another object once it was built anew.
+        grid: The map; another object once it was rebuilt.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class RebuildableGrid:
         self._continue(SCANS_AT_ONCE)
 
     def rebuild(self) -> None:
-        """Begin to build the grid anew, as the trajectory has changed."""
+        """Begin to rebuild the grid, as the trajectory has changed."""
         # If another grid was being built, it is dropped: its poses are no longer right.
         self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
 
@@ -103,7 +103,7 @@ class RebuildableGrid:
         self._continue(len(self._scans))
 
     def seen_from_one_place(self) -> float:
-        """Return the share of what is solid that was seen from only one place.
+        """Return the share of solid cells that were seen from only one place.
 
         Places are at least 1 m from each other. Squares of 0.25 m are counted.
         """
@@ -212,7 +212,7 @@ class Mapper(ScanReader):
 
     @property
     def seen_from_one_place(self) -> float:
-        """The share of what is solid that was seen from only one place."""
+        """The share of solid cells that were seen from only one place."""
         return self._grid.seen_from_one_place()
 
     @property
@@ -229,7 +229,7 @@ class Mapper(ScanReader):
         return f"expected motion from {' or '.join([*sorted(others), 'none'])}"
 
     def finish(self) -> None:
-        """Complete the map, if it is being built anew after a loop was closed."""
+        """Complete the map, if it is being rebuilt after a loop was closed."""
         self._grid.finish()
 
     def _take_other(self, report: Report) -> None:
@@ -264,7 +264,7 @@ class Mapper(ScanReader):
             return None
         if not len(self.trajectory):
             # An INS begins at its own first pose. All else begins at the first one that
-            # an INS or the ground truth tells, which comes after the mapper is made.
+            # an INS or the ground truth reports, which comes after the mapper is made.
             self.slam.start = None if source == "ins" else self._spawn_pose
         time, echoes, lacks_echoes = self._time_and_echoes(report)
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
@@ -284,7 +284,7 @@ class Mapper(ScanReader):
         return self._observation(pose, scan)
 
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
-        # what is nearest on each beam; robots pass smoke
+        # the nearest hit on each beam; robots pass smoke
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
         blocks = hits.layer != Layer.SMOKE

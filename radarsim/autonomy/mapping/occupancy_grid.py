@@ -238,7 +238,7 @@ class OccupancyGrid:
             self._evidence[layer, rows, columns][disc] = -LOG_ODDS_LIMIT
 
     def free(self, cells: Mask) -> None:
-        """Forget what is solid in some cells, (R, C)."""
+        """Forget solid things in some cells, (R, C)."""
         for layer in (Layer.SOLID, Layer.BEAM_END):
             evidence = self._evidence[layer]
             evidence[cells] = np.minimum(evidence[cells], -LOG_ODDS_FREE)

@@ -140,7 +140,7 @@ class KeyframeGraph:
         self._covariance: Floats = np.zeros((3, 3))
 
     def learn(self, sigma: Floats, information: Floats) -> None:
-        """Add up what is known of the motion since the last keyframe.
+        """Add the information on the next step to that since the last keyframe.
 
         Args:
             sigma: (3,) standard deviations of the next step, m, m and rad.

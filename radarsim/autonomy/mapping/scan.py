@@ -128,7 +128,7 @@ class PlanarScan:
         if not is_cut.any():
             return self
         ends, hits = self.ends.copy(), self.hits.chosen(self.hits.near <= distance)
-        # A beam that is cut ends at nothing: what is before is free all the same.
+        # A beam that is cut ends at nothing: cells before are free all the same.
         ends[is_cut] = BeamEnd.NOTHING
         return replace(
             self,

@@ -19,7 +19,7 @@ Along a corridor, that must hold for one direction. Echoes of a thick beam scatt
 centimetres, so that a wall is a spot in a window of a hand's breadth, and each spot
 holds the robot back a little, to where it was seen before. Lines are therefore looked
 for in a wider window too, and where almost all information is about one direction, in
-one wider still; what is left across that direction is the error of the lines' own
+one wider still; the rest across that direction is the error of the lines' own
 directions, and is dropped.
 
 Each step solves the normal equations of a pose, with the unknowns x, y and yaw.
@@ -43,7 +43,7 @@ Surface normals tell which way the surfaces face that the points of a scan are o
 
 Both faces of a wall are on a map once a robot has seen it from both sides. They are
 nearer to each other than echoes of a thick beam scatter, and only the direction in
-which they face tells them apart. It is that of the line through the neighbours of a
+which they face distinguishes them. It is that of the line through the neighbours of a
 point in its scan, on the side where the scanner is.
 """
 

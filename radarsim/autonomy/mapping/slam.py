@@ -232,7 +232,7 @@ class Slam:
         # A motion needs the poses of two scans; without it the pose is searched for.
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
-        # What is reported is off by a share of the motion, and a little at rest.
+        # Reports are off by a share of the motion, and a little at rest.
         before, drift = self._prior, self._drift
         predicted = self._moved(self.pose, before, prior)
         length = math.hypot(prior.x - before.x, prior.y - before.y)
@@ -247,7 +247,7 @@ class Slam:
         sigma_turn += guessed * SPEED_CHANGE[1]
         sigma = np.array([sigma_distance, sigma_distance, sigma_turn])
         if not can_match:
-            # The scan tells nothing, so the whole error of the motion is left.
+            # The scan shows nothing, so the whole error of the motion is left.
             self._graph.learn(sigma, np.zeros((3, 3)))
             return predicted
         table = self.map.points.table

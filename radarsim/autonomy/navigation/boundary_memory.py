@@ -9,8 +9,8 @@ points of the boundary that it has followed: those that beams go through have go
 Beams go through panes as well, and off mirrors. So what it meets where something seemed
 to have gone stands there.
 
-It also tells whether what was followed is what was hit: its first points are near the
-hit point, and a circuit passes there again.
+It also checks whether the robot followed the obstacle that it hit: then its first
+points are near the hit point, and a circuit passes there again.
 
 The yaw of an INS drifts with the angles turned, so a point has gone only if beams go
 through wherever it may be by now. Otherwise a robot that has come back after a long
@@ -45,7 +45,7 @@ MAX_DISTANCE = 10.0  # m; points farther away are not looked at
 MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
 DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
 MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
-_BESIDE = 0.15  # m beside a point that beams still count as beams to it
+_BESIDE = 0.15  # m from a point, at which beams still count as beams to it
 
 
 class Landmark:
@@ -55,7 +55,7 @@ class Landmark:
         x: m, map frame.
         y: m, map frame.
         direction: rad, map frame.
-        max_offset: How far beside the point a path still passes it, m.
+        max_offset: Distance at which a path still passes the point, m.
     """
 
     def __init__(self, pose: Pose2, direction: float, *, max_offset: float) -> None:
@@ -64,7 +64,7 @@ class Landmark:
         Args:
             pose: A pose at the point.
             direction: Direction of the path, rad, map frame.
-            max_offset: How far beside the point a path still passes it, m.
+            max_offset: Distance at which a path still passes the point, m.
         """
         self.x, self.y = pose.x, pose.y
         self.direction = direction
@@ -106,7 +106,7 @@ def _linked_beams(
 
 
 class FollowedBoundary:
-    """The boundary that is followed, and what is known of it.
+    """The boundary that is followed, and its points and landmarks so far.
 
     Passing one of its landmarks again closes a circuit. The hit point itself may lie
     off the path of a robot that follows the boundary. Then the first landmark on that
@@ -117,7 +117,7 @@ class FollowedBoundary:
         hit_place: The point of it that was hit, m, map frame.
         travelled: m along it.
         least: m to be followed before it is left for a place nearer to the goal.
-        reached_at: When the robot came beside it, s.
+        reached_at: When the robot reached it, s.
         goal_distance: Its least distance from the goal so far, m.
         landmarks: Where on the path along it each is, m, the hit point first; none
             before a circuit around it begins.
@@ -134,7 +134,7 @@ class FollowedBoundary:
         self.landmarks: list[tuple[float, Landmark]] = []
         self.circuit_start = 0.0
         self._nearest: Point | None = None  # point of it, map frame
-        self._seen: Point | None = None  # nearest point of what is looked at, likewise
+        self._seen: Point | None = None  # nearest point of the last look, likewise
         # points of it, m; where along the path each was seen, m, and the rad turned by
         # then, to look at them again
         self._points: list[tuple[Point, float, float]] = []
@@ -143,11 +143,11 @@ class FollowedBoundary:
 
     @property
     def is_reached(self) -> bool:
-        """Whether the robot is beside it."""
+        """Whether the robot has reached it."""
         return self._nearest is not None
 
     def reach(self, observation: Observation, bearing: float, goal: Point) -> float:
-        """Begin beside it, where a bumper is pressed towards a bearing, rad.
+        """Begin at it, where a bumper is pressed towards a bearing, rad.
 
         Returns:
             The direction along it, rad, map frame.
@@ -163,7 +163,7 @@ class FollowedBoundary:
         """Return a scan without the beams that end on other obstacles.
 
         If another one is clearly nearer on the boundary's hand, or this one is out of
-        sight, the whole scan is returned: then what is nearest is followed. The least
+        sight, the whole scan is returned: then the nearest one is followed. The least
         distance of the boundary from a goal is updated.
         """
         assert self._nearest is not None
@@ -199,7 +199,7 @@ class FollowedBoundary:
 
         Args:
             point: m, map frame.
-            yaw: The robot's, rad; to be told at every step.
+            yaw: The robot's, rad; needed at every step.
         """
         self._turned, self._yaw = self._turned_until(yaw), yaw
         if not self._points or math.dist(point, self._points[-1][0]) >= SPACING:
@@ -226,8 +226,8 @@ class FollowedBoundary:
     def _stands(self, observation: Observation) -> bool:
         """Return whether no more points have gone than stand, of those in sight.
 
-        A boundary of which no point is in sight has gone as well: who follows a
-        boundary that stands sees some of it.
+        A boundary without a point in sight has gone as well: a robot that follows one
+        that stands sees some of it.
         """
         points = np.array([each for each, *_ in self._points]).reshape(-1, 2)
         pose = observation.pose
@@ -246,7 +246,7 @@ class FollowedBoundary:
         is_beam = np.abs(offsets) <= spread[is_near, None]
         beams = np.where(is_beam, observation.ranges, math.inf)
         beyond = beams.min(axis=1, initial=math.inf) - distances
-        # What is hidden behind something nearer is neither gone nor known to stand.
+        # Points behind something nearer are neither gone nor known to stand.
         gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
         return bool(gone.sum() <= standing.sum() and standing.any())
 
@@ -273,7 +273,7 @@ class FollowedBoundary:
         return begins_there and self._passes(hit, self.circuit_start)
 
     def closes_circuit(self, pose: Pose2, direction: float) -> bool:
-        """Take the next step beside it; return whether that ends a circuit.
+        """Take the next step along it; return whether that ends a circuit.
 
         To be called after ``remember``. A landmark is set there if it is time for one.
 

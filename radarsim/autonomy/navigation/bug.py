@@ -2,7 +2,7 @@
 
 A ``Bug`` decides at every scan how to move. It heads for the goal until the bumper in
 that direction is pressed, turns until the boundary is abeam, and follows it as long as
-its boundary policy says. What is beyond the goal is no obstacle.
+its boundary policy says. Things beyond the goal are no obstacles.
 
 Theory of operation
 ===================
@@ -41,9 +41,11 @@ from radarsim.autonomy.navigation.wall_following import BumperWallFollower, Wall
 from radarsim.autonomy.plans import Algorithm, GiveUp, Rule
 from radarsim.geometry import Point, Pose2
 
-AT_LINE = 0.1  # m beside the line to the goal that still count as on it
+AT_LINE = 0.1  # m from the line to the goal that still count as on it
 LEAST_GAIN = 0.1  # m nearer to the goal that count as nearer
-GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
+GRAZE = (
+    0.1  # m beyond the safety distance at which something at the side blocks the path
+)
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 MOST_OTHERS = 3  # circuits around another obstacle, before it gives up nevertheless
 _MOST_MISSES = 3  # leave points that are not found again, likewise
@@ -161,7 +163,7 @@ class Bug2Policy:
             boundary: See ``Bug1Policy``.
             goal: Likewise.
             hit: The pose at the hit point.
-            starts: Starts of the lines to the goal, at any of which it leaves; at least
+            starts: Starts of the lines to the goal; it leaves at any of them. At least
                 one. Where it gives up at a line, that is the last one.
             give_up: When to conclude that there is no path.
         """
@@ -231,7 +233,7 @@ class BoundaryController(Controller):
     def _begin_boundary(
         self, kind: type[WallFollower] = WallFollower, *, wall_on_left: bool
     ) -> None:
-        """Turn to the boundary of what is in the way, to keep it on one side."""
+        """Turn to the boundary of the obstacle ahead, to keep it on one side."""
         limits, self.activity = self._settings.speed_limits, Activity.ALIGNING
         follower = kind(self._settings.bumpers, limits, wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(follower)
@@ -267,12 +269,12 @@ class Bug(BoundaryController):
         super().__init__(settings)
         self._wall_on_left = settings.mission.side == "left"  # of the next boundary
         self._policy: Bug1Policy | Bug2Policy  # for the boundary that it is at
-        self._starts: list[Pose2] = []  # of the lines of which Bug2 has to meet one
+        self._starts: list[Pose2] = []  # of the lines; Bug2 has to meet one
         self._lost = 0.0  # m driven without a boundary
         self._turn = 0.0  # rad/s; of the last step of aligning
         self._reversals = 0  # of that turn
         self._best_leave = math.inf  # m from the goal
-        self._leaving = False  # whether it is still beside the boundary it has left
+        self._leaving = False  # whether it is still at the boundary it has left
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
         self._misses = 0  # number of leave points that it did not find again
 
@@ -296,7 +298,7 @@ class Bug(BoundaryController):
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
             twist, aligned = self._boundary.follower.align(observation, bearing)
-            # Before a mirror what is nearest may change to and fro with each turn.
+            # Before a mirror the nearest point may change to and fro with each turn.
             self._reversals += twist.turn * self._turn < 0
             self._turn = twist.turn
             if aligned or self._reversals >= _MOST_REVERSALS:
@@ -305,7 +307,7 @@ class Bug(BoundaryController):
         return self._follow(observation, driven)
 
     def _is_open(self, observation: Observation) -> bool:
-        """Return whether nothing is in the way to the goal, nor too near beside it."""
+        """Return whether nothing is in the way to the goal, nor too near to it."""
         bumpers, bearing = self._settings.bumpers, self._goal_bearing(observation.pose)
         ahead = bumpers.towards(observation, bearing)
         if ahead.blocked and not self._is_beyond(observation, ahead.distance):
@@ -328,7 +330,7 @@ class Bug(BoundaryController):
         return goal + self._settings.bumpers.safety_distance - NOISE <= obstacle
 
     def _side_distance(self, observation: Observation) -> float:
-        """Return the distance, m, of what is nearest beside the path to the goal."""
+        """Return the distance, m, of the nearest thing at the sides of the path."""
         bumpers, goal = self._settings.bumpers, self._goal_bearing(observation.pose)
         sides = (goal - bumpers.width, goal + bumpers.width)
         return min(bumpers.towards(observation, side).distance for side in sides)
@@ -396,7 +398,7 @@ class Bug(BoundaryController):
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
         if is_other:
-            # The other side of a gap, or what is behind it: on the same hand the robot
+            # The other side of a gap, or a thing behind it: on the same hand the robot
             # would come back there.
             self._change_hand()
         self._best_leave = math.inf

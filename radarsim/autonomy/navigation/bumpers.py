@@ -121,7 +121,7 @@ class Bumpers:
         return tuple(name for k, name in enumerate(self.names) if k not in covered)
 
     def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
-        # Half a sector on, since the first one is about the front and not beside it.
+        # Half a sector on, since the front is the middle of the first one.
         turns = (bearings + self.width / 2) / self.width
         return np.floor(turns).astype(np.int64) % self.count
 

@@ -108,7 +108,7 @@ class StuckDetector:
                 pose, command = self._heading, f"turn {degrees:.0f}°"
         if command:
             raise NavigationError(
-                f"the robot stays at {pose.x:.2f} {pose.y:.2f}, told to {command};"
+                f"the robot stays at {pose.x:.2f} {pose.y:.2f}, commanded to {command};"
                 " perhaps something is nearer than it is seen, and the safety distance"
                 " too small"
             )
@@ -180,7 +180,7 @@ class ControlLoop:
         start, stopped = clock(), False
         received: set[str] = set()
         while (waited := clock() - start) < self._timeout:
-            # A robot keeps its wheel speeds until it is told others: it drives blindly.
+            # A robot keeps its wheel speeds until the next command: it drives blindly.
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STOP)
                 stopped = True
@@ -199,4 +199,4 @@ class ControlLoop:
         came = f"what came: {names}" if received else "nothing came"
         missing = f"no {self._source.missing} within {self._timeout:g} s"
         hint = f"; {self._source.hint}" * bool(self._source.hint)
-        raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{hint}")
+        raise ClientTimeout(f"{missing}, {came}; the robot was commanded to stop{hint}")

@@ -106,7 +106,7 @@ class Controller(ABC):
         return STOP if self.is_done else self._decide(observation, driven)
 
     def reconsider(self, pose: Pose2, _: Callable[[Observation], Observation]) -> None:
-        """Start anew towards the goal: some of what was seen does not stand there.
+        """Start again towards the goal, as some of what was seen does not stand there.
 
         Args:
             pose: The robot's pose.

@@ -1,7 +1,7 @@
 """Follow the path of a rectangle, slowly where there is little room.
 
 The robot is led back to the line of each straight motion, and turns on the spot at its
-ends. A motion that would bring the footprint nearer to what is seen than a centimetre
+ends. A motion that would bring the footprint nearer to obstacles than a centimetre
 is not made, and a path that leads so near is no longer followed: another has to be
 planned.
 """
@@ -19,7 +19,7 @@ from radarsim.autonomy.navigation.control import (
 from radarsim.autonomy.navigation.footprint_planning import SLACK, Footprint
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
-LEAST_ROOM: Final = 0.01  # m that the footprint keeps from what is seen
+LEAST_ROOM: Final = 0.01  # m that the footprint keeps from obstacles
 TOUCHING: Final = 0.001  # m, from which on the footprint touches something
 OFF: Final = 0.06  # m, or more than the rad below, off a path that is not followed
 OFF_TURN: Final = 0.3  # rad
@@ -28,8 +28,8 @@ SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of room around the footprint
 SLOW_TURN: Final = 0.5  # rad/s; so the corners of the footprint are as slow
 AT_END: Final = 0.01  # m before the end of a straight motion
 ALIGNED: Final = 0.03  # rad, with the heading of the next motion
-AHEAD: Final = 0.4  # s that a motion goes on until it is decided anew, and more
-LINE_GAIN: Final = 2.0  # rad of heading for each m beside the line
+AHEAD: Final = 0.4  # s that a motion goes on until the next decision, and more
+LINE_GAIN: Final = 2.0  # rad of heading for each m off the line
 _MOST: Final = 0.25  # rad, towards the line
 
 
@@ -51,7 +51,7 @@ class FootprintFollower:
 
     @property
     def path(self) -> Floats:
-        """What is left of the path: (Q, 3), from the beginning of this motion on."""
+        """The rest of the path, (Q, 3), from the beginning of this motion on."""
         return self._path[self._next - 1 :]
 
     def is_blocked(self, points: Floats) -> bool:
@@ -64,7 +64,7 @@ class FootprintFollower:
 
         Args:
             pose: Of the robot.
-            points: What is seen, (N, 2) m, map frame.
+            points: Obstacles that are seen, (N, 2) m, map frame.
 
         Returns:
             None if the path has ended, or cannot be followed from here.
@@ -104,8 +104,8 @@ class FootprintFollower:
         left = sign * (c * dx + s * dy)
         if left < AT_END:
             return None
-        beside = s * dx - c * dy  # the robot is that far on the left of the line
-        towards = -sign * max(-_MOST, min(_MOST, LINE_GAIN * beside))
+        off = s * dx - c * dy  # the robot is that far on the left of the line
+        towards = -sign * max(-_MOST, min(_MOST, LINE_GAIN * off))
         error = wrap_angle(end[2] + towards - here[2])
         speed = min(self._limits.speed, max(SLOW, SPEED_GAIN * room), 0.05 + left)
         return Twist(sign * speed, self._turn_rate(error))

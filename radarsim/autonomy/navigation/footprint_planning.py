@@ -8,7 +8,7 @@ well. A* searches for the cheapest one over cells and 16 headings, each of which
 from the centre of a cell to that of another. The grid is laid by the robot's pose, so
 that this pose is one of its states, whatever it is.
 
-For each cell a mask tells in which orientations, and by which margins, the rectangle is
+For each cell a mask has the orientations and margins for which the rectangle is
 free of the points where something was seen. Those are exact to a centimetre, as the
 margins are no wider. A turn also needs the orientation between two headings, and
 between these the corners of the footprint lead less than the least margin farther out.
@@ -85,8 +85,8 @@ class Footprint:
         c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
         x, y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
         along = np.abs(c * x + s * y) - (self.length + longer) / 2
-        beside = np.abs(c * y - s * x) - self.width / 2
-        outside: Floats = np.hypot(np.maximum(along, 0.0), np.maximum(beside, 0.0))
+        across = np.abs(c * y - s * x) - self.width / 2
+        outside: Floats = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
         return outside
 
     def clearance(self, points: Floats, pose: Floats) -> float:

@@ -4,35 +4,35 @@ Theory of operation
 ===================
 A beam that meets a mirror goes on elsewhere, and ends in a place that seems to be
 behind the mirror. So what seems to stand before a mirror stands there, and what seems
-to be behind it may not. A robot drives into what it cannot see, and its touch sensors
-tell that it touches something, but not where. That is on the side of the hull that led:
-its points moved outward.
+to be behind it may not. A robot drives into things that it cannot see, and its touch
+sensors report a touch, but not its place. That is on the side of the footprint that
+led: its points moved outward.
 
-A box as wide as that part of the hull is kept there, in the map frame. From then on
-beams end at it, and what they showed behind it does not count. Where two boxes are so
-near to each other that the robot does not fit between them, beams end there as well. So
-all that steers by scans treats what was touched as it treats what it sees.
+A box as wide as that part of the footprint is kept there, in the map frame. From then
+on beams end at it, and what they showed behind it does not count. Where two boxes are
+so near to each other that the robot does not fit between them, beams end there as well.
+So all that steers by scans treats what was touched as it treats what it sees.
 
 The robot goes back the way it came, which was free, until all that it sees or has
 touched is as far away as the safety distance. It keeps nothing if it stood: then
 something has driven into it, and will drive away. Along a mirror the way back leads
 along it. So where that ends, it takes the motion that leads its centre away and its
-hull past all that it sees or has touched. It does the same instead of a motion that
-would press its hull against what it sees or has touched, such as a turn beside it:
-nothing is touched twice. If it touches something on that way, it goes back on that.
+footprint past all that it sees or has touched. It does the same instead of a motion
+that would press its footprint against what it sees or has touched, such as a turn at
+it: nothing is touched twice. If it touches something on that way, it goes back on that.
 
 In a mirror that it faces it sees itself come as it comes. It may stop before its image,
 and stand there for good; in a gap whose sides are mirrors it may turn to and fro. So
 where it gets nowhere it takes what it faces for touched.
 
-The end of a plate is thin, and beams pass beside it: one scan shows it, and the next
+The end of a plate is thin, and beams pass by it: one scan shows it, and the next
 one does not. Where the plate is a mirror, what beams show instead is far away. A robot
 that steers by each scan alone would turn away from the end in one and on towards it in
 the next, until it touches it.
 
 So what a scan has shown near the robot, and the next one looks through, is kept for a
 few seconds: beams end there as if they had met it. What has moved is not kept: it is
-seen beside its place, or a little farther away.
+seen next to its place, or a little farther away.
 """
 
 import math
@@ -56,9 +56,9 @@ LONGEST_WAY_BACK: Final = 1.0  # m
 LEAST_SPEED: Final = 0.02  # m/s; less is no motion
 LEAST_TURN: Final = 0.05  # rad/s
 _MOTIONS: Final = 200  # that are kept
-_POINTS: Final = 5  # on each side of the hull
+_POINTS: Final = 5  # on each side of the footprint
 _LEADING: Final = 0.5  # of the highest outward speed, above which a point may have led
-_CLOSE: Final = 0.02  # m from the hull to a box, within which it may touch that
+_CLOSE: Final = 0.02  # m from the footprint to a box, within which it may touch that
 _SOON: Final = (0.15, 0.3)  # s ahead at which a motion is judged that a bug decided on
 _AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s; likewise, one that leads away
 _GAIN: Final = 0.01  # m that this has to lead away
@@ -121,7 +121,7 @@ class TouchedPlaces:
         return seen
 
     def hide(self, observation: Observation) -> Observation:
-        """Return a scan whose beams end at the boxes, without what is behind them."""
+        """Return a scan whose beams end at the boxes, without things behind them."""
         if not len(self):
             return observation
         pose, farther = observation.pose, observation.farther
@@ -187,7 +187,7 @@ def _vanished(last: Observation, now: Observation) -> list[Points]:
 
 
 class TouchMemory:
-    """Notes what the hull touches, and leads back from it.
+    """Remembers what the footprint touches, and leads back from it.
 
     Attributes:
         places: Where it has touched something.
@@ -197,14 +197,14 @@ class TouchMemory:
         """Create it.
 
         Args:
-            length: Of the hull, m.
+            length: Of the footprint, m.
             width: Likewise.
             safety_distance: How far back it leads, m from the robot's centre.
         """
         self.places = TouchedPlaces(math.hypot(length, width))
         self._safety_distance = safety_distance
         self._half = np.array([length, width]) / 2
-        self._outline, self._normals = _hull_outline(length, width)
+        self._outline, self._normals = _footprint_outline(length, width)
         # how it came: the durations of its motions, s, and their reverse
         self._way_back: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
         self._last: Observation | None = None
@@ -297,7 +297,7 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # The hull may come as near to what it sees as planned paths lead.
+        # The footprint may come as near to what it sees as planned paths lead.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -305,12 +305,12 @@ class TouchMemory:
         return self.retreat(observation) or twist
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
-        """Return whether a motion leads the hull no nearer to points than that, m."""
-        now = self._hull_distance(points, STOP, 0.0)
+        """Return whether a motion leads the robot no nearer to points than that, m."""
+        now = self._distance_at(points, STOP, 0.0)
         # What seems to be inside stands close by: corners that turn may graze it.
         if now < 0 and abs(twist.speed) < LEAST_SPEED:
             return False
-        soon = min(self._hull_distance(points, twist, time) for time in _SOON)
+        soon = min(self._distance_at(points, twist, time) for time in _SOON)
         return soon >= min(least, now)
 
     def _way_out(self, observation: Observation) -> Twist | None:
@@ -319,19 +319,19 @@ class TouchMemory:
         seen = _ends(observation)
         points = np.concatenate([boxes, seen])
         boxes = boxes if len(boxes) else seen
-        least = min(_CLOSE, self._hull_distance(points, STOP, 0.0))
+        least = min(_CLOSE, self._distance_at(points, STOP, 0.0))
         best, most = None, np.abs(boxes).min() + _GAIN
         for twist in (Twist(v, w) for v in _SPEEDS for w in _TURNS):
             end = _motion_after(twist, _AHEAD[-1])[0]
             away = np.abs(boxes - end).min()
             if away > most and all(
-                self._hull_distance(points, twist, time) >= least for time in _AHEAD
+                self._distance_at(points, twist, time) >= least for time in _AHEAD
             ):
                 best, most = twist, away
         return best
 
-    def _hull_distance(self, points: Points, twist: Twist, time: float) -> float:
-        """Return how far the hull will be from points, robot's frame, m; < 0 inside.
+    def _distance_at(self, points: Points, twist: Twist, time: float) -> float:
+        """Return how far the footprint will be from points, m; < 0 inside.
 
         Args:
             points: (N,) m.
@@ -346,7 +346,7 @@ class TouchMemory:
         return float(distances.min(initial=math.inf))
 
     def _touched_box(self, pose: Pose2) -> Points:
-        """Return the corners of a box at the part of the hull that led, map frame."""
+        """Return the corners of a box at the side that led, map frame."""
         points, normals = self._outline, self._normals
         velocity = self._motion.speed + 1j * self._motion.turn * points
         outward = (velocity * normals.conj()).real
@@ -392,8 +392,8 @@ def _stands(twist: Twist) -> bool:
     return abs(twist.speed) < LEAST_SPEED and abs(twist.turn) < LEAST_TURN
 
 
-def _hull_outline(length: float, width: float) -> tuple[Points, Points]:
-    """Return points on the hull and the directions outward there, robot's frame.
+def _footprint_outline(length: float, width: float) -> tuple[Points, Points]:
+    """Return points on the outline and the directions outward there, robot's frame.
 
     Returns:
         (N,) each; corners are points of both sides.

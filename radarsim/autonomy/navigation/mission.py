@@ -41,7 +41,7 @@ def spawn_robot(
         of the plan, as far as the robot can drive that fast.
 
     Raises:
-        ClientError: If the server does not send what is needed.
+        ClientError: If the server does not send the needed reports.
         NavigationError: If the robot cannot do what the plan asks for.
     """
     if info is None:
@@ -72,7 +72,7 @@ def run_mission(
             ``LocalRobot.as_client``; None to spawn that of the mission.
 
     Raises:
-        ClientError: If the server does not send what is needed.
+        ClientError: If the server does not send the needed reports.
         NavigationError: If the robot cannot do what the mission asks for.
     """
     info, scanner, safety_distance, speed_limits = spawn_robot(client, mission, info)

@@ -2,9 +2,9 @@
 
 Theory of operation
 ===================
-A scan is compared with one of a moment before. What is now seen where a beam went
-through then has come there: it moves. What was hidden then, behind something nearer,
-may as well have stood there, and does not count.
+A scan is compared with one of a moment before. A thing that is now seen where a beam
+went through then has come there: it moves. A thing that was hidden then, behind
+something nearer, may as well have stood there, and does not count.
 
 From where it is seen at first and now follows its velocity, which is known after half a
 second: so things are looked at some metres away, before they are near. The robot stands
@@ -22,8 +22,8 @@ What has come to a stand is an obstacle like others.
 
 What does not give way may drive into the robot. Then the robot neither turns nor goes
 on, since both would press against it: it backs off until it has room to turn. It does
-so only from what is where something has moved: among things that stand it would have no
-room. In a mirror beside it its own image moves as it does. So here only motion counts
+so only from things where something has moved: among things that stand it would have no
+room. In a mirror at its side its own image moves as it does. So here only motion counts
 that it has seen while it stood.
 """
 
@@ -54,7 +54,7 @@ MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s in which something meets the 
 KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s of its way that paths keep out of
 HEAD_ON: Final = math.cos(math.radians(45))  # of its direction, against the robot's
 BESIDE_IT: Final = 0.6  # m to one side of it that paths keep out of as well
-STRAIGHT_AT: Final = 0.1  # m beside the robot, where it comes straight at it
+STRAIGHT_AT: Final = 0.1  # m off the robot, where it comes straight at it
 ASIDE: Final = 0.3  # m more than the safety distance, within which it meets
 REMEMBERED: Final = 0.5  # s for which a thing that no scan shows is where it would be
 ONE_THING: Final = 1.5  # m; what moves farther apart is more than one
@@ -105,8 +105,8 @@ class Waiting:
 
         Args:
             observation: The newest scan.
-            twist: The motion since the scan before; what is ahead depends on it.
-            still: Beams that end on what is known to stand, (N,); None for none.
+            twist: The motion since the scan before, which shows where ahead is.
+            still: Beams that end on things known to stand, (N,); None for none.
         """
         now = observation.time
         # A robot that stands keeps its direction, as it will go on in that.
@@ -175,8 +175,8 @@ class Waiting:
             is_left_of_it = (complex(to_robot.mean()) / along).imag > -STRAIGHT_AT
             self._closed_side = -1j if is_left_of_it else 1j
         places = ends[:, None] + velocity * (now - seen + KEPT_OUT_OF)
-        beside = places.ravel() + BESIDE_IT * self._closed_side * along
-        both = np.concatenate([places.ravel(), beside])
+        aside = places.ravel() + BESIDE_IT * self._closed_side * along
+        both = np.concatenate([places.ravel(), aside])
         return np.column_stack([both.real, both.imag])
 
     def back_off(self, observation: Observation) -> Twist | None:

@@ -16,7 +16,7 @@ Echo lines come before the scan that they belong to. Servers that know no echoes
 none; then ranges alone count.
 
 Poses by SLAM are in the map frame, as all others, and so are the goals. They may jump
-when a loop closes: who has kept scans can correct them, and begins anew.
+when a loop closes: then navigators correct the scans that they keep, and start again.
 """
 
 import math
@@ -50,15 +50,15 @@ from radarsim.protocol.reports import (
 
 ECHO_WAIT: Final = 0.5  # s without echoes after which ranges alone count
 BEHIND: Final = 0.25  # m that a beam goes on behind a place where nothing is
-_BESIDE: Final = 0.3  # m beside a place where beams count as beams to it
+_BESIDE: Final = 0.3  # m from a place, where beams count as beams to it
 _LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
 _AIR: Final = "rain"  # a kind of echo of nothing that blocks
-# Side beams of a radar show the end of a wall beside it, from each side another way:
-# what a few points say together is off by that, and where there is little to see an INS
-# is better over some metres.
+# Side beams of a radar show the end of a wall off its place, from each side in another
+# direction: few points together are off by that, and where there is little to see an
+# INS is better over some metres.
 INS_DRIFT: Final = 0.03  # share of the motion
 INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad
-JUMP: Final = (0.1, 0.03)  # m and rad; what was kept by less still fits what is seen
+JUMP: Final = (0.1, 0.03)  # m and rad; a change below it still fits the scans
 POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
     PoseSource.INS: Ins,
     PoseSource.ODOMETRY: Odometry,
@@ -139,8 +139,8 @@ class Observation:
     def looks_through(self, points: NDArray[np.complex128]) -> NDArray[np.bool_]:
         """Return whether beams went through places, and none ended there, (N,).
 
-        Beams beside a place count as well: a pole may be between two of them, and a
-        radar with side beams sees it up to 0.2 m beside its place. Where no beam looks
+        Beams next to a place count as well: a pole may be between two of them, and a
+        radar with side beams sees it up to 0.2 m off its place. Where no beam looks
         that is not known, and counts as no.
 
         Args:
@@ -241,7 +241,7 @@ class ScanReader(ABC):
     @property
     @abstractmethod
     def hint(self) -> str:
-        """What to expect instead of what is missing, for messages; may be empty."""
+        """The reports to expect instead of missing ones, for messages; may be empty."""
 
     def take(self, report: Report) -> Observation | None:
         """Process a report; return the observation that it completes, if any."""

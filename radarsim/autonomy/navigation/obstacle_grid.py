@@ -4,10 +4,9 @@ Theory of operation
 ===================
 A cell gains when a beam ends in it, and loses when a beam goes through: so what has
 driven away is forgotten, and one stray echo closes nothing for long. A beam that goes
-through a cell beside the very place where something was seen in it says nothing: it may
-have passed a pole. Cells that nobody has seen are open. The grid covers
-start and goal and a margin around them; what is beyond is left out until the grid
-grows.
+through a cell next to the very place where something was seen in it shows nothing: it
+may have passed a pole. Cells that nobody has seen are open. The grid covers start and
+goal and a margin around them; all beyond is left out until the grid grows.
 
 Some beams pass a pane of glass, others end in it, so that its cells are closed and
 opened again. A cell that is closed for the third time, with seconds between and seen
@@ -16,10 +15,10 @@ for ever.
 
 In a mirror something seems to stand behind it where nothing does. A robot that is near
 the image has driven past the mirror, or has touched it. So what closes a cell is sure
-once it was seen from near, and with it what is as near as the drift of poses: before,
+once it was seen from near, and so are cells within the drift of poses: before,
 it may be an image.
 
-A radar that sends its echoes also shows what is behind a first thin hedge: a dead end
+A radar that sends its echoes also shows things behind a first thin hedge: a dead end
 is known before the robot has driven into it.
 """
 
@@ -39,9 +38,9 @@ CELL: Final = 0.1  # m
 MARGIN: Final = 8.0  # m around start and goal
 MAX_DISTANCE: Final = 10.0  # m; longer beams only say that this much is free
 _GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell
-_SHORT: Final = 0.15  # m before its end where a beam tells nothing
-_POINT: Final = 0.02  # m; side of a square of which the newest point is kept
-_BESIDE: Final = 0.015  # m beside a place that a beam still goes through
+_SHORT: Final = 0.15  # m before its end where a beam shows nothing
+_POINT: Final = 0.02  # m; side of a square, in which the newest point is kept
+_BESIDE: Final = 0.015  # m from a place that a beam still goes through
 _NEAR: Final = 1.5  # m from the robot, within which what it sees is no image
 _DRIFT: Final = 0.3  # m by which poses may be off when the same thing is seen again
 _REOPENED: Final = 5.0  # s between two closings of a cell that count as two

@@ -1,4 +1,4 @@
-"""How far a robot could go in each direction, and the edges of what is in its way.
+"""How far a robot could go in each direction, and the edges of obstacles in its way.
 
 The robot is a disc, and the ends of beams are points: in each direction the first point
 that the disc would touch ends its way.
@@ -14,7 +14,7 @@ from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.geometry import Floats, Point
 
 HORIZON: Final = 10.0  # m; nothing farther away is looked at
-MOST_DIRECTIONS: Final = 720  # that are looked at; what is in the way is of all beams
+MOST_DIRECTIONS: Final = 720  # that are looked at; obstacles are of all beams
 JUMP: Final = 0.5  # m between two neighbouring directions, where an obstacle ends
 PAST: Final = 0.3  # m past the end of an obstacle that its edge is
 TOO_NEAR: Final = 0.1  # m less than the safety distance that nothing ahead may be
@@ -24,7 +24,7 @@ _STEP: Final = 0.15  # m ahead of the robot that ``leads_too_near`` looks
 
 
 class OpenDirections:
-    """What one scan tells of the ways of a disc.
+    """How far a disc could go in each direction, by one scan.
 
     Attributes:
         bearings: (N,) rad from the robot's front, increasing: those of all beams, or of
@@ -41,7 +41,7 @@ class OpenDirections:
         """
         self._pose = observation.pose
         step = 1 + (len(observation.bearings) - 1) // MOST_DIRECTIONS
-        # Bearings wrap somewhere in a scan; sorted, each is beside its neighbour.
+        # Bearings wrap somewhere in a scan; sorted, neighbours are adjacent.
         self.bearings = np.sort(observation.bearings)[::step]
         self.lengths, ends = _first_touches(observation, self.bearings, radius)
         self._ends = ends
@@ -53,7 +53,7 @@ class OpenDirections:
         opens = np.flatnonzero(~self._is_wall & (grows > 0))
         closes = np.flatnonzero(~self._is_wall & (grows < 0))
         beyond = len(grows)
-        # the two directions at each end of an obstacle: the open one, and that beside
+        # the two directions at each end of an obstacle: the open one, and the next
         self._open = np.concatenate([(opens + 1) % beyond, closes])
         self._beside = np.concatenate([opens, (closes + 1) % beyond])
 
@@ -61,14 +61,14 @@ class OpenDirections:
         """Return whether the disc could go straight to a point, m, map frame."""
         dx, dy = point[0] - self._pose.x, point[1] - self._pose.y
         bearing = math.atan2(dy, dx) - self._pose.yaw
-        # as far as the next looked-at direction tells
+        # by the direction next to it
         nearest = np.abs(wrap_angles(self.bearings - bearing)).argmin()
         return bool(self.lengths[nearest] >= min(math.hypot(dx, dy), HORIZON))
 
     def edges(self) -> Floats:
         """Return where obstacles end, (M, 2) m, map frame: the disc passes them there.
 
-        That is in the first open direction beside an obstacle, a little past its end.
+        That is in the first open direction next to an obstacle, a little past its end.
         """
         angles = self.bearings[self._open]
         x, y = self._ends[self._beside].T
@@ -154,13 +154,13 @@ def _first_touches(
     ranges, angles = observation.ranges[near], observation.bearings[near]
     x, y = ranges * np.cos(angles), ranges * np.sin(angles)
     c, s = np.cos(bearings)[:, None], np.sin(bearings)[:, None]
-    along, beside = c * x + s * y, np.abs(c * y - s * x)
-    # the disc's centre where its edge meets a point that is ``beside`` off its way
-    before = along - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
+    along, off = c * x + s * y, np.abs(c * y - s * x)
+    # the disc's centre where its edge meets a point that is ``off`` its way
+    before = along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))
     # What the disc touches already closes only the ways towards it: a robot that is too
     # near to something has to get away.
     touches = ranges <= radius
-    closes = np.where(touches, along > _FACING * ranges, beside < radius) & (along > 0)
+    closes = np.where(touches, along > _FACING * ranges, off < radius) & (along > 0)
     lengths = np.where(closes, np.where(touches, 0.0, before), HORIZON)
     first = lengths.argmin(axis=1)
     shortest = np.clip(lengths.min(axis=1), 0.0, HORIZON)

@@ -1,7 +1,7 @@
 """Path planning: along the cheapest path to the goal, on the grid as it is seen so far.
 
 What nobody has seen counts as open, so paths are as short as they can be, and are
-planned anew while the robot drives. There is no path if none is left on the grid, nor
+planned again while the robot drives. There is no path if none is left on the grid, nor
 around it, and the robot has stood and looked for a moment.
 
 Paths are those of a disc, which keeps the safety distance. Once it is sure that none of
@@ -9,8 +9,8 @@ them leads to the goal, the robot follows paths of its footprint from wherever t
 none.
 
 What was seen only from afar may be an image in a mirror. So before the robot gives up,
-it drives through what is not sure, where that is the shortest, until it has seen it
-from near: there is no path if what is sure closes all ways.
+it drives through unsure obstacles, where that is the shortest, until it has seen them
+from near: there is no path if sure ones close all ways.
 """
 
 import math
@@ -59,7 +59,7 @@ class PathPlanning(Controller):
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._grid: ObstacleGrid | None = None
-        self._scans: list[Observation] = []  # by which the grid can be drawn anew
+        self._scans: list[Observation] = []  # by which the grid can be rebuilt
         self._cost: Floats = np.zeros((0, 0))
         self._path: Floats = np.zeros((0, 2))
         self._planned = -math.inf  # s
@@ -71,13 +71,13 @@ class PathPlanning(Controller):
         self._footprint = settings.footprint
         self._is_narrow = False  # whether there was no path of the disc
         self._follower: FootprintFollower | None = None
-        # s; since when it drives through what is not sure; None before
+        # s; since when it drives through unsure obstacles; None before
         self._doubts_since: float | None = None
 
     def reconsider(
         self, pose: Pose2, correct: Callable[[Observation], Observation]
     ) -> None:
-        """See ``Controller``; the grid is drawn anew by what was seen."""
+        """See ``Controller``; the grid is rebuilt from the scans so far."""
         super().reconsider(pose, correct)
         self._hopeless_since = None
         self._follower = None
@@ -186,7 +186,7 @@ class PathPlanning(Controller):
         looked, self._looked_at = self._looked_at, observation.time
         # Who waited meanwhile for something that moves has not looked.
         is_new = self._hopeless_since is None or observation.time > looked + PAUSE
-        # What is in the way now will not be for long.
+        # Something that moves will not be in the way for long.
         if is_new or len(self._moving):
             self._hopeless_since = observation.time
         assert self._hopeless_since is not None
@@ -245,5 +245,5 @@ class PathPlanning(Controller):
         count = max(2, math.ceil(pose.distance(end) / CELL * 2))
         line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
         costs = self._cost[self._grid.cells(line)]
-        # Near a wall, or at a goal beside one, the ends cost more than that themselves.
+        # Near a wall, or at a goal close to one, the ends cost more than that.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))

@@ -89,7 +89,7 @@ class TripMeter:
 
 
 class ClearanceCheck:
-    """Looks at the start once, and at what is seen around the next goal.
+    """Checks the start once, and the surroundings of the next goal.
 
     Attributes:
         trip: Time and path length so far.
@@ -98,7 +98,7 @@ class ClearanceCheck:
     def __init__(self, bumpers: Bumpers) -> None:
         self.trip = TripMeter()
         self._bumpers = bumpers
-        self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
+        self._place = (math.inf, math.inf)  # of something near the goal, m, map frame
         self._since = 0.0  # s; when it was first seen there
 
     def check(self, observation: Observation, goal: Point | None) -> None:
@@ -119,7 +119,7 @@ class ClearanceCheck:
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)
                 self._raise("start", place, nearest)
-        # What is seen from afar may be an image in a mirror, and stand elsewhere.
+        # A thing seen from afar may be an image in a mirror, and stand elsewhere.
         if goal is not None and distance(observation.pose, *goal) <= GOAL_IN_SIGHT:
             self._check_goal(observation, goal)
 
@@ -231,7 +231,7 @@ class Navigator:
             observe: Called at every scan, after the robot was commanded.
 
         Raises:
-            ClientError: If the server stops sending what is needed; the robot has been
+            ClientError: If the server stops sending reports; the robot has been
                 stopped if the connection was still open.
             NavigationError: If the robot does not move though it is commanded to, or if
                 the start or a goal is inside the safety distance of something.

@@ -2,7 +2,7 @@
 
 Theory of operation
 ===================
-A scan tells how far the robot could go in each direction. Where that distance jumps, an
+A scan shows how far the robot could go in each direction. Where that distance jumps, an
 obstacle ends: its edge is a place that the robot could head for. It heads for the one
 over which the way to the goal is shortest, around all that the scan shows, or for the
 goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around what it has
@@ -23,7 +23,7 @@ left a boundary follows it again, for a while.
 Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
 algorithm, International Journal of Robotics Research 17, 1998.
 
-The local tangent graph tells how far it is to the goal over these edges.
+The local tangent graph gives the distance to the goal over these edges.
 
 What a scan shows of an obstacle is a thin wall, and what it does not show is open. The
 shortest ways around thin walls lead straight from edge to edge, and to the goal; where
@@ -70,7 +70,7 @@ AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on 
 MOST_ALIGNING: Final = 8.0  # s; a whole turn
 _SURE: Final = 3  # scans in a row by which a boundary is left; one may miss a pane
 _SAME: Final = 0.7  # m within which an edge is the last one
-_MOST_RESUMED: Final = 5  # times that a circuit begins anew where a boundary was left
+_MOST_RESUMED: Final = 5  # times that a circuit restarts where a boundary was left
 
 
 def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floats:
@@ -143,13 +143,13 @@ class TangentBug(BoundaryController):
         self._open = 0  # scans in a row by which a boundary could be left
         self._left: FollowedBoundary | None = None  # the boundary that it left last
         # Number of times that it went on along what it had left, in the whole run: so a
-        # run ends, however often what is seen in mirrors begins anew.
+        # run ends, however often images in mirrors appear again.
         self._resumed = 0
         self._last_hand: bool | None = None  # then: whether it was on the left
 
     def _begin_goal(self, pose: Pose2) -> None:
         super()._begin_goal(pose)
-        self._start_anew()
+        self._restart()
         self._left_at, self._left, self._last_hand = math.inf, None, None
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
@@ -162,7 +162,7 @@ class TangentBug(BoundaryController):
             return self._hit(observation)
         return self._head_for(observation, point)
 
-    def _start_anew(self) -> None:
+    def _restart(self) -> None:
         self.activity = Activity.GOING
         self._edge, self._place, self._shortest_way = None, None, math.inf
         self._way, self._driven = math.inf, 0.0
@@ -206,7 +206,7 @@ class TangentBug(BoundaryController):
         offsets = edges - (pose.x, pose.y)
         ways += np.hypot(*offsets.T)
         if self._edge is not None:
-            # beside an obstacle, an edge ahead and one behind may be near to each other
+            # at an obstacle, an edge ahead and one behind may be near to each other
             is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
             is_near = np.hypot(*(edges - self._edge).T) < _SAME
             ways -= KEPT * (is_near & is_ahead)
@@ -333,7 +333,7 @@ class TangentBug(BoundaryController):
         """Head for a place, away from a boundary, to which it may have to go back."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self._left = self._boundary if self._boundary.is_reached else None
-        self._start_anew()
+        self._restart()
         self._place = place
         return self._head_for(observation, place)
 

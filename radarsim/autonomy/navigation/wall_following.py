@@ -17,9 +17,9 @@ Rule 1: everything is computed for a boundary on the left and a robot that goes 
 For the other side the scan is mirrored, and for going backward it is rotated by pi.
 Rule 2: the boundary is where the nearest beam ends, not the nearest share of beams: the
 end of a thin wall returns no more than one or two.
-Rule 3: what is ahead is judged in the direction that the robot is to take, not in the
-one that it faces: of all directions in which the next step is clear, the nearest to the
-boundary's is taken. So the robot does not oscillate in corners.
+Rule 3: obstacles ahead are judged in the direction that the robot is to take, not in
+the one that it faces: of all directions in which the next step is clear, the nearest to
+the boundary's is taken. So the robot does not oscillate in corners.
 Rule 4: a robot that heads for a goal must not get where a wall follower would not, or
 it might never pass its hit point again. So a wall follower drives through all gaps
 that are twice the safety distance wide, and 0.4 m for turning and noise.
@@ -92,7 +92,7 @@ class WallFollower:
 
     @property
     def _mirrored(self) -> bool:
-        # going backward, what is on the robot's left is to the right of its motion
+        # going backward, the robot's left is to the right of its motion
         return self.wall_on_left != self.forward
 
     def _view(self, observation: Observation) -> Observation:
@@ -141,7 +141,7 @@ class WallFollower:
             # the circle that a corner out of sight would ask for
             speed = self.speed_limits.speed
             return self._twist(speed, speed / self.target_distance), False
-        # Rule 3: what is ahead is judged in the direction that it is to take.
+        # Rule 3: obstacles ahead are judged in the direction that it is to take.
         heading = self._clear_heading(view, self._along(view, *boundary))
         # It faces where it is to go, and yet something there is too near for a bumper:
         # it would stand forever.
@@ -207,7 +207,7 @@ class WallFollower:
     def leads_into_boundary(self, observation: Observation, bearing: float) -> bool:
         """Return whether a direction leads into the boundary that is followed.
 
-        What is on the other side of a gap does not count.
+        The other side of a gap does not count.
 
         Args:
             observation: The newest scan.
@@ -231,20 +231,20 @@ class WallFollower:
     def _abeam_heading(self, view: Observation, obstacle: float) -> float:
         """Return the heading that brings the nearest part of an obstacle abeam, rad."""
         centre = self._bearing(obstacle)
-        # ahead of the robot is what it hit; otherwise the obstacle is beside its path
+        # an obstacle that it hit is ahead; any other is at the side of its path
         ahead = self.bumpers.towards(view, centre).blocked
         half_width = (0.5 if ahead else 1.5) * self.bumpers.width
         within = np.abs(wrap_angles(view.bearings - centre)) <= half_width
         ranges = np.where(within, view.ranges, math.inf)
         if not np.isfinite(ranges).any():
             return centre - ABEAM
-        # Beams beside the nearest one are about as near, and noise chooses among them:
+        # Beams next to the nearest one are about as near, and noise chooses among them:
         # their mean is steadier.
         nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
     def _boundary(self, view: Observation) -> tuple[float, float] | None:
-        """Return bearing, rad, and distance, m, of what is nearest ahead or left."""
+        """Return bearing, rad, and distance, m, of the boundary, ahead or left."""
         left = self._near_side(view)
         ranges, bearings = view.ranges[left], view.bearings[left]
         if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _LOST_MARGIN:
@@ -275,7 +275,7 @@ class WallFollower:
         """Turn a heading away from the boundary until the next step is clear.
 
         A step is clear if nothing is nearer after it than the safety distance, or than
-        what is already too near.
+        an obstacle that is already too near.
         """
         near = view.ranges < self.bumpers.pressed_below
         if not near.any():

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import Bbox
 
-from radarsim.autonomy.mapping.export import MARK, sensed_window
+from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
 from radarsim.autonomy.plotting.panels import (
@@ -39,7 +39,7 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
-from radarsim.plotting.style import HALO, figure_of, render
+from radarsim.plotting.style import HALO, figure_of
 from radarsim.scene.scene import Part
 
 # Colour and text of each class of cells.
@@ -60,8 +60,8 @@ _WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
 _LARGEST_CELL: Final = 6  # pixels
 _MUCH: Final = 4.0  # times the sensed area that a scene may have to be shown whole
 _LARGEST_SCENE: Final = 40.0  # m of a side of a scene that a film shows whole
-_FILM_EDGE: Final = 0.5  # m around it, or what is sensed of a larger one
-_EDGE: Final = 0.2  # m around what is shown
+_FILM_EDGE: Final = 0.5  # m around it, or the sensed part of a larger one
+_EDGE: Final = 0.2  # m around the content
 _MOST_NAMES: Final = 15  # of objects; none are written if there are more
 _LETTER: Final = 0.65  # width of a letter, in heights of the text
 # Where the label of the start may be, the best first: horizontally and vertically.
@@ -80,7 +80,7 @@ class MapView:
         path: Estimated poses of the robot, (N, 3): x and y in m, yaw in rad; N >= 1.
         robot_class: Class of the robot.
         title: Title, in words.
-        outlines: What is truly there.
+        outlines: The true outlines of the scene.
         subtitle: A further line; empty for none.
         parts: Parts of the scene whose objects are named; none for no names.
         height: Height at which the sensor cuts them, m, map frame.
@@ -97,7 +97,7 @@ class MapView:
 
     @property
     def extent(self) -> Bbox:
-        """Return what is to be shown: all that is sensed, and a scene that fits it."""
+        """The extent of all that is sensed, and of a scene that fits it."""
         sensed = extent_of(self.grid, sensed_window(self.grid))
         scene = outlines_extent(self.outlines)
         if scene is None:
@@ -175,24 +175,15 @@ class MapPanel:
         return [self._image, *self._outlines, *marks, *self._robot]
 
 
-def draw_map_view(view: MapView) -> bytes:
-    """Draw a map with a scale, the path and a legend.
-
-    Returns:
-        Content of a PNG file; the same map gives the same bytes.
-    """
-    return render(map_figure([view], numbers=True), software=MARK)
-
-
 def map_figure(
     views: Sequence[MapView], *, text: float = 10.0, numbers: bool = False
 ) -> Figure:
-    """Draw maps beside each other, at one scale.
+    """Draw maps side by side, at one scale.
 
     Args:
         views: One map for each panel.
         text: Size of the text, points.
-        numbers: Whether coordinates are written beside the panels.
+        numbers: Whether coordinates are written at the panels.
     """
     extent = Bbox.union([view.extent for view in views])
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
@@ -228,7 +219,7 @@ def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
 
     Args:
         classes: The classes.
-        truth: Whether outlines of what is truly there are shown.
+        truth: Whether true outlines of the scene are shown.
     """
     cells = [
         Patch(facecolor=CELLS[each][0], edgecolor="0.5", label=CELLS[each][1])

@@ -107,7 +107,7 @@ def draw_areas(axes: Axes, outlines: Iterable[Outline]) -> list[PathPatch]:
 
     Args:
         axes: Axes in m, map frame.
-        outlines: What is to be drawn.
+        outlines: The outlines to draw.
 
     Returns:
         What was drawn.

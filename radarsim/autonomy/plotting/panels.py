@@ -1,4 +1,4 @@
-"""Panels of one scale beside each other, laid out in whole pixels, and their legend.
+"""Panels of one scale side by side, laid out in whole pixels, and their legend.
 
 Pictures of runs and maps share this layout: panels of equal size, so that what they
 show can be compared; above each its title, below all of them one legend.
@@ -27,7 +27,7 @@ from radarsim.plotting.style import round_length
 
 DPI: Final = 110
 EVEN: Final = 2  # pixels; sides of frames of a film are even
-_WEST, _EAST, _GAP = 4.4, 1.6, 4.4  # beside the panels, in heights of the text
+_WEST, _EAST, _GAP = 4.4, 1.6, 4.4  # at the sides of panels, in heights of the text
 _TICKS: Final = 3.6  # below the panels, likewise
 _TOP: Final = 2.8  # above the panels, likewise, for a title
 _LINE: Final = 1.4  # likewise, for a subtitle
@@ -70,7 +70,7 @@ class Panels:
             titles: One for each panel, a line each.
             subtitles: A further line for each panel; none for no such lines.
             text: Size of the text, points.
-            numbers: Whether coordinates are written beside the panels.
+            numbers: Whether coordinates are written at the panels.
         """
         self._text, self._numbers = text, numbers
         self.figure = Figure(dpi=DPI)
@@ -120,7 +120,7 @@ class Panels:
 
     @property
     def _is_crowded(self) -> bool:
-        """Whether a line above a panel has no room beside the scale bar.
+        """Whether a line above a panel has no room next to the scale bar.
 
         What films will write is not known yet: it is as long as usual.
         """

@@ -184,8 +184,8 @@ class SensedCells:
 
         Args:
             axes: The panel, m, map frame, with its limits.
-            colour: Colour of what is sensed.
-            outlines: What is truly there.
+            colour: Colour of the sensed cells.
+            outlines: The true outlines of the scene.
         """
         self._axes, self._colour = axes, colour
         self._image = add_cell_image(axes, zorder=_CELL_ZORDER)
@@ -200,7 +200,7 @@ class SensedCells:
         for artist in self._dots:
             artist.remove()
         ends = run_log.beam_ends
-        # A film zooms out as the run goes on: what is outside may come into view.
+        # A film zooms out as the run goes on: cells outside may come into view.
         low, high = self._axes.viewLim.min, self._axes.viewLim.max
         shown = ((ends[:, :2] > low) & (ends[:, :2] < high)).all(axis=1)
         within = shapely.contains_xy(self._entered, ends[:, 0], ends[:, 1])
@@ -249,12 +249,12 @@ class SensedCells:
 
 
 def sensed_rows(colour: str, by: str, outlines: Iterable[Outline]) -> list[Artist]:
-    """Return the rows of a legend for what is sensed.
+    """Return the rows of a legend for sensed cells.
 
     Args:
         colour: Its colour.
         by: The words that follow, such as `` by the radar``.
-        outlines: What is truly there.
+        outlines: The true outlines of the scene.
     """
     cell: dict[str, Any] = {"color": colour, "alpha": STRONGEST, "marker": "s"}
     plain: dict[str, Any] = {"markeredgewidth": 0.0, "linestyle": "none"}

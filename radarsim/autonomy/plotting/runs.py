@@ -46,7 +46,6 @@ from radarsim.plotting import palette
 from radarsim.plotting.film import Pixels
 from radarsim.plotting.palette import MARKER, PAPER
 from radarsim.plotting.plan import draw_robot
-from radarsim.plotting.style import render
 
 _HEAD: Final = Path(
     np.array([(1.0, 0.0), (-0.8, 0.8), (-0.3, 0.0), (-0.8, -0.8), (1.0, 0.0)]),
@@ -155,7 +154,7 @@ class RunView:
         title: Title, in words.
         robot_class: Class of the robot.
         medium: What it steers by, ``radar`` or ``laser``; empty if that is unknown.
-        outlines: What is truly there, if it is known.
+        outlines: The true outlines of the scene, if they are known.
         subtitle: A further line; empty for none.
         true_path: Path that it truly drove, (N, 2) m; none if it is unknown.
     """
@@ -178,10 +177,10 @@ class RunView:
 
     @property
     def extent(self) -> Bbox:
-        """What is to be shown: paths, goals, beam ends near them, and whole things."""
+        """The extent of paths, goals, beam ends near them, and whole things."""
         shown, around = self.paths, self.paths.padded(AROUND)
         beam_ends = self.run_log.beam_ends[:, :2]
-        # What is far away is left out: with it the run itself would be tiny.
+        # Ends far away are left out: with them the run itself would be tiny.
         near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
         if near.any():
             shown = Bbox.union([shown, box_around(beam_ends[near])])
@@ -243,20 +242,15 @@ class RunPanel:
         return [*self._areas, *self._sensed.artists, *self._moving]
 
 
-def draw_run(view: RunView, *, form: str = "png") -> bytes:
-    """Draw a run into a file of a form; equal runs give equal bytes."""
-    return render(run_figure([view], numbers=True), form)
-
-
 def run_figure(
     views: Sequence[RunView], *, text: float = 10.0, numbers: bool = False
 ) -> Figure:
-    """Draw runs beside each other, at one scale.
+    """Draw runs side by side, at one scale.
 
     Args:
         views: One run for each panel.
         text: Size of the text, points.
-        numbers: Whether coordinates are written beside the panels.
+        numbers: Whether coordinates are written at the panels.
     """
     extent = Bbox.union([view.extent for view in views])
     scale = pixels_per_metre(extent)
@@ -295,7 +289,7 @@ def _legend_rows(
     Args:
         styles: Styles of the estimated path.
         medium: What the robot steers by, as in ``RunView``.
-        outlines: What is truly there.
+        outlines: The true outlines of the scene.
         markers: Styles of markers.
         sensed: Whether anything was sensed.
         truth: Whether the true path is known, from which the estimated one differs.
@@ -382,7 +376,7 @@ class RunFrames:
         """Draw what does not change.
 
         Args:
-            extent: What is shown at first.
+            extent: The extent that is shown at first.
             first: The run of the first frame; robot, sensor and outlines stay.
             returns: Whether the robot may return to a leave point.
         """

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.autonomy.evaluation.map_score import score_mapper
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.mapping.mapper import Mapper
@@ -117,12 +116,13 @@ def drive(
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_ring_closes_with_odometry_that_drifts(tmp_path: Path, seed: int) -> None:
     mapper, exploration, scene = drive(tmp_path, RING, AROUND, 8.0, seed)
-    start = exploration.trip.start
-    assert start is not None
     found = trajectory_errors(mapper.trajectory, mapper.truth)
     motion = trajectory_errors(mapper.slam.dead_reckoning, mapper.truth)
-    robot_class = exploration.plan.robot_class
-    score = score_mapper(mapper, scene, robot_class=robot_class, start=start)
+    run = MappingRun(exploration.plan, Host(scene))
+    run.source = exploration
+    run.judge()
+    score = run.score
+    assert score is not None
     assert motion["ate"] > 0.3
     assert found["ate"] < 0.1
     assert mapper.slam.closures >= 1

@@ -40,7 +40,9 @@ def test_3_m_commanded_without_motion_is_stuck() -> None:
     push = StuckDetector()
     for time in range(13):
         push.check(at(time), Twist(0.25, 0.0))
-    with pytest.raises(NavigationError, match=r"stays at 0\.00 1\.50, told to go 3 m"):
+    with pytest.raises(
+        NavigationError, match=r"stays at 0\.00 1\.50, commanded to go 3 m"
+    ):
         push.check(at(13.0), Twist(0.25, 0.0))
 
 
@@ -54,7 +56,7 @@ def test_two_turns_commanded_without_turning_are_stuck() -> None:
     detector = StuckDetector()
     for time in range(26):
         detector.check(at(time, yaw=0.02 * (time % 2)), Twist(0.0, -0.5))
-    with pytest.raises(NavigationError, match=r"at 0\.00 1\.50, told to turn 720"):
+    with pytest.raises(NavigationError, match=r"at 0\.00 1\.50, commanded to turn 720"):
         detector.check(at(26.0), Twist(0.0, -0.5))
 
 
@@ -69,5 +71,5 @@ def test_turning_on_the_spot_does_not_hide_that_a_robot_cannot_go_ahead() -> Non
     detector = StuckDetector()
     for time in range(30):
         detector.check(at(time, yaw=0.5 * time), Twist(0.1, 0.5))
-    with pytest.raises(NavigationError, match="told to go 3 m"):
+    with pytest.raises(NavigationError, match="commanded to go 3 m"):
         detector.check(at(31.0), Twist(0.1, 0.5))

@@ -181,7 +181,9 @@ def test_robot_is_stopped_if_no_scans_arrive(
     empty_room: Scene, fault: str | bytes, what_came: str
 ) -> None:
     link = FaultyTransport(Host(empty_room), fault, since=3.0, until=6.0)
-    expected = f"^no scan of 'lms200' within 2 s, {what_came}; the robot was told to"
+    expected = (
+        f"^no scan of 'lms200' within 2 s, {what_came}; the robot was commanded to"
+    )
     with pytest.raises(ClientError, match=expected):
         go(link)
     assert 3.4 < stops(link)[0] < 3.7
@@ -312,7 +314,9 @@ def test_stuck_robot_is_an_error(
     empty_room: Scene, rewrite: Callable[[bytes], bytes]
 ) -> None:
     link = FaultyTransport(Host(empty_room), ignores_drive=True, rewrite=rewrite)
-    with pytest.raises(NavigationError, match=r"stays at -8\.00 0\.00, told to go 3 m"):
+    with pytest.raises(
+        NavigationError, match=r"stays at -8\.00 0\.00, commanded to go 3 m"
+    ):
         go(link, speed=0.6)
     assert stops(link) == [link.drive_commands[-1][0]]
 

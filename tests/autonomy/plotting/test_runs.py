@@ -32,7 +32,7 @@ from radarsim.plotting.palette import (
     UNKNOWN_SENSOR,
     Family,
 )
-from radarsim.plotting.style import FORMS
+from radarsim.plotting.style import FORMS, render
 
 WALL = np.array([[1.5, -1.0], [2.0, -1.0], [2.0, 1.0], [1.5, 1.0], [1.5, -1.0]])
 WALLS = Family.STONE.value
@@ -359,7 +359,7 @@ def test_things_at_the_edge_are_shown_whole_unless_they_are_large() -> None:
 def test_the_same_run_gives_the_same_file(form: str, begins: bytes) -> None:
     assert form in FORMS
     once, again = (
-        runs.draw_run(view_of(record_of(*NO_PATH), outlines=PLAN), form=form)
+        render(runs.run_figure([view_of(record_of(*NO_PATH), outlines=PLAN)]), form)
         for _ in "ab"
     )
     assert once == again
@@ -368,6 +368,6 @@ def test_the_same_run_gives_the_same_file(form: str, begins: bytes) -> None:
 
 def test_run_without_motion_can_be_drawn() -> None:
     run_log = record_of((0.0, 0.0, GOES), goal=(0.0, 0.0))
-    data = runs.draw_run(view_of(run_log))
+    data = render(runs.run_figure([view_of(run_log)], numbers=True))
     with Image.open(io.BytesIO(data)) as image:
         assert min(image.size) > 300
