@@ -62,7 +62,7 @@ def escape_unprintable(text: str) -> str:
 
     These are control characters, also line ends, marks that change the direction of
     text, invisible separators, and halves of characters; ``repr`` escapes the same
-    ones. What is escaped already stays as it is.
+    ones. Escape sequences stay as they are.
 
     >>> escape_unprintable("wall\x1b[2J\n")
     'wall\\x1b[2J\\n'

@@ -104,7 +104,7 @@ def _is_special(path: Path) -> bool:
 
 @contextlib.contextmanager
 def _temporary_file(target: str) -> Iterator[Path]:
-    """Yield an unused hidden name in a file's folder; what is there goes in the end."""
+    """Yield an unused hidden name in a file's folder; a file there is removed."""
     part = Path(target).with_name(f".{secrets.token_hex(8)}.part")
     try:
         yield part

@@ -214,7 +214,7 @@ def log_refused_accepts(log: logging.Logger) -> None:
             loop.default_exception_handler(context)
         elif loop.time() >= next_line:
             next_line = loop.time() + ACCEPT_LOG_INTERVAL
-            text = "connections wait until others end: %s; 'ulimit -n' tells the limit"
+            text = "connections wait until others end: %s; 'ulimit -n' prints the limit"
             log.warning(text, describe_os_error(error))
 
     loop.set_exception_handler(handle)

@@ -22,7 +22,7 @@ from typing import Final, NoReturn, ParamSpec, TypeVar
 
 HUNG_UP: Final = 129  # exit codes as shells report them
 INTERRUPTED: Final = 130
-BROKEN_PIPE: Final = 141  # who reads what is printed has gone, such as ``head``
+BROKEN_PIPE: Final = 141  # the reader of the output has gone, such as ``head``
 TERMINATED: Final = 143
 
 MOST_THREADS: Final = 1024  # of the engine
@@ -68,7 +68,7 @@ def exit_immediately_on_signals() -> Iterator[None]:
     """Make these signals end the process at once, without raising an exception.
 
     Does nothing outside of the main thread, which alone gets signals, nor for signals
-    that the parent process has told to be ignored.
+    that the parent process has set to be ignored.
     """
     with signal_handlers(dict.fromkeys(_heeded_signals(), _exit_immediately)):
         yield
@@ -113,7 +113,7 @@ def ignore_signals() -> None:
 
 
 def is_ignored(number: int) -> bool:
-    """Return whether a signal is ignored, as ``nohup`` tells the process to."""
+    """Return whether a signal is ignored, as by ``nohup``."""
     return signal.getsignal(number) is signal.SIG_IGN
 
 
@@ -144,7 +144,7 @@ def _raise_exit(number: int, _: FrameType | None) -> None:
 
 
 class BackgroundThread:
-    """Runs functions one after the other, beside the thread that asks for them.
+    """Runs functions one after the other, in parallel to the thread that asks for them.
 
     The thread is there from the first function on. It ends when nobody needs it any
     more, or with the process. A fork of the process gets a thread of its own.

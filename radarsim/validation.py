@@ -1,4 +1,4 @@
-"""The words for what is wrong: in YAML files, settings, requests and arguments.
+"""The words for problems: in YAML files, settings, requests and arguments.
 
 Models of pydantic find most of it. `yaml_reader` adds the place in the file; checks of
 maps that concern several keys have their own words, in `scene.map_checks`.
@@ -43,7 +43,7 @@ _EXPECTED: Final = {
 
 
 def rejection(describe: Callable[[], str]) -> PydanticCustomError:
-    """Create the error of a validator whose message is made only if it is told.
+    """Create the error of a validator whose message is made only if it is needed.
 
     Args:
         describe: Returns the message; names that are similar take long to find.
@@ -60,7 +60,7 @@ def describe_invalid(details: ErrorDetails) -> str:
     error_type, context = details["type"], details.get("ctx", {})
     if error_type == "missing":
         return "missing"
-    # Worded only now: of many errors, most are never told.
+    # Worded only now: of many errors, most are never reported.
     if error_type == "rejected":
         return str(context["describe"]())
     if error_type == "value_error":
@@ -77,7 +77,7 @@ def describe_unknown_key(key: str, known: list[str]) -> str:
 
 
 def describe_settings(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """Return what is wrong with settings that are given by name, each with its name.
+    """Return the problems of settings that are given by name, each with its name.
 
     Args:
         error: What the model has raised.

@@ -51,7 +51,7 @@ class _Connected:
     def newest(self, kind: type[AnyReport]) -> AnyReport | None:
         """Return the newest report of a class that has come, read or not.
 
-        It waits for nothing: call it beside a loop over the client or other calls that
+        It waits for nothing: call it next to a loop over the client or other calls that
         wait. None before the first one, and after a spawn.
         """
         report = self.session.newest.get(kind)

@@ -58,7 +58,7 @@ from radarsim.protocol.reports import (
     Watching,
 )
 
-SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
+SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer optional requests
 SPAWN_PATIENCE: Final = 2.0  # s until the client asks whether INIT is done
 BUSY_LIMIT: Final = 60.0  # s for which a server may be busy
 MOST_PASSED: Final = 1000  # reports that are kept while something else is waited for
@@ -288,7 +288,7 @@ class Requests:
     def _choose_start(self, wanted: str | None, limit: float) -> Exchange[str | None]:
         """Return the start that is wanted, or the first one of the map.
 
-        None if there is none, or the server tells of none.
+        None if there is none, or the server reports none.
 
         Raises:
             ClientError: If the map has no such start.
@@ -316,7 +316,7 @@ class Requests:
             may_be_busy: Whether to wait longer for a busy server: a limit that the
                 caller has set is kept.
         """
-        # Of a short timeout, half is left for the question that tells why nothing
+        # Of a short timeout, half is left for the question that shows why nothing
         # comes.
         now = self._clock()
         patience = min(SPAWN_PATIENCE, (waiter.until - now) / 2)
@@ -358,7 +358,7 @@ class Requests:
         Args:
             kind: ``Robot``, or a type of items such as ``RangeScanner``.
             name: Name of one item; None for all items of the type.
-            robot: Name of the robot of another client, of which only radarsim tells;
+            robot: Name of the robot of another client, which only radarsim answers;
                 None for the client's own.
 
         Returns:
@@ -377,7 +377,7 @@ class Requests:
         return self._describe(questions.configuration(kind, name, robot))
 
     def _describe(self, question: Question) -> Exchange[Report]:
-        """Ask about the client's robot or another one; return what is told of it."""
+        """Ask about the client's robot or another one; return its report."""
         answer = yield from self.ask(question)
         if isinstance(answer, CommandError):
             raise ClientError(f"{answer.text}, expected {question.what}")
@@ -437,7 +437,7 @@ class Requests:
         """Set the speeds of the left and the right wheels in the server's unit.
 
         They hold until the next call. ``RobotInfo.wheel_speeds`` computes them. A car
-        is steered instead, once ``robot_info`` has told that it is one.
+        is steered instead, once ``robot_info`` has reported that it is one.
         """
         return self.send(questions.drive(left, right, self.session.car))
 
@@ -530,8 +530,8 @@ class Requests:
                 return False
             return True
 
-        # Only errors are told. But commands are executed in their order: the answer to
-        # a question after them tells that the settings hold.
+        # Only errors are reported. But commands are executed in their order: the answer
+        # to a question after them shows that the settings hold.
         waiter = self._waiter(
             "answer after SET SETTING", accepts, asked=True, asks_poses=True
         )
@@ -635,7 +635,7 @@ class Requests:
             del self._pending[: i + 1]
         else:
             report = yield from self._await(waiter)
-        # What was passed over is not returned after what is newer.
+        # Reports that were passed over are not returned after newer ones.
         self._passed = [each for each in self._passed if not is_older(each, report)]
         return report
 
@@ -731,7 +731,7 @@ def is_older(report: Report, other: Report) -> bool:
 def without_outdated(
     reports: Sequence[Report], later: Sequence[Report]
 ) -> list[Report]:
-    """Leave out readings of which there is a newer one of the same sensor."""
+    """Leave out readings that are older than another one of the same sensor."""
     newest: dict[Hashable, float] = {}
     for sensor, time in filter(None, map(reading_of, (*reports, *later))):
         newest[sensor] = max(time, newest.get(sensor, time))

@@ -1,6 +1,6 @@
 """The properties of a robot and its scanners, from the reports of a server.
 
-Servers do not report everything: the original reports the wheels instead of the hull,
+Servers do not report everything: the original reports wheels, not the footprint,
 and no server reports the unit of wheel speeds. Values that are filled in here err on
 the safe side.
 """
@@ -74,9 +74,9 @@ class RobotInfo:
 
     Attributes:
         name: Class of the robot.
-        length: Length of the hull, m.
-        width: Width of the hull, m.
-        height: Height of the hull, m; 0 if it is not reported.
+        length: Length of the body, m.
+        width: Width of the body, m.
+        height: Height of the body, m; 0 if it is not reported.
         wheel_radius: Radius of the wheels, m.
         wheel_separation: Distance between left and right wheels, m.
         max_wheel_speed: Maximum speed of a wheel at its rim, m/s.
@@ -105,7 +105,7 @@ class RobotInfo:
         """Combine the geometry and the configuration of a robot.
 
         Raises:
-            ClientError: If a wheel dimension or the hull is not plausible.
+            ClientError: If a wheel dimension or the size is not plausible.
         """
         wheels = {
             "WheelRadius": geo.wheel_radius,
@@ -121,7 +121,7 @@ class RobotInfo:
         if not min(geo.dimensions) >= 0:
             text = f"Dimensions {geo.dimensions} of robot {geo.name[:80]!r}"
             raise ClientError(f"{text}, expected none below 0")
-        length, width, height = hull(geo)
+        length, width, height = dimensions(geo)
         scale = 1 / RAD_PER_S[drive_unit]
         return cls(
             name=geo.name,
@@ -137,7 +137,7 @@ class RobotInfo:
 
     @property
     def clearance(self) -> float:
-        """Half the diagonal of the hull, m: the free radius that turning needs."""
+        """Half the diagonal of the footprint, m: the free radius that turning needs."""
         return math.hypot(self.length, self.width) / 2
 
     @property
@@ -243,11 +243,11 @@ def from_centre(
     return bearings, np.where(returned, np.hypot(x, y), math.inf)
 
 
-def hull(geo: RobotGeo) -> tuple[float, float, float]:
+def dimensions(geo: RobotGeo) -> tuple[float, float, float]:
     """Return length, width and height of a robot, m.
 
     The original server reports wheel base and separation instead, and no height. The
-    hull is then assumed to extend one wheel radius beyond the wheels on all sides,
+    body is then assumed to extend one wheel radius beyond the wheels on all sides,
     which is more than that of its robots.
     """
     length, width, height = geo.dimensions

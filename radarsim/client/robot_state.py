@@ -75,12 +75,12 @@ class RobotState:
         if len(self._track) < 2:
             return None
         (start, before), (end, after) = self._track[0], self._track[-1]
-        spent, turned = end - start, wrap_angle(after.yaw - before.yaw)
+        elapsed, turned = end - start, wrap_angle(after.yaw - before.yaw)
         # On an arc, the way between two poses points along the mean of their headings.
         yaw = before.yaw + turned / 2
         ahead = math.cos(yaw) * (after.x - before.x)
         ahead += math.sin(yaw) * (after.y - before.y)
-        return ahead / spent, turned / spent
+        return ahead / elapsed, turned / elapsed
 
     def _best_source(self) -> type[Report] | None:
         return next((kind for kind in POSES if kind in self.poses), None)
@@ -111,7 +111,7 @@ class EchoCollector:
         self._line_count = -1
 
     def take(self, line: EchoLine) -> None:
-        """Add a line; a line of another time starts anew."""
+        """Add a line; a line of another time starts again."""
         # Lines of a slow connection may be left out, so the last one ends no scan.
         if not _is_same_time(line.time, self._time):
             self._time, self._lines = line.time, {}

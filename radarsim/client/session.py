@@ -175,7 +175,7 @@ class Session(Readings):
                 self.watched.pop(robot, None)
             case WatchedLine(robot, _, copy):
                 if robot not in self.watched:
-                    # A server that tells of ever new robots must not fill the memory.
+                    # A server that reports ever new robots must not fill the memory.
                     if len(self.watched) >= MOST_WATCHED:
                         del self.watched[next(iter(self.watched))]
                     self.watched[robot] = Readings()

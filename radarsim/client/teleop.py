@@ -351,9 +351,9 @@ class Teleop:
             return app.output.get_size().columns >= MIN_COLUMNS
 
         panel = Window(DrawnControl(self._panel), width=WIDTH)
-        beside = VSplit([Window(width=1, char="│"), panel])
+        column = VSplit([Window(width=1, char="│"), panel])
         view = Window(DrawnControl(self._view))
-        picture = VSplit([view, ConditionalContainer(beside, Condition(is_wide))])
+        picture = VSplit([view, ConditionalContainer(column, Condition(is_wide))])
         keys = DrawnControl(lambda width, _: [[("", help_text(width))]])
         footer = Window(keys, height=1, style="class:help")
         app = Application(

@@ -1,4 +1,4 @@
-"""What a driver sees: a top view of the newest scan in text, and a panel beside it.
+"""What a driver sees: a top view of the newest scan in text, and a panel next to it.
 
 The robot is in the centre of the view, its front upwards. Braille characters serve as
 pixels, two by four dots in each.
@@ -33,7 +33,7 @@ BITS: Final = np.array([[1, 8], [2, 16], [4, 32], [64, 128]])
 RADII: Final = (1, 2, 5, 10, 20, 50, 100)  # m, from the robot to the nearer edges
 BARS: Final = (0.5, 1, 2, 5, 10, 20, 50, 100)  # m
 LONGEST_BAR: Final = 1 / 3  # of the width
-MIN_HULL: Final = 8  # dots; a shorter hull is not drawn, only the arrow
+MIN_LENGTH: Final = 8  # dots; a shorter footprint is not drawn, only the arrow
 NEAR: Final = 0.3  # m from the circle that a turning robot needs
 MIDDLE: Final = 1.0  # m
 STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
@@ -106,8 +106,8 @@ class DrivenRobot(RobotState):
     def scan_rate(self) -> float:
         """Return scans per second of server time; nan before the second scan."""
         times = self._scan_times
-        spent = times[-1] - times[0] if times else 0.0
-        return (len(times) - 1) / spent if spent > 0 else math.nan
+        elapsed = times[-1] - times[0] if times else 0.0
+        return (len(times) - 1) / elapsed if elapsed > 0 else math.nan
 
 
 class Canvas:
@@ -218,7 +218,7 @@ def draw_view(
     plot(points[~middle], FAR_STYLE)
     plot(points[middle & ~near], MIDDLE_STYLE)
     plot(points[near], NEAR_STYLE)
-    if robot_info.length * dots_per_metre >= MIN_HULL:
+    if robot_info.length * dots_per_metre >= MIN_LENGTH:
         longest = max(robot_info.length, robot_info.width)
         along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))  # one dot apart
         half = np.full_like(along, 0.5)

@@ -30,7 +30,7 @@ STUCK = "the server takes nothing any more"
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
-    """Create the error for a server that cannot be reached, with the cure if known."""
+    """Create the error for a server that cannot be reached, with a hint if known."""
     at = f"no server at {join_address(host, port)}"
     is_local = host in LOCAL_HOSTS or host.startswith("127.")
     is_refused = (

@@ -14,7 +14,7 @@
 //
 // Rule 1: the list of crossings is complete and without duplicates; intersect.hpp ensures that.
 //
-// Rule 2: the density is summed anew after each crossing. Adding and subtracting would leave a rounding error: a ray
+// Rule 2: the density is summed again after each crossing. Adding and subtracting would leave a rounding error: a ray
 // that has left all volumes loses exactly nothing.
 //
 // Rule 3: a remaining power that is due to rounding alone counts as zero.
@@ -127,11 +127,11 @@ inline void record_event(RayState& state, int64_t ray, double t, Kind kind, int6
 
 inline void start_ray(int64_t ray, Progress& progress, RayState& state) {
     for (int32_t part : state.enclosing) record_event(state, ray, 0.0, Kind::START_INSIDE, part, progress.power, 0.0);
-    // A share of an infinite power is infinite: the ray would be spent at once.
+    // A share of an infinite power is infinite: the ray would be depleted at once.
     progress.min_power = isfinite(progress.power) ? progress.power * ROUNDING : 0.0;
 }
 
-// The density is summed anew after each crossing: a ray that has left all volumes loses exactly nothing.
+// The density is summed again after each crossing: a ray that has left all volumes loses exactly nothing.
 inline double density_around(const RayState& state, const RayCosts& costs) {
     double total = costs.air;
     for (int32_t part : state.enclosing) total += costs.density[part];

@@ -52,11 +52,6 @@ inline double total_density(const Densities& densities, const List<Volume>& volu
     return total;
 }
 
-// What a volume returns of a loss that it shares with the air and others.
-inline double share_of(const Densities& densities, const Volume& volume, double total) {
-    return densities.parts[volume.part] / total * densities.scattering[volume.part];
-}
-
 inline void update_volumes(List<Volume>& volumes, const Event& event, int64_t i) {
     if (event.kind == Kind::ENTER) volumes.append({event.part, i});
     if (event.kind == Kind::START_INSIDE) volumes.append({event.part, -1});
@@ -69,15 +64,15 @@ inline void update_volumes(List<Volume>& volumes, const Event& event, int64_t i)
         }
 }
 
-// Add a loss along a stretch to the echoes of the volumes around it, in proportion to density. The echo of a volume
-// is that of its near side. One around the start has none: its share, like the air's, returns no echo.
-inline void credit_volumes(double loss, const Densities& densities, const List<Volume>& volumes,
-                           Buffer<Return>& returns) {
-    if (loss <= 0.0) return;
-    double total = total_density(densities, volumes);
+// Call a function with the entry of each volume around a stretch, and the share of the loss there that its echo gets,
+// in proportion to density. The echo of a volume is that of its near side. One around the start has none: its share,
+// like the air's, returns no echo.
+template <typename F>
+void share_loss(double loss, const Densities& densities, const List<Volume>& volumes, F add) {
+    double total = loss > 0.0 ? total_density(densities, volumes) : 0.0;
     if (total <= 0.0) return;
-    for (const Volume& volume : volumes)
-        if (volume.entry >= 0) returns[volume.entry].strength += loss * share_of(densities, volume, total);
+    for (const auto& [part, entry] : volumes)
+        if (entry >= 0) add(entry, densities.parts[part] / total * densities.scattering[part]);
 }
 
 // Compute strengths and losses.
@@ -93,8 +88,9 @@ inline void compute_strengths(Array<const Event> events, const Densities& densit
             volumes.clear();
         }
         double share = law.share_before(event), behind = law.share_behind(event), arriving = law.returned(share);
-        returns[i].loss = left - arriving;
-        credit_volumes(returns[i].loss, densities, volumes, returns);
+        double loss = returns[i].loss = left - arriving;
+        share_loss(loss, densities, volumes,
+                   [&](int64_t entry, double part) { returns[entry].strength += loss * part; });
         // Only sheets and surfaces take power at one point.
         left = behind == share ? arriving : law.returned(behind);
         if (event.kind == Kind::HIT) returns[i].strength = left;
@@ -103,40 +99,11 @@ inline void compute_strengths(Array<const Event> events, const Densities& densit
     }
 }
 
-// A part of a ray's way along which the volumes around it are the same.
-struct Stretch {
-    double near, far;      // m
-    double before, behind; // shares of its power that the ray has there
-    double loss;           // as of the event at its end
-};
-
-// Set the ranges up to which half of the power of volumes has come back, where that is on this stretch.
-inline void find_middles(const Stretch& stretch, const Densities& densities, const ReturnLaw& law,
-                         const List<Volume>& volumes, Buffer<Return>& returns) {
-    auto [near, far, before, behind, loss] = stretch;
-    if (loss <= 0.0) return;
-    double total = total_density(densities, volumes);
-    if (total <= 0.0) return;
-    for (const Volume& volume : volumes) {
-        double share = share_of(densities, volume, total);
-        if (volume.entry < 0 || share <= 0.0 || returns[volume.entry].missing <= 0.0) continue;
-        Return& entry = returns[volume.entry];
-        double credit = loss * share;
-        if (credit >= entry.missing) {
-            double left = law.returned(before) - entry.missing / share;
-            double at = left > 0.0 ? 1.0 + log(left) / law.nepers : behind;
-            double lost = (before - at) / (before - behind);
-            entry.range = near + minimum(maximum(lost, 0.0), 1.0) * (far - near);
-        }
-        entry.missing -= credit;
-    }
-}
-
-// Find the ranges, when strengths and losses are known.
+// Find the ranges, when strengths and losses are known: of volumes those up to which half of their power has come back.
 inline void find_ranges(Array<const Event> events, const Densities& densities, const ReturnLaw& law,
                         List<Volume>& volumes, Buffer<Return>& returns) {
     int64_t ray = -1;
-    double near = 0.0, before = 1.0;
+    double near = 0.0, before = 1.0; // m, of the event before; and the share of its power that the ray has behind it
     for (int64_t i = 0; i < events.size(); i++) {
         const Event& event = events[i];
         returns[i].range = event.t;
@@ -145,8 +112,18 @@ inline void find_ranges(Array<const Event> events, const Densities& densities, c
             ray = event.ray, near = 0.0, before = 1.0;
             volumes.clear();
         }
-        Stretch stretch = {near, event.t, before, law.share_before(event), returns[i].loss};
-        find_middles(stretch, densities, law, volumes, returns);
+        double loss = returns[i].loss, behind = law.share_before(event);
+        share_loss(loss, densities, volumes, [&](int64_t number, double part) {
+            Return& entry = returns[number];
+            double credit = loss * part;
+            if (0.0 < entry.missing && entry.missing <= credit) {
+                double left = law.returned(before) - entry.missing / part;
+                double at = left > 0.0 ? 1.0 + log(left) / law.nepers : behind;
+                double lost = (before - at) / (before - behind);
+                entry.range = near + minimum(maximum(lost, 0.0), 1.0) * (event.t - near);
+            }
+            entry.missing -= credit;
+        });
         if (event.kind == Kind::ENTER) returns[i].missing = returns[i].strength / 2.0;
         near = event.t, before = law.share_behind(event);
         update_volumes(volumes, event, i);
@@ -306,7 +283,7 @@ BIND(select_echoes, "e b b b")
 
 constexpr double MOST_CELLS = 1e7; // between two events; a search farther on would not end
 
-// What is left of a search from cell to cell.
+// The rest of a search from cell to cell.
 struct Search {
     double t;      // m, the first cell that was not searched, or that shows rain
     double budget; // each cell takes its -log(probability that nothing shows); at most 0 if rain shows

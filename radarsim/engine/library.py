@@ -156,7 +156,7 @@ class Function:
         raise self._unexpected_array(arguments, place)
 
     def _unexpected(self, arguments: Sequence[Any]) -> EngineError | TypeError:
-        """Return what is wrong about arguments that are no arrays."""
+        """Return the error for arguments that are no arrays."""
         for label, code, value in zip(
             self._labels, self.codes, arguments, strict=False
         ):

@@ -113,7 +113,7 @@ class RobotGrid {
     double cell_ = MIN_CELL, reach_ = 0.0, max_speed_ = 0.0;
 };
 
-// A robot among what is near it.
+// A robot and the walls and robots near it.
 class Mover {
   public:
     Mover(const Surroundings& around, const RobotGrid& grid, Robot& robot)
@@ -171,7 +171,7 @@ class Mover {
         grid_.visit_near(pose, radius, [&](const Robot& other) {
             if (&other == &robot_) return;
             double gap = hypot(other.x - pose.x, other.y - pose.y) - (other.radius + radius);
-            // One may fly over the other, and come down beside it later.
+            // One may fly over the other, and come down next to it later.
             bool is_level = other.bottom < robot_.top && robot_.bottom < other.top;
             if (gap < OUTLINE_RANGE && is_level) add_outline(other, double(walls.lines.size()) + 4 * other.number);
             else nearest = minimum(nearest, gap);
@@ -200,7 +200,7 @@ class Mover {
         double start_gap = contact(start).gap;
         // A robot nearer than CONTACT_GAP slides on; it is not pushed back first.
         double clearance = maximum(2 * around_.margin, minimum(CONTACT_GAP, start_gap));
-        // Without the turn second: beside a wall it may be the turn that is blocked.
+        // Without the turn second: next to a wall it may be the turn that is blocked.
         const double yaws[2] = {wanted.yaw, start.yaw};
         for (double yaw : yaws) {
             Pose2 freed = {wanted.x, wanted.y, yaw};
@@ -303,7 +303,7 @@ inline void drive_robot(const Surroundings& around, const RobotGrid& grid, Robot
     robot.touched = TOUCH_UNKNOWN;
     double left = robot.left_spin, right = robot.right_spin, aside = robot.aside;
     if (left == 0.0 && right == 0.0 && aside == 0.0) {
-        // Others may approach meanwhile: the next move measures the gap anew.
+        // Others may approach meanwhile: the next move measures the gap again.
         robot.robot_gap = robot.velocity_x = robot.velocity_y = 0.0;
         return;
     }

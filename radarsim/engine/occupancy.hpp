@@ -2,8 +2,8 @@
 //
 // Each layer holds evidence in tenths of log-odds, as whole numbers: more when a beam hits what the layer is of, less
 // when a beam passes through without hitting it. A cell gets one piece of evidence per scan and layer, however many
-// beams cross it, and a hit outweighs beams that pass: beams that slide along a wall, beside others that end on it, do
-// not wear it away, and what is near the robot, where beams are dense, does not become surer than what is far.
+// beams cross it, and a hit outweighs beams that pass: beams that slide along a wall, among others that end on it, do
+// not wear it away, and cells near the robot, where beams are dense, do not become surer than those far away.
 #pragma once
 #include "bindings.hpp"
 
@@ -15,7 +15,7 @@ enum class BeamEnd : int8_t { NOTHING, UNSURE, HIT, SPENT, AIR, BLIND }; // as i
 enum Layer { SOLID_LAYER, FOLIAGE_LAYER, SMOKE_LAYER, BEAM_END_LAYER, LAYERS };
 
 constexpr int LOG_ODDS_HIT = 9;    // tenths; odds of 2.5 to 1
-constexpr int LOG_ODDS_FREE = 2;   // 1 to 1.2: side rays often miss what is thin
+constexpr int LOG_ODDS_FREE = 2;   // 1 to 1.2: side rays often miss thin objects
 constexpr int LOG_ODDS_LIMIT = 60; // so that a map can still change where things moved
 
 // Flags of a cell: two that stay, one for each layer that has had its hit of this scan, and one for cells that have

@@ -125,7 +125,7 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
                              Array<const double, 2> guide, int64_t start, int64_t goal, Array<int32_t, 2> parents) {
     PoseLattice lattice = {masks, steps};
     if (!lattice.has_cell(start) || parents.shape[0] < lattice.cells()) return -1;
-    // Only what is written of it takes memory. Zero for states without a parent, to which no way is known.
+    // Only pages that are written take memory. Zero for states without a parent, to which no way is known.
     Buffer<double> best(lattice.cells() * HEADINGS);
     int64_t first = start * HEADINGS;
     Heap<QueuedState> queue;

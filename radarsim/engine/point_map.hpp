@@ -42,7 +42,8 @@ inline bool is_valid(const PointTable& table) {
     return rows > 0 && !(rows & (rows - 1));
 }
 
-// The number of the cell around a place, along an axis; what is too far away, or no number, shares a cell there.
+// The number of the cell around a place, along an axis; places too far away, and those that are no number, share a
+// cell there.
 inline int64_t cell_around(double place) { return fabs(place) < CELL_OFFSET ? int64_t(floor(place)) : CELL_OFFSET; }
 
 // Counting levels from 1 keeps 0 free, which marks a free row of the table.
@@ -76,7 +77,7 @@ BIND(copy_table, "")
 // Add points to a table in which some rows are used. Returns how many more are used then; -1 if the table is too short.
 inline int64_t add_points(const PointTable& packed, int64_t used, Array<const Vector2> points,
                           Array<const Vector2> normals) {
-    const PointTable table = packed; // of its own, so that what is written to arrays cannot be a part of it
+    const PointTable table = packed; // of its own, so that no write to arrays can change it
     // As if each point took a new cell of every size: half the rows stay free.
     if (!is_valid(table) || used < 0 || table.keys.size() / 2 - used < LEVELS * points.size()) return -1;
     int64_t cells = 0;
@@ -217,7 +218,7 @@ inline void fill_normals(Array<const Vector2> places, Array<const Vector2> along
         for (int64_t k = i - side; k <= i + side; k++) {
             int64_t j = k < 0 ? k + count : k < count ? k : k - count; // scans go all around
             double u = places[j][0] - places[i][0], v = places[j][1] - places[i][1];
-            // Beams beside each other may end on different things, metres apart.
+            // Neighbouring beams may end on different things, metres apart.
             if (!(u * u + v * v < RADIUS * RADIUS)) continue;
             n++;
             x += u;

@@ -185,13 +185,13 @@ inline double ground_at(double per_square, double depth, double scale) {
 template <typename Gamma>
 inline void fill_ground(const RangeLines& lines, const Place& place, const Span& span, double depth, double scale,
                         Gamma gamma_of) {
-    float *own = &lines.power(place.here, 0), *beside = &lines.power(1 - place.here, 0);
+    float *own = &lines.power(place.here, 0), *next = &lines.power(1 - place.here, 0);
     const double* per_square = lines.per_square.data;
     double across = place.across;
     for (int64_t bin = span.low + 1; bin < span.high; bin++) {
         double power = ground_at(per_square[bin], depth, scale) * gamma_of(bin, per_square[bin]);
         own[bin] = float(own[bin] + power * (1.0 - across));
-        beside[bin] = float(beside[bin] + power * across);
+        next[bin] = float(next[bin] + power * across);
     }
 }
 

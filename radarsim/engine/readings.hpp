@@ -73,7 +73,7 @@ struct Accelerometer {
     double velocity[3], attitude[3], rates[3];
 };
 struct Link { // of a mission package
-    double from_angle, from_tick, to_angle, speed; // when it was told to move, rad, and until when; rad/s
+    double from_angle, from_tick, to_angle, speed; // at the order to move, rad; where it ends, rad; rad/s
 };
 ROW(Job, kind, place)
 ROW(DueJobs, slot, first, end)

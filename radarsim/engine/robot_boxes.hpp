@@ -13,7 +13,7 @@
 namespace radarsim {
 
 constexpr int64_t MIN_BOXES = 8, MIN_RAYS = 16; // fewer are in one cell
-constexpr double SLACK = 1e-6;                  // m by which boxes are listed in cells beside them
+constexpr double SLACK = 1e-6;                  // m by which boxes are listed in cells next to them
 constexpr double MAX_COORDINATE = 1e5;          // m; farther away, rounding errors approach the slack
 constexpr double MIN_SLOPE = 1e-200;            // along one axis; a ray with less stays in its cell
 
@@ -36,13 +36,13 @@ inline Span intersect_slab(double start, double slope, double half) {
 // The distance at which a ray meets a box, m; -1 if it does not. From within it hits as well.
 inline double intersect_box(const RobotBox& box, const Vector& origin, const Vector& direction) {
     double ex = direction[0], ey = direction[1], dx = origin[0] - box.x, dy = origin[1] - box.y;
-    // Most boxes are too far beside the ray: reject them by their circles first.
+    // Most boxes are too far from the ray: reject them by their circles first.
     if (fabs(ex * dy - ey * dx) > box.footprint_radius) return -1.0;
     double c = box.cos, s = box.sin;
     Span ahead = intersect_slab(c * dx + s * dy, c * ex + s * ey, box.length);
-    Span beside = intersect_slab(c * dy - s * dx, c * ey - s * ex, box.width);
+    Span across = intersect_slab(c * dy - s * dx, c * ey - s * ex, box.width);
     Span above = intersect_slab(origin[2] - box.z, direction[2], box.height);
-    double near = maximum(ahead.near, beside.near, above.near), far = minimum(ahead.far, beside.far, above.far);
+    double near = maximum(ahead.near, across.near, above.near), far = minimum(ahead.far, across.far, above.far);
     double t = near >= 0.0 ? near : far;
     return near <= far && t >= 0.0 ? t : -1.0;
 }
@@ -59,11 +59,11 @@ inline double box_incidence(Array<const RobotBox> boxes, int64_t id, const Vecto
         double z = origin[2] + t * direction[2] - box.z;
         // The hit point is on the face to whose plane it is nearest.
         double ahead = fabs(fabs(c * x + s * y) - box.length);
-        double beside = fabs(fabs(c * y - s * x) - box.width);
+        double across = fabs(fabs(c * y - s * x) - box.width);
         double above = fabs(fabs(z) - box.height);
-        if (ahead <= beside && ahead <= above)
+        if (ahead <= across && ahead <= above)
             cosine = fabs(c * direction[0] + s * direction[1]);
-        else if (beside <= above)
+        else if (across <= above)
             cosine = fabs(c * direction[1] - s * direction[0]);
         else
             cosine = fabs(direction[2]);
@@ -207,9 +207,9 @@ class BoxGrid {
     double enter_grid(double x, double y, double ex, double ey) const {
         double half_x = 0.5 * double(layout_.columns), half_y = 0.5 * double(layout_.rows);
         if (fabs(x - half_x) <= half_x && fabs(y - half_y) <= half_y) return 0.0;
-        Span ahead = intersect_slab(x - half_x, ex, half_x), beside = intersect_slab(y - half_y, ey, half_y);
-        double enter = maximum(ahead.near, beside.near, 0.0);
-        return enter <= minimum(ahead.far, beside.far) ? enter : INFINITE;
+        Span ahead = intersect_slab(x - half_x, ex, half_x), across = intersect_slab(y - half_y, ey, half_y);
+        double enter = maximum(ahead.near, across.near, 0.0);
+        return enter <= minimum(ahead.far, across.far) ? enter : INFINITE;
     }
 
     static Border first_border(double start, double slope, int64_t cell) {

@@ -37,11 +37,11 @@ struct Equations { // normal equations of x, y and yaw: the lower half of a matr
     double normal[3][3] = {}, gradient[3] = {};
 };
 
-// Keep of what points say of a translation only what is along a unit vector. Source: Zhang, Kaess and Singh, "On
+// Keep the information of points on a translation only along a unit vector. Source: Zhang, Kaess and Singh, "On
 // degeneracy of optimization-based state estimation problems" (2016), with a ratio in place of the absolute threshold.
 inline void keep_only(Equations& equations, double nx, double ny) {
     auto& [normal, gradient] = equations;
-    // P N P, where P = n n^T acts on x and y, for the lower half. What is known of the yaw alone stays.
+    // P N P, where P = n n^T acts on x and y, for the lower half. That of the yaw alone stays.
     double a = normal[0][0], b = normal[1][0], c = normal[1][1];
     double strength = a * nx * nx + 2.0 * b * nx * ny + c * ny * ny;
     normal[0][0] = strength * nx * nx, normal[1][0] = strength * nx * ny, normal[1][1] = strength * ny * ny;
@@ -122,7 +122,7 @@ inline Match compare(const PointTable& table, const ScanPoints& points, int64_t 
     const auto& [xx, xy, yy] = match.information;
     double off = xx * ex * ex + 2.0 * xy * ex * ey + yy * ey * ey; // the squared Mahalanobis distance
     double share = ROBUST_SCALE / (ROBUST_SCALE + off);
-    // Where the map tells nothing, every distance is 0 and would be a perfect fit.
+    // Where the map has no information, every distance is 0 and would be a perfect fit.
     match.weight = xx + yy > 0.0 ? share * share : 0.0;
     return match;
 }
@@ -196,7 +196,7 @@ inline bool fit_scan(const PointTable& table, Array<const Vector2> places, Array
     for (int step = 0; step < MAX_ITERATIONS; step++) {
         auto [score, inliers] = add_up(table, points, state.data, wider, equations);
         outcome[0] = score, outcome[1] = double(inliers);
-        // What is left along the corridor is the error of the normals. It would hold the robot back, or drag it on,
+        // The rest along the corridor is the error of the normals. It would hold the robot back, or drag it on,
         // by a share of each step.
         if (ratio < LEAST_RATIO) keep_only(equations, nx, ny);
         for (int j = 0; j < 3; j++)
@@ -226,7 +226,7 @@ inline int64_t best_start(const PointTable& table, Array<const Vector2> places, 
     for (int64_t k = 0; k < starts.size(); k++) {
         Heading heading(starts[k][2]);
         double score = 0.0;
-        // In narrow windows only: poses differ by more than a wide one tells apart.
+        // In narrow windows only: poses differ by more than a wide one resolves.
         for (int64_t i = 0; i < places.size(); i += step)
             score += compare(table, points, i, starts[k][0], starts[k][1], heading, 0).score();
         if (score > best_score) best = k, best_score = score;

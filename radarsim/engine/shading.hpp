@@ -7,7 +7,7 @@ namespace radarsim {
 // Add the colours of rays to pixels.
 //   incidence: cosine between each ray and the normal of what it hit
 //   colours: of the parts, the air's last, then that of robots
-//   background: colour of what is behind everything, of each ray
+//   background: colour behind all surfaces, of each ray
 //   ambient: brightness of a surface along the ray
 inline void shade(Array<const Event> events, Array<const double> incidence, Array<const Vector> colours,
                   Array<const Vector> background, Array<Vector> pixels, double full_power, double ambient) {

@@ -45,7 +45,7 @@ class FmcwSettings(BaseModel, extra="forbid", frozen=True):
             that range.
         phase_noise_db: Noise in each bin by the transmitter's phase, dB over all power
             that comes from the same direction.
-        full_scale_dbm: Power of a tone that just fills the converter, dBm; what is
+        full_scale_dbm: Power of a sine that just fills the converter, dBm; what is
             more is clipped. The receiver has one channel: a harmonic beyond the last
             bin folds back.
         clip_skew: By which share of that the converter ends earlier below than above.
@@ -94,7 +94,7 @@ class FmcwSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def resolution(self) -> float:
-        """c/2B: the distance at which the sweep tells two points apart, m."""
+        """c/2B: the distance at which the sweep resolves two points, m."""
         return SPEED_OF_LIGHT / (2e6 * self.bandwidth_mhz)
 
     @property

@@ -171,9 +171,9 @@ class Flight(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         max_lateral: Highest speed to either side, m/s.
         max_altitude: Highest speed up and down, m/s.
         max_turn_deg: Highest turn rate, degrees a second.
-        tilt_deg: How far it leans while it is told to move ahead or aside, in the
+        tilt_deg: How far it tilts while it moves ahead or aside, in the
             dialect ``udk``; in ``compat`` it stays level.
-        tilt_rate_deg: How fast it leans, degrees a second.
+        tilt_rate_deg: How fast it tilts, degrees a second.
     """
 
     max_linear: Length
@@ -190,7 +190,7 @@ _WHEEL_KEYS: Final = "wheel_radius", "wheel_separation", "wheel_base", "track", 
 class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A robot class.
 
-    The origin of the body frame is in the middle of the hull, ``origin_height`` above
+    The origin of the body frame is in the middle of the body, ``origin_height`` above
     the floor.
 
     Attributes:
@@ -199,9 +199,9 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         sources: Where its keys come from.
         generation: Generation of servers whose clients ask for the class: in the
             dialect ``compat`` it reports as those servers did.
-        length: Length of the hull with its bumpers, centred on the origin, m.
-        width: Width of the hull, centred on the origin, m.
-        height: Height from the floor to the top of what the hull carries, m.
+        length: Length of the body with its bumpers, centred on the origin, m.
+        width: Width of the body, centred on the origin, m.
+        height: Height from the floor to the top of its load, m.
         origin_height: Height of the body frame's origin above the floor, m.
         wheel_radius: Radius of the wheels, m.
         wheel_separation: Distance between the left and the right wheels, m.
@@ -286,7 +286,7 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
     @property
     def dimensions(self) -> Vector:
-        """Length, width and height of the hull, m."""
+        """Length, width and height, m."""
         return (self.length, self.width, self.height)
 
     def items_of(self, item_type: str) -> tuple[Item, ...]:
@@ -340,7 +340,7 @@ def load_robot(class_name: str) -> RobotModel:
 def read_robot(path: Path, seen: tuple[Path, ...] = ()) -> RobotModel:
     """Read the file of a robot class.
 
-    A class that it is based on is a file beside it, or else a shipped one.
+    A class that it is based on is a file in the same folder, or a shipped one.
 
     Args:
         path: The file.
@@ -366,10 +366,10 @@ def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
         return data
     changed = {key: value for key, value in data.items() if key != "based_on"}
     name = str(data["based_on"])
-    beside = path.parent / f"{name}.yaml"
+    neighbour = path.parent / f"{name}.yaml"
     # A file with the name of a shipped class may be based on that, not on itself.
-    if name.isidentifier() and beside.is_file() and beside not in (path, *seen):
-        model = read_robot(beside, (path, *seen))
+    if name.isidentifier() and neighbour.is_file() and neighbour not in (path, *seen):
+        model = read_robot(neighbour, (path, *seen))
     else:
         model = load_robot(name)
     base = model.model_dump(exclude_unset=True, exclude=_NOT_INHERITED)
@@ -377,6 +377,6 @@ def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
     if not isinstance(added, list) or not all(
         isinstance(item, dict) and "name" in item for item in added
     ):
-        return base | changed  # the validation reports what is wrong
+        return base | changed  # the validation reports the problems
     items = {item["name"]: item for item in (*base.get("items", ()), *added)}
     return base | changed | {"items": list(items.values())}

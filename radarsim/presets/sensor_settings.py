@@ -86,8 +86,8 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
             ended, the ``first``, read at its leading edge, the ``strongest``, read
             where half of its power has come back, or ``all``; with ``all``, the range
             is that of the last echo.
-        side_mode: Arrangement of the rays of a beam: three rays, of which the outer two
-            are ``perpendicular`` to each beam, ``lateral`` on the sensor's left-right
+        side_mode: Arrangement of the rays of a beam: three rays, whose outer two are
+            ``perpendicular`` to each beam, ``lateral`` on the sensor's left-right
             axis, or ``divergent`` from one point; or a ``cone`` of many rays.
         side_offset_uu: Offset N of the side rays from their beam, Unreal units of
             4 mm; 0 for none.
@@ -104,7 +104,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
             points, degrees.
         cone_rays: Number of rays of a cone.
         cone_sampling: Directions of a cone's rays: the nodes of a ``quadrature``,
-            ``even`` steps from edge to edge, or ``random``, drawn anew for each scan.
+            ``even`` steps from edge to edge, or ``random``, drawn for each scan.
         range_noise: Standard deviation of ranges, m; 0 for none.
         range_noise_share: Standard deviation of ranges as a share of the range; the
             larger of both applies.
@@ -198,7 +198,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def rays_per_beam(self) -> int:
-        """The number of rays of a beam, of which one may be drawn."""
+        """The number of rays of a beam; one of them may be drawn."""
         if not self.has_side_rays:
             return 1
         if self.side_mode == "cone":

@@ -71,7 +71,7 @@ TRACE_COLOURS: Final = {
 # lines: USARSim for UDK (repository hrnr/robocup-usarsim),
 # ``USARBotAPI/classes/WorldController.uc`` and ``BotConnection.uc``.
 CONTROLLER: Final = "WorldController"  # class of robots; it has no body
-NOWHERE: Final = (0.0, 0.0, 0.0)  # as the original, in which what is missing is 0
+NOWHERE: Final = (0.0, 0.0, 0.0)  # as the original, which reads missing numbers as 0
 CUBE: Final = (1.0, 1.0, 1.0)
 LARGEST_PLACE: Final = 1e4  # m; rad
 _FALLING: Final = ("rigidbody", "falling", "ground")
@@ -233,7 +233,7 @@ class Init(KeyedCommand):
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command; the original ignores a pose beside a Start, too."""
+        """Read the command; the original ignores a pose with a Start, too."""
         if message.get("Start"):
             pose = ("location", "rotation")
             kept = [each for each in message.segments if each[0].lower() not in pose]
@@ -261,7 +261,7 @@ class MovePackage:
 
     Attributes:
         name: Name of the package.
-        orders: What its links are told, in order.
+        orders: Orders for its links, in sequence.
     """
 
     verb: ClassVar[str] = "MISPKG"
@@ -324,7 +324,7 @@ class MultiDrive:
     """Turn several links to angles.
 
     Attributes:
-        orders: What links are told, each by its own name.
+        orders: Orders for links, each by its own name.
     """
 
     verb: ClassVar[str] = "MULTIDRIVE"
@@ -366,7 +366,7 @@ class Drive(KeyedCommand):
         front_steer: Angle of its front wheels, rad, left positive.
         rear_steer: Angle of its rear wheels, likewise.
         joint: Name of a link to move; clients also send the robot's name there.
-        value: What the link is told, as of ``LinkOrder``; None if no link is meant.
+        value: Value of its order, as of ``LinkOrder``; None if no link is meant.
         order: How the value is meant.
         altitude: Speed upwards of a robot that flies, m/s, or percent of the maximum if
             this command is normalized.
@@ -574,12 +574,12 @@ class Control(KeyedCommand):
     Attributes:
         action: What to do.
         name: Name of the crate, in any case; None for all of them.
-        class_name: Class of what is created or listed.
+        class_name: Class of the objects that are created or listed.
         position: Where it is put, or by what it is moved: x, y, z, m.
         rotation: Roll, pitch, yaw, rad.
-        scale: Length, width and height of what is created, in those of its class.
+        scale: Length, width and height of the created object, in those of its class.
         start: Start of the map at which it is created instead.
-        falls: Whether what is created falls to the floor.
+        falls: Whether the created object falls to the floor.
         stays: Whether it is still there when its client has left.
         low: A corner of the space in which all are removed; None for everywhere.
         high: The opposite corner, likewise.
@@ -620,9 +620,9 @@ class Watch(KeyedCommand):
     """Watch robots from now on, instead of those watched before.
 
     Attributes:
-        robots: The robots; only with all of them the watcher is told which there are.
+        robots: The robots; only with all of them the watcher gets which there are.
         echoes: Those of them whose scanners list their echoes.
-        clock: Whether the watcher is told the time in every tick.
+        clock: Whether the watcher gets the time in every tick.
     """
 
     verb: ClassVar[str] = "WATCH"

@@ -51,7 +51,7 @@ class Dialect:
         mass: Format of the robot's mass.
         no_steering: The angle of a steering axle that a robot does not have.
         dimensions_are_wheels: Whether the robot's dimensions are wheel base and
-            separation instead of the hull's.
+            separation instead of those of the body.
         joins_mounts: Whether the mount of an item is in the segment of its name.
         joined: Types of sensors whose readings are in the segments of their names; all
             of such sonars or encoders are in one line.
@@ -59,7 +59,7 @@ class Dialect:
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         has_actuators: Whether mission packages are reported as actuators.
         cameras_in_degrees: Whether fields of view of cameras are in degrees.
-        turns_in_degrees: Whether robots that fly are told degrees a second, not rad/s.
+        turns_in_degrees: Whether turn rates of robots that fly are in degrees a second.
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
         image_type: Type of the image server's pictures.
         drive_unit: Unit of Left and Right in DRIVE and of MaxSpeed in CONF.
@@ -114,7 +114,7 @@ class Dialect:
         return COMPAT_UT2004 if self is COMPAT and generation == "ut2004" else self
 
     def steering_limits(self, front: float, rear: float) -> tuple[float, float]:
-        """Return how far wheels turn as a dialect tells it, rad.
+        """Return how far wheels turn as a dialect reports it, rad.
 
         Args:
             front: Largest angle of the front wheels to either side.

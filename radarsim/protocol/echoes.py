@@ -45,7 +45,7 @@ from radarsim.protocol.message import Message, parse_list, parse_number
 ECHOES_A_LINE: Final = 90
 # A target takes up to 29 (six digits of the beam, ten of the range and of the power).
 TARGETS_A_LINE: Final = 130
-LARGEST_DENSITY: Final = 1e9  # no beam enters what is denser
+LARGEST_DENSITY: Final = 1e9  # no beam enters denser materials
 OPAQUE: Final = "Opaque"
 
 _END: Final = f"}}{LINE_END}".encode("latin-1")
@@ -254,7 +254,7 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
 
 
 def _split_parts(what: str, text: str, count: int, expected: str) -> list[str]:
-    """Return the parts of all words of a text, of which each has so many."""
+    """Return the parts of all words of a text; each word has so many."""
     words = text.split()
     # All words are checked before they are joined: a part too few in one and too many
     # in the next would shift everything between them unnoticed.
@@ -266,7 +266,7 @@ def _split_parts(what: str, text: str, count: int, expected: str) -> list[str]:
 
 def _parse_parts(parts: Sequence[str]) -> Floats:
     text = ",".join(parts)
-    if not all(parts):  # of which a list would have one number less
+    if not all(parts):  # a list would have one number less
         raise MalformedMessage(f"{text[:80]!r}, expected numbers")
     return parse_list(text)
 

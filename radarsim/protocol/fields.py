@@ -1,6 +1,6 @@
 """The fields of reports: one table for each report, which writes and reads its lines.
 
-An attribute of a report is annotated with its field, which tells key and format:
+An attribute of a report is annotated with its field, which has key and format:
 
     velocities: Annotated[tuple[float, ...], Numbers("Vel", "plain")]
 
@@ -122,7 +122,7 @@ class RequiredText(Text):
 
 
 class PrintableText(RequiredText):
-    """A text of users' choice, of which lines have printable characters only."""
+    """A text of users' choice; lines have only its printable characters."""
 
     def __init__(self, key: str, longest: int = LONGEST_NAME) -> None:
         super().__init__(key)

@@ -41,7 +41,7 @@ class RobotGeo(LineReport):
 
     Attributes:
         name: Class of the robot, not the name that its client chose.
-        dimensions: Length, width, height of the hull, m.
+        dimensions: Length, width, height of the body, m.
         cog: Centre of gravity in the body frame, m.
         wheel_radius: Radius of the wheels, m.
         wheel_separation: Distance between left and right wheels, m.

@@ -2,8 +2,8 @@
 
 A viewer asks for a picture with ``OK``, or for a part of it with ``U`` and four numbers
 of 4 bytes: x and y of the part's upper left corner, its width and its height, in
-pixels. All other bytes mean nothing. A picture is a byte that tells its type, 4 bytes
-that tell the length of its data, and the data. All numbers are big-endian.
+pixels. All other bytes mean nothing. A picture is a byte for its type, 4 bytes for the
+length of its data, and the data. All numbers are big-endian.
 """
 
 import struct

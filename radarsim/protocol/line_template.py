@@ -7,7 +7,7 @@ A line is ASCII; marks are characters from U+00C0. The lower six bits of a mark 
 
 - 32 if the number is taken from the series of the report, an array, and
 - 8 times its rounding and its decimals; a fourth rounding is for whole numbers, and for
-  what is written otherwise.
+  other texts.
 
 Before the mark of a number there may be others, which change the number: ``FLIPPED``,
 ``WRAPPED`` and ``POSITIVE``, in this order.
@@ -50,8 +50,8 @@ _TOO_LARGE: Final = -1  # result of the engine instead of the number of bytes
 # Braces would end a field, and marks of templates are no ASCII.
 _NOT_PRINTABLE: Final = re.compile(r"[^ -z|~]")
 
-# Reports whose lines are sent together, after those of a group, of which there are only
-# the numbers.
+# Reports whose lines are sent together, after those of a group, which is given by its
+# numbers only.
 Block: TypeAlias = (
     "tuple[Iterable[LineReport], Dialect, ReportGroup | None, Sequence[float]]"
 )

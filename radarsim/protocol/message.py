@@ -30,7 +30,7 @@ from radarsim.geometry import Floats, Pose3, wrap_angle
 
 # In Latin-1. Programs in C send the ends of their strings as well, which are zeros.
 _BLANKS = b"\0 \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"
-# With the blank lines after it, of which there can be thousands in one packet. CR is
+# With the blank lines after it; there can be thousands in one packet. CR is
 # replaced before: a search for one character is several times as fast as for two.
 _LINE_END = re.compile(rb"\n[%b]*" % re.escape(_BLANKS))
 _ANY_END = re.compile(rb"\r\n|\n\r|\r|\n")
@@ -205,7 +205,7 @@ def parse_numbers(
             larger than ``largest``.
     """
     # UsarCommander writes "47,17 -55,70 -2,25" under a locale with decimal commas,
-    # others "1, 2, 3" or "1 2 3": the count of words tells them apart.
+    # others "1, 2, 3" or "1 2 3": the count of words distinguishes them.
     joined = " ".join(text.split()).replace(" ,", ",")
     words = joined.split()
     if len(words) == count:

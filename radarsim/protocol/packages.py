@@ -25,7 +25,7 @@ BANG_BANG, RELATIVE = 3, 10  # also an angle; how much farther to turn, rad
 
 
 class LinkOrder(NamedTuple):
-    """What a link of a mission package is told.
+    """An order for a link of a mission package.
 
     Attributes:
         name: Name of the package, or of the link.
@@ -59,7 +59,7 @@ def _links_of(message: Message) -> Iterator[Message]:
 
 
 class LinkStates(Field[tuple[tuple[float, float], ...]]):
-    """Angle and torque of each link; servers for UDK tell no torque."""
+    """Angle and torque of each link; servers for UDK report no torque."""
 
     def read(self, message: Message) -> tuple[tuple[float, float], ...]:
         return tuple(

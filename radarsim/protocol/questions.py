@@ -1,6 +1,6 @@
 """Questions about all robots, on ports of their own, and the model of wireless signals.
 
-**USARTruth** tells where robots are. A client asks with a line such as ``{Class
+**USARTruth** reports where robots are. A client asks with a line such as ``{Class
 USARBot.P3AT} {Name R1}``; each field limits the answer, and ``{Actors}`` or a blank
 line does not. The answer is a line for each robot and each victim, and ``{End}``.
 
@@ -87,7 +87,7 @@ def answer_wireless(
 ) -> bytes:
     """Return the answer to a question of a wireless server.
 
-    A blank line has no answer, and what is no such question gets a blank line, as by
+    A blank line has no answer, and other lines get a blank line, as by
     the original, so that nobody waits for one.
 
     Args:
@@ -138,7 +138,7 @@ def _count_between(
 
 
 def signal_strength(distance: float, obstacles: int) -> float:
-    """Return what is received of a robot, dBm; inf at no distance.
+    """Return the power received from a robot, dBm; inf at no distance.
 
     Args:
         distance: m.

@@ -35,7 +35,7 @@ class Sightings(Field[tuple[Sighting, ...]]):
 
         Args:
             key: Key of the labels.
-            nothing: What is written if the sensor sees nothing.
+            nothing: Segment that is written if the sensor sees nothing.
         """
         super().__init__(key)
         self._nothing = () if nothing is None else (nothing,)

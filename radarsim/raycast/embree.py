@@ -84,7 +84,7 @@ SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
 RELATIVE_MARGIN: Final = 2e-6
 TINY: Final = 1e-30  # m; smaller coordinates are set to zero, see ``intersect.hpp``
 GEOMETRY_USER: Final = 120  # one of RTCGeometryType
-_BLOCK: Final = 100_000  # triangles of which intermediate results fit into memory
+_BLOCK: Final = 100_000  # triangles whose intermediate results fit into memory
 MAX_SLICES: Final = 32
 # A slice is built after so many level rays would have used it, and one more for so many
 # triangles of the scene: by then they have cost about as much as the slice will.

@@ -62,8 +62,8 @@ class RayClass(NamedTuple):
             other surface.
         is_absorbed: Whether opaque surfaces that are no mirrors absorb power; not for a
             radar that measures how much of it they scatter.
-        in_decibels: Whether the attenuation in decibels that materials have beside
-            their units applies, and the hulls of point reflectors are no obstacle.
+        in_decibels: Whether the attenuation in decibels that materials have besides
+            their units applies, and the meshes of point reflectors are no obstacle.
         glint: Angle to the normal of a mirror, rad, up to which a ray comes straight
             back, so that the mirror ends it like any other surface; 0 for none.
     """

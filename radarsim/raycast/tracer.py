@@ -5,7 +5,7 @@ Theory of operation
 A loop of the engine takes one ray after the other: ``intersect.hpp`` collects the
 surfaces ahead of the ray, and ``attenuation.hpp`` follows it through the sorted list.
 
-Rule 1: the volumes that contain the start of a ray are not deduced from what is ahead,
+Rule 1: the volumes that contain the start of a ray do not follow from surfaces ahead,
 where an opaque wall may hide their far side. If the start is in the bounds of a volume,
 the same line is searched backwards, through everything: a part that was entered there
 and not left encloses the start. As it is the same line, each surface counts on exactly

@@ -107,7 +107,7 @@ class Fleet:
             name: Name of the robot.
             model: Robot class.
             pose: Where it stands, map frame; the fleet does not look for a free place.
-            obstacles: What is on its floor.
+            obstacles: Obstacles on its floor.
             wheel_drive: Conversion of drive commands to wheel speeds.
         """
         slot = self._take_slot(obstacles)
@@ -175,7 +175,7 @@ class Fleet:
         Args:
             robot: The robot.
             z: Height of its body frame, m, map frame.
-            obstacles: What is at that height.
+            obstacles: Obstacles at that height.
         """
         self.prepare(obstacles)
         model, row = robot.model, robot.row
@@ -209,7 +209,7 @@ class Fleet:
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which robots were blocked in the last step, or touch something.
 
-        What is found is kept until the next step, also for ``Robot.touched``: it takes
+        The results are kept until the next step, also for ``Robot.touched``: it takes
         much less time to ask for many robots first, and then for each.
 
         Args:
@@ -222,7 +222,7 @@ class Fleet:
     def near(self, x: float, y: float, distance: float) -> tuple[Robot, ...]:
         """Return the robots near a place, m, map frame, in the order of spawning.
 
-        They are those of which a corner may be within ``distance`` m.
+        They are those with a corner that may be within ``distance`` m.
         """
         rows = self.columns[self.slots]
         gaps = np.hypot(rows[:, COLUMN["x"]] - x, rows[:, COLUMN["y"]] - y)

@@ -2,7 +2,7 @@
 
 The walls near a place are found in a grid of square cells. A wall is entered in each
 cell that it crosses. Cells are numbered row by row and the entries sorted by number, so
-that the cells beside each other in a row are one run of entries, and empty cells cost
+that neighbouring cells in a row are one run of entries, and empty cells cost
 nothing, however large the map.
 """
 
@@ -133,7 +133,7 @@ def floor_walls(segments: Floats) -> FloorWalls:
 class WallStore:
     """The walls of several floors, with room for more.
 
-    Floors are only added: what is in the table never changes, so that whoever holds it
+    Floors are only added: entries of the table never change, so that whoever holds it
     can go on using it.
 
     Attributes:

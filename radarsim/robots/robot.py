@@ -300,7 +300,7 @@ class Robot:
             old if speed is None else _limited(speed, limit, normalized=normalized)
             for speed, old, limit in zip(speeds, before, limits, strict=True)
         )
-        # As the original, which leans by a part of itself if it is told percentages.
+        # As the original, which tilts by a part of the angle for percentages.
         tilt = math.radians(flight.tilt_deg)
         tilt *= flight.tilt_deg / 100 if normalized else 1.0
         if ahead is not None:
@@ -310,7 +310,7 @@ class Robot:
         row["left_spin"] = (along - rate * half_track) / radius
         row["right_spin"] = (along + rate * half_track) / radius
 
-    def lean(self, dt: float) -> None:
+    def tilt(self, dt: float) -> None:
         """Let a robot that flies tilt for a time step towards how it is to tilt.
 
         Args:

@@ -29,7 +29,7 @@ from radarsim.yaml_reader import parse_yaml
 
 
 def with_material(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
-    """Return a scene of which a material is changed; see ``Scene.with_material``."""
+    """Return a scene with a material changed; see ``Scene.with_material``."""
     try:
         entry = MaterialEntry.model_validate(dict(keys))
     except ValidationError as error:
@@ -90,8 +90,8 @@ def with_object(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
     try:
         added = load_scene(parse_yaml(path, text))
     except MapError as error:
-        told = [each.partition(": objects.0")[2] for each in error.problems]
-        raise MapError([f"object {name!r}{each}" for each in told]) from None
+        texts = [each.partition(": objects.0")[2] for each in error.problems]
+        raise MapError([f"object {name!r}{each}" for each in texts]) from None
     taken = {part.object_name for part in scene.parts}
     for part in added.parts:
         if part.object_name in taken:
@@ -120,7 +120,7 @@ def without(scene: Scene, name: str) -> Scene:
 
 
 def _raise(what: str, problems: list[Problem]) -> None:
-    """Raise what is wrong, if anything is.
+    """Raise problems, if there are any.
 
     Raises:
         MapError: It names all problems.

@@ -147,7 +147,7 @@ class GltfFile:
         Args:
             content: The file.
             suffix: ``.glb`` or ``.gltf``.
-            files: Reads buffers beside the file, and counts triangles.
+            files: Reads buffers in other files, and counts triangles.
 
         Raises:
             MeshError: If it is broken or too large, or requires an unknown extension.

@@ -3,7 +3,7 @@
 Checks of raw data do not need a valid entry, so that a key which is wrong by itself
 does not hide the problems of other keys.
 
-`ProblemList` collects what is found: the first problems are told, all are counted.
+`ProblemList` collects the problems: the first ones are reported, all are counted.
 """
 
 import math
@@ -182,26 +182,26 @@ def extent_problems(bounds: Floats) -> Iterator[Problem]:
         yield (), f"{extents} m, expected at most {MAX_EXTENT:g} m in each direction"
 
 
-MAX_TOLD: Final = 100
+MAX_REPORTED: Final = 100
 
 
 class ProblemList:
     """Collects the problems of a map file; those of the file as YAML come first.
 
-    Problems of several variants are told once.
+    Problems of several variants are reported once.
     """
 
     def __init__(self, file: YamlFile) -> None:
         self._file = file
-        self._told: dict[str, None] = {}
-        self._reported: set[Problem] = set()  # those of entries that are told
-        self._untold = 0
+        self._texts: dict[str, None] = {}
+        self._reported: set[Problem] = set()  # those of entries that are listed
+        self._unreported = 0
         self._add(file.problems)
 
     @property
     def full(self) -> bool:
         """Whether further problems are only counted; nothing need be built then."""
-        return len(self._told) >= MAX_TOLD
+        return len(self._texts) >= MAX_REPORTED
 
     def report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
         """Add problems of an entry at a key path; return whether there are none."""
@@ -212,7 +212,7 @@ class ProblemList:
             if problem in self._reported:
                 continue  # by another variant
             if self.full:  # to find a place in the file takes long, so only count
-                self._untold += 1
+                self._unreported += 1
             else:
                 self._reported.add(problem)
                 self._add([self._file.problem(*problem)])
@@ -222,10 +222,10 @@ class ProblemList:
         self, error: ValidationError, at: KeyPath, known: Iterable[str]
     ) -> None:
         """Add what pydantic has found in an entry; ``known`` are the entry's keys."""
-        most = 0 if self.full else MAX_TOLD
+        most = 0 if self.full else MAX_REPORTED
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))
-        self._untold += max(error.error_count() - most, 0)
+        self._unreported += max(error.error_count() - most, 0)
 
     def raise_all(self) -> None:
         """Raise what has been found.
@@ -234,15 +234,15 @@ class ProblemList:
             MapError: If there are any problems; if they are many, a last line says how
                 many more there are.
         """
-        if self._untold:
-            more = f"{self._file.path}: {self._untold} more problems"
-            raise MapError([*self._told, more])
-        if self._told:
-            raise MapError(list(self._told))
+        if self._unreported:
+            more = f"{self._file.path}: {self._unreported} more problems"
+            raise MapError([*self._texts, more])
+        if self._texts:
+            raise MapError(list(self._texts))
 
     def _add(self, problems: Iterable[str]) -> None:
         for problem in problems:
-            if self.full and problem not in self._told:
-                self._untold += 1
+            if self.full and problem not in self._texts:
+                self._unreported += 1
             else:
-                self._told[problem] = None
+                self._texts[problem] = None

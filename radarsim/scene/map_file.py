@@ -1,6 +1,6 @@
 """Find map files and load scenes from them; nothing else reads map files.
 
-A map is a YAML file with its meshes beside it; `map_schema` defines its keys.
+A map is a YAML file with its meshes in other files; `map_schema` defines its keys.
 """
 
 import stat

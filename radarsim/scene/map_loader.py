@@ -149,11 +149,11 @@ class MapLoader:
         entries = list(self._objects(layers, materials))
         starts = self._placed(data, "starts", StartEntry, MAX_STARTS)
         trial = self._trial(data)
-        # What is too much is told before anything is built of the rest.
+        # Too many entries are reported before anything is built of the rest.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
         reflectors: list[Reflector] = []
         for _, entry in () if self._is_too_much else entries:
-            with suppress(BuildError):  # of copies, which is told of the parts
+            with suppress(BuildError):  # of copies, which is reported for the parts
                 reflectors += make_reflectors(entry)
         if reflectors:
             materials.setdefault(REFLECTOR.name, REFLECTOR)
@@ -205,7 +205,7 @@ class MapLoader:
                     material = make_material(name, entry)
                     valid = self.problems.report(at, surface_problems(entry, material))
                 self._made[at] = material, valid and entry is not None
-            # A variant may mend what is wrong in the map, and spoil what is right.
+            # A variant may correct an entry of the map, or make it invalid.
             materials[name], valid = self._made[at]
             (invalid.discard if valid else invalid.add)(name)
         return materials, invalid

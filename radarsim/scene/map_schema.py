@@ -129,7 +129,7 @@ def _known_material(value: str, info: ValidationInfo) -> str:
     own = context["materials"]
     if value not in own and value not in library_names():
         # Similar names take long to find, so they are looked for only if the message is
-        # told.
+        # reported.
         raise rejection(lambda: unknown_material(value, own))
     return value
 
@@ -244,7 +244,7 @@ class MaterialKeys(Entry):
 
     Attributes:
         based_on: Name of a material of the library.
-        density: Power that a radar beam loses per metre inside; ignored beside a
+        density: Power that a radar beam loses per metre inside; ignored with a
             ``sheet_loss``.
         laser_density: Power that a laser beam loses per metre inside.
         db_per_m: One-way attenuation of radar waves inside, dB/m, in each band.
@@ -382,7 +382,7 @@ class ObjectEntry(Entry):
 
 
 class PlacedEntry(Entry):
-    """An entry of which a map has several in different places.
+    """An entry that a map has in several places.
 
     Attributes:
         unique_key: A key whose value no other entry of the section has, in any case.

@@ -1,4 +1,4 @@
-"""Write scenes as map files with their meshes beside them.
+"""Write scenes as map files with their meshes in a folder.
 
 Reading such a map gives the same scene: numbers are written so that they are read as
 they were. Primitives, copies and variants are written as what was built of them.
@@ -43,9 +43,9 @@ def material_keys(material: Material) -> dict[str, Any]:
     for key in PLAIN_KEYS:
         value = getattr(material, key)
         is_given = value != getattr(base, key)
-        if key == "backscatter_db":  # else it is less what is absorbed
+        if key == "backscatter_db":  # else it is less the absorption
             is_given |= material.absorption_db != 0
-        if is_given and value != -math.inf:  # which follows from what is absorbed
+        if is_given and value != -math.inf:  # which follows from the absorption
             value = _by_band(value) if isinstance(value, tuple) else value
             keys[key] = "all" if value == math.inf else value
     if material.radar_mirror or material.laser_mirror:
@@ -60,7 +60,7 @@ def _by_band(losses: Losses) -> dict[str, float]:
 
 
 def write_map(scene: Scene, path: Path) -> None:
-    """Write a map file, and its meshes into a folder beside it.
+    """Write a map file, and its meshes into a folder next to it.
 
     Args:
         scene: The scene.

@@ -23,8 +23,8 @@ from radarsim.validation import short_repr
 
 OPAQUE: Final = math.inf
 ALBEDO: Final = 0.2  # of foliage
-BACKSCATTER_DB: Final = -10.0  # of a rough surface of which nothing is known
-SLOPE_DEG: Final = 2.0  # of facets of which only the reflection is known
+BACKSCATTER_DB: Final = -10.0  # of a rough surface, if nothing is known
+SLOPE_DEG: Final = 2.0  # of facets, if only the reflection is known
 
 MAX_DB: Final = 1e6  # per metre; a material that attenuates more is opaque
 MAX_LEVEL: Final = 200.0  # dB, of what returns to a radar
@@ -156,7 +156,7 @@ class Material:
     scatters_light: Truth | None = None
 
     def __repr__(self) -> str:
-        """Return the call that makes it, without what is by default."""
+        """Return the call that makes it, without defaults."""
         others = [
             f"{field.name}={getattr(self, field.name)!r}"
             for field in fields(self)[1:]

@@ -42,7 +42,7 @@ class MeshError(Exception):
 
 
 class MeshBudget:
-    """What all mesh files of one map may contain together, and what is left of it."""
+    """Limits of all mesh files of one map together, and what they have used."""
 
     def __init__(self) -> None:
         self._taken = dict.fromkeys(_LIMITS, 0)

@@ -213,10 +213,11 @@ class Crate:
 class Reflector:
     """A point reflector: a small target whose radar cross section is known.
 
-    What is smaller than a beam returns a power that its radar cross section determines,
-    not its size. A trihedral, three triangular plates of metal at right angles, returns
-    a wave to where it came from. Eight of them back to back make the octahedron that
-    ships carry, which returns from all sides alike; so a reflector has no direction.
+    A target smaller than a beam returns a power that follows from its radar cross
+    section, not its size. A trihedral, three triangular plates of metal at right
+    angles, returns a wave to where it came from. Eight of them back to back make the
+    octahedron that ships carry, which returns from all sides alike; so a reflector has
+    no direction.
 
     A radar that computes power takes the cross section. To the rays of a range scanner,
     and to robots, a reflector is an opaque octahedron of that size, which is among the
@@ -263,7 +264,7 @@ class Scene:
             or rain; None for clear air, which attenuates nothing.
         trial: The navigation task of the map, if it has one.
         gps_origin: Latitude and longitude of the map frame's origin, degrees.
-        reflectors: The point reflectors, in the order of the map file; their hulls are
+        reflectors: The point reflectors, in the order of the map file; their meshes are
             among the parts.
         tags: The RFID tags, in the order of the map file.
         victims: The victims, in the order of the map file; none is among the parts.
@@ -318,7 +319,7 @@ class Scene:
         """Return this scene with a material changed, or with one more.
 
         Args:
-            name: Name of a material of the scene, of which what is not given stays; of
+            name: Name of a material of the scene, whose other keys stay; of
                 the library; or of a new one.
             **keys: Keys of materials in map files, such as ``density=2.0`` or
                 ``based_on="foliage"``.
@@ -358,7 +359,7 @@ class Scene:
         return edits.without(self, name)
 
     def to_yaml(self, path: "str | Path") -> None:
-        """Write a map file, and its meshes into a folder beside it.
+        """Write a map file, and its meshes into a folder next to it.
 
         ``load_map`` reads the same scene from it.
 

@@ -30,7 +30,7 @@ vertex takes no longer than a grid of as many.
 
 Faces are united over their edges in a forest (union-find): the root of a tree is the
 first face of its component. Each face also holds whether it disagrees with its parent,
-so that the forest tells which faces to flip for all to agree with the first one.
+so that the forest shows which faces to flip for all to agree with the first one.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -123,8 +123,8 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
 
     Flips faces where neighbours disagree, and components that are inside out. A
     component that is inside out and lies in another one is a cavity and stays as it
-    is; in a mesh whose neighbours disagree a cavity cannot be told from a nested
-    volume, and every component is oriented outward.
+    is; in a mesh whose neighbours disagree a cavity cannot be distinguished from a
+    nested volume, and every component is oriented outward.
 
     Args:
         vertices: (V, 3) m, merged.
@@ -189,10 +189,10 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
     if not len(walls):
         return 0, int(flat)
     every = np.ones(len(components), np.bool_)  # also cavities
-    hulls = _Hulls(vertices, faces, connections.labels, components, every)
+    shells = _Shells(vertices, faces, connections.labels, components, every)
     of_walls = connect_faces(walls).labels
     points = vertices[walls[_first_faces(of_walls)]].mean(axis=1)
-    outside = [not hulls.enclose(point, point, point) for point in points]
+    outside = [not shells.enclose(point, point, point) for point in points]
     return int(np.bincount(of_walls)[outside].sum()) // 2, int(flat)
 
 
@@ -203,24 +203,24 @@ def _flip_inverted_components(
     labels = connections.labels
     components = _measure(vertices, faces, connections)
     volumes = components["volume"]
-    # Exporters agree on no orientation, so the volume tells: an outward one is
+    # Exporters agree on no orientation, so the volume decides: an outward one is
     # positive.
     if volumes.sum() < 0:
         faces, volumes = faces[:, ::-1], -volumes
     inverted = volumes < 0
     if inverted.any():
-        hulls = _Hulls(vertices, faces, labels, components, volumes > 0)
+        shells = _Shells(vertices, faces, labels, components, volumes > 0)
         inner = np.flatnonzero(inverted)
         points = vertices[faces[_first_faces(labels)[inner]]].mean(axis=1)
         for index, point in zip(inner, points, strict=True):
             component = components[index]
-            inverted[index] = not hulls.enclose(
+            inverted[index] = not shells.enclose(
                 component["low"], component["high"], point
             )
     return _flip(faces, inverted[labels])
 
 
-class _Hulls:
+class _Shells:
     """Components of a mesh, found by the boxes around them."""
 
     def __init__(
@@ -233,7 +233,7 @@ class _Hulls:
     ) -> None:
         from shapely import STRtree, box  # noqa: PLC0415 - slow; seldom needed
 
-        self._hulls = np.flatnonzero(which)
+        self._shells = np.flatnonzero(which)
         self._lows, self._highs = (components[which][end] for end in ("low", "high"))
         self._tree = STRtree(box(*self._lows[:, :2].T, *self._highs[:, :2].T))
         self._corners = vertices, faces
@@ -241,7 +241,7 @@ class _Hulls:
         self._faces = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
     def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
-        """Return whether a point is in hulls whose boxes contain all of another box.
+        """Return whether a point is in shells whose boxes contain all of another box.
 
         Args:
             low: (3,) m, the other box.
@@ -255,7 +255,7 @@ class _Hulls:
         found = found[(self._highs[found] >= high).all(axis=1)]
         if not len(found):
             return False
-        chosen = [self._faces[hull] for hull in self._hulls[found]]
+        chosen = [self._faces[shell] for shell in self._shells[found]]
         vertices, faces = self._corners
         return encloses(vertices, faces[np.sort(np.concatenate(chosen))], point)
 

@@ -51,7 +51,7 @@ EVEN_EDGE: Final = 0.6 * 4 * math.sqrt(math.log(2))  # 0.6 widths, standard devi
 
 
 class BeamPattern:
-    """The beams of sensors of equal settings, and what is read of their rays.
+    """The beams of sensors of equal settings, and how their rays are read.
 
     Attributes:
         settings: The settings.

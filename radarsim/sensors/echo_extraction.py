@@ -9,13 +9,13 @@ The strength of an echo is its power as a share of what comes back from a rough 
 that the whole beam meets head-on, with nothing before it. Penetration power counts
 decibels one way; the sensor's margin is what a beam can lose out and back. So of a ray
 that has a share p of its power left, T = 10^(-margin (1 - p) / 10) would come back. An
-opaque surface returns the T of what is left there; a volume the difference between its
-two sides, and a sheet that before and behind it. Where volumes overlap, each is
+opaque surface returns the T of the power left there; a volume the difference between
+its two sides, and a sheet that before and behind it. Where volumes overlap, each is
 credited with its share of the loss, in proportion to density. This holds for plants,
 which scatter a fifth of what they take, before walls that return a tenth of what
 arrives: the strengths of a ray that ends within range then add up to 1, and what does
-not come back from the wall comes back from what is before it. What has another albedo
-returns more or less than plants, and smoke nothing. A beam of unlimited power is
+not come back from the wall comes back from volumes before it. Another albedo returns
+more or less than plants, and smoke nothing. A beam of unlimited power is
 returned whole by what it hits. Power lost to the air, or to a volume around the ray's
 start, returns no echo: there is no boundary.
 

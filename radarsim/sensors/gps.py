@@ -3,7 +3,7 @@
 Theory of operation
 ===================
 The satellites of one moment stand still for ever. Those that are more than 5 degrees
-above the horizon of the map's origin are candidates; one ray to each of them tells
+above the horizon of the map's origin are candidates; one ray to each of them shows
 whether something hides it. With at least four in sight there is a fix: the true
 position with a normal error north and east, the smaller the more satellites there are.
 

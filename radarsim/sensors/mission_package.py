@@ -1,4 +1,4 @@
-"""Mission packages: links that turn at their speeds to where they are told."""
+"""Mission packages: links that turn at their speeds to the angles of orders."""
 
 import math
 from typing import Final
@@ -12,7 +12,7 @@ from radarsim.protocol.packages import LinkOrder, PackageState
 from radarsim.sensors.readings import Job
 from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
-FAR: Final = 1e6  # rad; where a link without limits turns to that is told a speed
+FAR: Final = 1e6  # rad; where a link without limits turns to by an order of a speed
 
 
 class MissionPackage(EngineSensor, types=["MisPkg"]):
@@ -46,7 +46,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         """Let a link move from now on, if it is one of this package.
 
         Args:
-            order: What a link is told.
+            order: Order for a link.
             ticks: Simulated time in ticks.
 
         Returns:

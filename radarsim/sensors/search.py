@@ -8,7 +8,7 @@ may have put a body around the parts of a victim. Sound and gas go around obstac
 
 A call of L dB at 1 m has L - 20 log10(d) dB at a distance of d m, and the powers of
 several calls add up. Breath thins out as the air that it mixes with grows, by the
-square of the distance from 0.1 m on; what no source tells is an estimate.
+square of the distance from 0.1 m on; numbers without a source are estimates.
 """
 
 import math
@@ -30,7 +30,7 @@ from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
 Target = TypeVar("Target")
 REACH: Final = 0.3  # m before a target at which a ray to it may end
-LEAST: Final = 1e-6  # m; what is nearer is where the sensor is
+LEAST: Final = 1e-6  # m; nearer targets are at the sensor's place
 AHEAD: Final = (1.0, 0.0, 0.0)
 BREATH: Final = 0.1  # m within which breath has not mixed with the air
 
@@ -93,7 +93,7 @@ class SearchSensor(Sensor, Generic[Target]):
         is_near = (distances <= self._max_range) & (angles <= self._half_fov)
         self._near = np.flatnonzero(is_near)
         aimed = self._near if self.needs_sight else self._near[:0]
-        # What is where the sensor is lies in no direction; any will do.
+        # A target at the sensor's place lies in no direction; any will do.
         offsets = np.where(distances[:, None] > LEAST, places, AHEAD)[aimed]
         lengths = np.linalg.norm(offsets, axis=1)
         return sight_rays(

@@ -6,7 +6,7 @@ A cone is a bundle of 33 rays, the same in every reading. 21 of them are level a
 a cone of 20 degrees, 1 degree apart: nothing that is wider than 9 cm fits between two
 of them within 5 m, so that poles are found, and the nearest point of a wall is missed
 by less than 0.2 mm. 12 more rays, on circles of half and all of the cone's angle, find
-what is only above or below the sonar. More rays cost more than they find.
+obstacles that are only above or below the sonar. More rays cost more than they find.
 
 A surface sends sound back if a ray meets it within the largest angle of incidence.
 Otherwise the floor, which every cone near the ground grazes, would hide all else. The
@@ -107,7 +107,7 @@ class Sonars(Sensor, types=["Sonar"]):
         found = traces.ranges.reshape(-1, RAYS_PER_CONE)
         cosine = traces.incidence.reshape(found.shape)
         returns = cosine >= self._least_cosine  # nan where nothing was hit
-        # As of the original, of which only the ray on the axis ever counts.
+        # As of the original, where only the ray on the axis ever counts.
         returns[:, 0] = True
         nearest = np.where(returns, found, np.inf).min(axis=1)
         ranges = np.clip(nearest, self._min_range, self._max_range).tolist()

@@ -4,7 +4,7 @@ A picture depends on the scene and the view only: the same view gives the same p
 
 Surfaces are matt and are lit from where the camera is: their brightness depends on the
 cosine between the ray and their normal (Lambert), and is at least ``AMBIENT``. Volumes
-that let light through veil what is behind them: a ray that loses the power d in a
+that let light through veil objects behind them: a ray that loses the power d in a
 volume gets the share 1 - exp(-d) of the volume's colour (Beer and Lambert).
 """
 
@@ -103,7 +103,7 @@ class Renderer:
         directions = _rotate(pixels_ahead, view.camera.rotation())
         n = len(directions)
         # Picture by picture only the camera moves: the directions are turned, not
-        # computed anew.
+        # computed again.
         rays = Rays(
             np.tile(view.camera.position(), (n, 1)),
             directions,

@@ -133,7 +133,7 @@ class ImageServer(PeerServer):
         """Create a server that does not listen yet.
 
         Args:
-            simulation: What is seen in the pictures.
+            simulation: The simulation in the pictures.
             pictures: Draws the pictures; started and stopped by the server.
             port: Port to listen on; 0 for a free one.
         """
@@ -226,7 +226,7 @@ class Viewer(PeerConnection):
         return self.region is not None and self._can_write
 
     def _begin(self, transport: asyncio.Transport) -> None:
-        # Any byte that waits pauses writing, which tells that the last picture is not
+        # Any byte that waits pauses writing, which shows that the last picture is not
         # read yet (rule 2).
         transport.set_write_buffer_limits(high=0)
         loop = asyncio.get_running_loop()

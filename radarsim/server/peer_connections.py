@@ -45,7 +45,7 @@ class RefusalLog:
             kind: What the peers are, in plural.
         """
         self._kind = kind
-        self._untold = 0
+        self._unlogged = 0
         self._next_line = 0.0
 
     def add(self, peer: str, limit: int) -> None:
@@ -57,12 +57,12 @@ class RefusalLog:
         """
         now = asyncio.get_running_loop().time()
         if now < self._next_line:
-            self._untold += 1
+            self._unlogged += 1
             return
-        others = f", and {self._untold} others before" if self._untold else ""
+        others = f", and {self._unlogged} others before" if self._unlogged else ""
         reason = f"there are {limit} {self._kind}"
         log.warning("%s: refused%s: %s", peer, others, reason)
-        self._untold, self._next_line = 0, now + LOG_INTERVAL
+        self._unlogged, self._next_line = 0, now + LOG_INTERVAL
 
 
 # Of which a peer is one: where the system permits few, clients with robots need them.
@@ -283,7 +283,7 @@ class ReadAllowance:
 
     def grant(self) -> None:
         """Permit one more read, however large."""
-        # The allowance begins anew at zero: who sends without end gets one read in a
+        # The allowance begins again at zero: who sends without end gets one read in a
         # turn.
         self.exhausted = False
         self._left = 0

@@ -8,8 +8,8 @@ Rule 2: every line is answered, and one that is too long closes the connection, 
 HTTP request does.
 
 Obstacles between two places are counted as bodies that stop robots: a ray from one to
-the other enters volumes, and meets the surfaces of what is opaque, of which two of the
-same body are one obstacle. Robots do not count, as in the original.
+the other enters volumes, and meets opaque surfaces; two of the same body are one
+obstacle. Robots do not count, as in the original.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class QuestionClient(PeerConnection):
 
 
 def truth_answer(simulation: Simulation, line: str) -> bytes:
-    """Return the answer of USARTruth, which tells where robots and victims are."""
+    """Return the answer of USARTruth: where robots and victims are."""
     actors = [(v.robot.name, v.model.name, v.robot.body) for v in simulation.vehicles]
     actors += [
         (v.name, VICTIM, Pose3(*v.position, yaw=v.yaw))

@@ -122,7 +122,7 @@ class Server(PeerServer):
             host: The simulation and its clients.
             speed: Simulated seconds in one second of the wall clock.
             max_clients: Number of clients beyond which others are refused.
-            after_tick: Called after each tick, when its clients are sent what is due.
+            after_tick: Called after each tick, when its bytes have been sent.
         """
         super().__init__(0, "clients")
         self.host = host
@@ -173,7 +173,7 @@ class Server(PeerServer):
             due += self.pace.interval
             lag = loop.time() - due
             # Catching up would mean to send a burst of old readings, for which clients
-            # have no use; simulated time waits instead, and the log tells.
+            # have no use; simulated time waits instead, and is logged.
             if lag > MAX_LAG:
                 due += lag
                 lost += lag
@@ -189,7 +189,7 @@ class Server(PeerServer):
                 raise
 
     def tick(self) -> None:
-        """Advance simulated time by 10 ms, if it passes, and send what is due."""
+        """Advance simulated time by 10 ms, if it passes, and send all lines."""
         connections = self.by_number
         by_file = {connection.file_number: connection for connection in self.held}
         for number, is_gone in find_hung_up(by_file):
@@ -310,7 +310,7 @@ class Connection(PeerConnection):
                 self._finish()
                 return
         elif self._host.is_busy(self._number) or self._allowance.exhausted:
-            # What is not read waits in the client's socket: no queue here grows.
+            # Unread bytes wait in the client's socket: no queue here grows.
             transport.pause_reading()
             self._server.held.add(self)
         else:
@@ -347,7 +347,7 @@ class Connection(PeerConnection):
 
 
 class Companion(Protocol):
-    """Something that runs beside a server, in the same event loop."""
+    """Something that runs with a server, in the same event loop."""
 
     async def start(self, address: str) -> None:
         """Start; the server listens on this address."""
@@ -383,7 +383,7 @@ async def serve(
 
     async def run() -> None:
         log_refused_accepts(log)
-        # What is there now stays. To look through it takes the garbage collector some
+        # The objects so far stay. To look through them takes the garbage collector some
         # 90 ms, by which scans would be late.
         gc.collect()
         gc.freeze()

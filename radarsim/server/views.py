@@ -47,7 +47,7 @@ class View:
         """Return the view of a robot by a camera that looks ahead.
 
         Args:
-            simulation: What is seen.
+            simulation: The simulation.
             vehicle: The robot; None for the one that has been there for longest, or a
                 P3AT at the first start of the map if there is none.
         """
@@ -85,7 +85,7 @@ def tiles_of(simulation: Simulation, shown: Shown) -> Tiles:
     """Return what a picture shows.
 
     Args:
-        simulation: What is seen.
+        simulation: The simulation.
         shown: Number of a robot, 0 without any; and name of its camera, None for what
             its viewports show.
     """

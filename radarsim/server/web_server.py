@@ -142,7 +142,7 @@ class HttpConnection(H11Protocol):
         """Wait for the first request, unless too many others do."""
         super().connection_made(transport)
         assert self.limit_concurrency is not None
-        # One more than that is told so; but to be told takes an open file, too.
+        # One more than that gets an answer; but an answer takes an open file, too.
         if len(self.connections) > 2 * self.limit_concurrency:
             self.transport.abort()
             return
@@ -163,7 +163,7 @@ class HttpConnection(H11Protocol):
 
 
 class WebServer(uvicorn.Server):
-    """A server of uvicorn that leaves signals alone, and tells when it listens."""
+    """A server of uvicorn that leaves signals alone, and reports when it listens."""
 
     def __init__(
         self, app: ASGIApp, on_start: Callable[[], None], *, longest_message: int
@@ -197,7 +197,7 @@ class WebServer(uvicorn.Server):
         return nullcontext()
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Listen, and tell that it does."""
+        """Listen, and report that it does."""
         log_refused_accepts(log)
         await super().startup(sockets)
         self._on_start()

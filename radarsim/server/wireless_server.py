@@ -157,7 +157,7 @@ class WirelessServer(QuestionServer):
         return {v.robot.name: v for v in self._simulation.vehicles if v.alive}
 
     def _look(self) -> None:
-        """Open or close a relay port by what is heard now; each time the next one.
+        """Open or close a relay port by the signal now; each time the next one.
 
         Robots that have gone are closed.
         """
@@ -258,7 +258,7 @@ class WirelessClient(QuestionClient):
 
 
 def _fault_of(verb: str, robot: str, ports: Ports) -> str:
-    """Return what is wrong with a request of a registered robot, in one word."""
+    """Return the fault of a request of a registered robot, in one word."""
     if verb not in ("GETSS", "DNS", "REVERSEDNS"):
         return "Method.Unknown.Or.Can.INIT.only.once"
     if verb != "GETSS" and ports is None:
@@ -373,7 +373,7 @@ class RelayPort:
 
 
 async def _close_soon(writers: Sequence[asyncio.StreamWriter]) -> None:
-    """Close connections once what is written has been sent, but soon."""
+    """Close connections once written bytes have been sent, but soon."""
     for writer in writers:
         writer.close()
     closing = [writer.wait_closed() for writer in writers]

@@ -1,4 +1,4 @@
-"""The clock of a simulation, and schedules of what is due at regular intervals.
+"""The clock of a simulation, and schedules of regular intervals.
 
 Simulated time is counted in ticks of 10 ms, so that sums of steps do not drift.
 """
@@ -42,7 +42,7 @@ class Clock:
 class Schedule(Generic[Entry]):
     """Entries that are due at regular intervals, each counted from its own tick.
 
-    Finding what is due in a tick takes no time for entries that are not.
+    Finding the entries of a tick takes no time for entries that are not.
 
     Attributes:
         clock: The clock whose ticks count.

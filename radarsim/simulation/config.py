@@ -41,7 +41,7 @@ DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another 
 MOST_RAYS: Final = 2_000  # in a scan; that takes some ms with all echoes
 MOST_RAYS_A_SECOND: Final = 50_000
 MOST_EXTRA_RAYS: Final = 500_000  # a second, which all robots together add by changes
-MOST_DIRECTIONS: Final = 5_000  # of which rays are drawn; preparing them takes 1 ms
+MOST_DIRECTIONS: Final = 5_000  # from which rays are drawn; preparing them takes 1 ms
 LIMITS: Final = (MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
 NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan")
 

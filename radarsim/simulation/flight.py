@@ -1,9 +1,9 @@
 """The heights of robots that fly: how far they rise and descend, and what stops them.
 
 A robot that flies moves level as others drive, among slices of everything solid at the
-heights of its hull. Slices are made for each band of ``BAND`` m in which the bottom of
-its hull is, around the tile of the map in which it is, when it comes there, and only
-kept until it leaves. A robot rises and descends as far as vertical rays from its hull
+heights of its body. Slices are made for each band of ``BAND`` m in which its bottom
+is, around the tile of the map in which it is, when it comes there, and only
+kept until it leaves. A robot rises and descends as far as vertical rays from its body
 meet nothing that stops robots or light, and the slices of the next band leave it room.
 """
 
@@ -30,7 +30,7 @@ from radarsim.simulation.clock import TICK
 BAND: Final = 0.1  # m
 TILE: Final = 1.0  # m
 HEADROOM: Final = 20.0  # m above the highest point of a map, up to which robots rise
-INSET: Final = 0.01  # m from the sides of a hull to its outer rays
+INSET: Final = 0.01  # m from the sides of a robot to its outer rays
 _LOOK_AHEAD: Final = 4  # ticks between two looks at the next band
 _SIDES: Final = (-1.0, 0.0, 1.0)
 # Places of the rays, in half lengths and half widths.
@@ -62,7 +62,7 @@ class Surroundings(NamedTuple):
 
 
 class Airspace:
-    """What is at all heights of a scene.
+    """The obstacles at all heights of a scene.
 
     Attributes:
         ceiling: Height above which no robot rises, m.
@@ -74,8 +74,8 @@ class Airspace:
         self.ceiling = self._top + HEADROOM
         self._mesh = SolidMesh(scene.parts)
         self._ticks = 0
-        # Of each robot what is around it, and perhaps around a height that it has left,
-        # or could not reach.
+        # Of each robot its surroundings, and perhaps those of a height that it has
+        # left, or could not reach.
         self._around: WeakKeyDictionary[Robot, tuple[Surroundings, ...]]
         self._around = WeakKeyDictionary()
 
@@ -86,7 +86,7 @@ class Airspace:
         reach: float,
         known: tuple[Surroundings, ...] = (),
     ) -> Surroundings:
-        """Return what is around a robot.
+        """Return the surroundings of a robot.
 
         Args:
             model: Robot class.
@@ -126,7 +126,7 @@ class Airspace:
         return Surroundings(tile, band, slices, obstacles)
 
     def lift(self, fleet: Fleet, robot: Robot, z: float, *known: Surroundings) -> None:
-        """Move a robot to a height, m, among what is there; see ``surroundings``."""
+        """Move a robot to a height, m, and its surroundings; see ``surroundings``."""
         around = self._around_robot(robot, z, *known)
         self._around[robot] = (around,)
         fleet.lift(robot, z, around.obstacles)
@@ -193,7 +193,7 @@ class Airspace:
             return {}
         rows = fleet.table[[robot.slot for robot in robots]]
         signs = np.copysign(1.0, rows["climb"])
-        hulls = np.array(
+        heights = np.array(
             [
                 robot.model.height - robot.model.origin_height
                 if sign > 0
@@ -205,17 +205,17 @@ class Airspace:
         starts = np.concatenate([_ray_starts(robot) for robot in robots])
         directions = np.zeros((len(starts), 3))
         directions[:, 2] = np.repeat(signs, count)
-        reach = np.repeat(hulls + np.abs(rows["climb"] * dt), count)
+        reach = np.repeat(heights + np.abs(rows["climb"] * dt), count)
         numbers = np.repeat(rows["number"].astype(np.int64), count)
         rays = sight_rays(starts, directions, reach, numbers)
         ranges = self._tracer.trace(rays, boxes).ranges.reshape(-1, count)
-        rooms = ranges.min(axis=1) - hulls
+        rooms = ranges.min(axis=1) - heights
         return dict(zip(robots, rooms.tolist(), strict=True))
 
     def _around_robot(
         self, robot: Robot, z: float, *known: Surroundings
     ) -> Surroundings:
-        """Return what is around a robot at a height, m; see ``surroundings``."""
+        """Return the surroundings of a robot at a height, m; see ``surroundings``."""
         pose, radius = robot.pose, robot.footprint.radius
         reach = radius + WALL_RANGE + robot.top_speed * TICK
         known += self._around.get(robot, ())
@@ -223,10 +223,10 @@ class Airspace:
 
 
 class SolidMesh:
-    """The triangles of the solid ones among some parts, of which some are sliced fast.
+    """The triangles of the solid ones among some parts, for fast slices of some.
 
-    Triangles are sorted by cells of space and cut into blocks of equal size. What is
-    near an area is found by the bounds of all blocks, and only triangles of those that
+    Triangles are sorted by cells of space and cut into blocks of equal size. Those
+    near an area are found by the bounds of all blocks, and only triangles of those that
     reach into it are sliced: how long it takes hardly depends on the size of a map.
 
     Attributes:
@@ -287,7 +287,7 @@ def _chunks(count: int) -> Iterator[slice]:
 def _ray_starts(robot: Robot) -> Floats:
     """Return where the rays of a robot start, (9, 3) m, map frame."""
     model, body = robot.model, robot.body
-    level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # as its hull stays
+    level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # as its box stays
     half = (model.length / 2 - INSET, model.width / 2 - INSET, 0.0)
     starts: Floats = (_GRID * half) @ level.rotation().T + level.position()
     return starts

@@ -2,7 +2,7 @@
 
 Free space is the floor that a robot can stand on, with its connected components.
 
-What is solid at a P3AT's height is grown by a distance, and the rest of the floor is
+Solid objects at a P3AT's height are grown by a distance, and the rest of the floor is
 free. An object that encloses an area by itself is solid inside: a box, a bush, a trunk.
 An area in which a robot starts is a room, though, and walls that are several objects
 enclose nothing: the inside of a closed box of four walls is floor that nothing reaches.
@@ -139,7 +139,7 @@ def occupied_starts(scene: Scene) -> list[str]:
             simulation.remove(vehicle)  # robots must not occupy each other's starts
             if vehicle.robot.pose == wanted:
                 continue
-        in_way = simulation.hindrances(model, wanted)
+        in_way = simulation.obstacles_at(model, wanted)
         taken = f"{start.name}: taken by {', '.join(in_way) or 'what is above it'}"
         if vehicle is None:
             lines.append(f"{taken}; no place for a P3AT within 1 m")
@@ -160,7 +160,7 @@ def trial_warnings(scene: Scene) -> list[str]:
     if trial.safety_distance < clearance:
         lines.append(f"a P3AT keeps at least {clearance:.3f} m")
     goal = Pose2(*trial.goal)
-    if in_way := _simulation(scene).hindrances(model, goal):
+    if in_way := _simulation(scene).obstacles_at(model, goal):
         lines.append(f"goal {goal.x:.2f} {goal.y:.2f}: taken by {', '.join(in_way)}")
     position = start.pose.x, start.pose.y
     if not is_connected(scene, position, trial.goal, trial.safety_distance):

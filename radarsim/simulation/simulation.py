@@ -47,7 +47,7 @@ from radarsim.simulation.vehicle import DueItems, MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
 SLICING_WORK: Final = 300_000  # to slice all that a robot that flies can reach
-# Scans of a tick whose echoes are listed for watchers only, each of which takes a
+# Scans of a tick whose echoes are listed for watchers only; each takes a
 # millisecond or two: so these delay no one else, however many robots are watched.
 MAX_SHOWN: Final = 4
 MOST_READY_FLOORS: Final = 8  # that the first robot finds sliced
@@ -204,7 +204,7 @@ class Simulation:
             self._drifting.add(vehicle, DRIFT_TICKS)
         return vehicle
 
-    def hindrances(self, model: RobotModel, pose: Pose2) -> list[str]:
+    def obstacles_at(self, model: RobotModel, pose: Pose2) -> list[str]:
         """Return the names of the objects and robots in which a robot would stand.
 
         Args:
@@ -237,8 +237,8 @@ class Simulation:
         """Advance by one tick of 10 ms."""
         # Before anything moves: readings of a tick have its time at their end.
         self._clock.ticks += 1
-        # Commands of a robot with an empty battery are refused; what it was told before
-        # would go on turning its wheels.
+        # Commands of a robot with an empty battery are refused; those before would
+        # go on turning its wheels.
         for vehicle in self._mortal:
             if not vehicle.alive:
                 vehicle.robot.halt()
@@ -255,7 +255,7 @@ class Simulation:
 
     def _fly(self, robot: Robot, rooms: Mapping[Robot, float]) -> None:
         self._airspace.climb(self._fleet, robot, rooms.get(robot), TICK)
-        robot.lean(TICK)
+        robot.tilt(TICK)
 
     def collect_reports(self) -> dict[int, TickOutput]:
         """Take all readings that are due in this tick.
@@ -301,7 +301,7 @@ class Simulation:
         """Take the other readings of robots, and return all; see ``collect_reports``.
 
         Args:
-            due: The robots, and what is due of them.
+            due: The robots, and their items that are due.
             read_by_others: What add-ons have read, also of other robots.
             cast: The readings of ``_cast``.
             boxes: All robots.
@@ -345,7 +345,7 @@ class Simulation:
         }
 
     def _read_scanner_items(self) -> list[DueScan]:
-        """Let add-ons pass a tick; robots of which they read something report it."""
+        """Let add-ons pass a tick; robots whose scanners they read report that."""
         due_scans = [
             due_scan
             for items in self.scanner_items.values()

@@ -77,7 +77,7 @@ class MountedScanner:
 
 
 class DueItems(NamedTuple):
-    """What is due of a robot in the same tick.
+    """The items of a robot that are due in the same tick.
 
     Attributes:
         groups: The status, if it is due, and the readings of items that cast no rays:
@@ -169,7 +169,7 @@ class Vehicle:
         self._reschedule()
 
     def _power_status(self) -> dict[str, list[Job]]:
-        """Return the jobs of the status, of which the battery has a state."""
+        """Return the jobs of the status; the battery has a state."""
         charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
         charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
         # Clients pause a robot whose battery reads 0.
@@ -220,9 +220,9 @@ class Vehicle:
         return self._clock.ticks - self.spawn_tick
 
     def due(self) -> DueItems:
-        """Return what is due in this tick; only the status with an empty battery.
+        """Return the items that are due in this tick; with an empty battery the status.
 
-        A scanner that is due and of which a scan was requested is there twice, since
+        A scanner that is due and whose scan was requested is there twice, since
         that is an extra one. Requests are forgotten with that.
         """
         age = self._age

@@ -8,7 +8,7 @@ from map_texts import HEAD, objects, problems
 
 from radarsim.errors import MapError
 from radarsim.scene.build import LIMITS
-from radarsim.scene.map_checks import MAX_TOLD
+from radarsim.scene.map_checks import MAX_REPORTED
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.map_schema import (
     MAX_MATERIALS,
@@ -121,15 +121,15 @@ def test_variants_are_limited() -> None:
 def test_many_problems_are_counted_and_the_first_are_reported() -> None:
     lines = [f"name: o{i}, box: [1, 1, 1], material: stome{i}" for i in range(150)]
     found = problems(objects(*lines))
-    assert len(found) == MAX_TOLD + 1
+    assert len(found) == MAX_REPORTED + 1
     assert "'stome99'" in found[-2]
-    assert found[-1] == f"m.yaml: {150 - MAX_TOLD} more problems"
+    assert found[-1] == f"m.yaml: {150 - MAX_REPORTED} more problems"
 
 
 def test_many_problems_of_one_entry_are_counted_too() -> None:
     keys = ", ".join(f"key{i}: 1" for i in range(150))
     found = problems(objects(f"name: a, {SMALL}, {keys}"))
-    assert found[-1] == f"m.yaml: {150 - MAX_TOLD} more problems"
+    assert found[-1] == f"m.yaml: {150 - MAX_REPORTED} more problems"
 
 
 def test_problems_of_many_variants_are_reported_once() -> None:

@@ -71,10 +71,10 @@ Handled: TypeAlias = tuple[bool, Diagnostic | None, int]
 LIGHT_WORK: Final = 1
 HEAVY_WORK: Final = 5
 CRATE_WORK: Final = 2  # a body comes or goes
-SETTING_WORK: Final = 50  # the rays of a scanner have to be prepared anew
+SETTING_WORK: Final = 50  # the rays of a scanner have to be prepared again
 SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
 CHARACTERS_A_UNIT: Final = 300
-ROBOTS_A_UNIT: Final = 8  # that a watcher may have to be told of
+ROBOTS_A_UNIT: Final = 8  # that a watcher may have to get
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 
@@ -87,7 +87,7 @@ def handle(host: Host, client: Client, line: str) -> Handled:
         command, unknown = parse_command(line, dialect)
     except MalformedMessage as error:
         malformed = Diagnostic.of_malformed(line, error)
-        # A line in UTF-16, of a client of today that needs to be told.
+        # A line in UTF-16, of a client of today that needs an answer.
         if malformed.kind == f"malformed {Watch.verb}" or line[1:4:2] == "\0\0":
             client.reply(CommandError(malformed.text), dialect)
         return True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading
@@ -148,8 +148,8 @@ def _work_of(host: Host, client: Client, command: Command) -> int:
         case GetGeo(robot=str()) | GetConf(robot=str()) | ShowCamera() | Watch():
             work = among_robots
         case GetStartPoses() | GetGeo() | GetConf():
-            # Clients ask for every item at the start, many of them at once: what is
-            # known already must not use up the work of a tick.
+            # Clients ask for every item at the start, many of them at once: known
+            # replies must not use up the work of a tick.
             is_known = _reply_key(host, client, command) in host.known_replies
             work = LIGHT_WORK if is_known else HEAVY_WORK
         case Control():
@@ -162,7 +162,7 @@ def _work_of(host: Host, client: Client, command: Command) -> int:
 
 
 def _is_answered(command: Command) -> bool:
-    """Return whether a client is told why a command had no effect.
+    """Return whether a client gets the reason why a command had no effect.
 
     Only clients of radarsim are: to all others an answer would be unknown.
     """
@@ -251,7 +251,7 @@ def _send_starts(host: Host, client: Client, question: GetStartPoses) -> None:
 
 
 def _answer(host: Host, client: Client, question: Question) -> Diagnostic | None:
-    """Reply to a question; what is the same for all robots is encoded once."""
+    """Reply to a question; equal replies for all robots are encoded once."""
     if question.robot is not None:
         return _answer_of_others(host, client, question)
     vehicle = _find_robot(client, question.verb)

@@ -187,7 +187,7 @@ class Client:
         return self.vehicle
 
     def take(self) -> bytes:
-        """Return and remove what is to be sent: whole lines, the robot's own first."""
+        """Return and remove the bytes to send: whole lines, the robot's own first."""
         data = self.send_queue.take()
         return data + self.watch_queue.take() if self.watch_queue else data
 

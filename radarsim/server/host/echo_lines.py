@@ -1,7 +1,7 @@
 """Write the echoes of scans as lines, object by object.
 
 A scan can have a hundred lines of a few echoes each, in which hardly more than the
-numbers are new. What is said of an object is kept. One call of the engine sorts the
+numbers are new. The fields of an object are kept. One call of the engine sorts the
 echoes of a scan by object, and another one writes all its lines.
 """
 
@@ -111,7 +111,7 @@ class EchoWriter:
     def _heads_of(
         self, dialect: Dialect, scanner: str, settings: SensorSettings
     ) -> dict[int, LineHead]:
-        """Return what is kept for a sensor, by part."""
+        """Return the kept heads of a sensor, by part."""
         if len(self._heads) > MOST_SENSORS:
             self._heads.clear()
         heads = self._heads.setdefault((dialect, scanner, settings), {})

@@ -3,14 +3,14 @@
 Theory of operation
 ===================
 A server passes on what a client sent (``receive``), advances time (``step``), and sends
-what is due (``take``). Commands are executed as they come. Their replies wait for the
-one write of the next tick, together with the readings of the tick. A client without a
-robot gets nothing in a tick: its replies can be sent at once.
+the bytes that are due (``take``). Commands are executed as they come. Their replies
+wait for the one write of the next tick, together with the readings of the tick. A
+client without a robot gets nothing in a tick: its replies can be sent at once.
 
 Rule 1: nothing that a client sends raises. What cannot be executed is ignored, as the
 original server does, and returned as a ``Diagnostic`` for the log. An error that only a
-bug can cause ends the robot of one client, which is told so and is to be disconnected;
-the others go on.
+bug can cause ends the robot of one client, which gets a message and is to be
+disconnected; the others go on.
 Rule 2: a write consists of status, replies, readings, echoes and scans, in this order,
 on which clients rely. Only clients that ask for echoes get them.
 Rule 3: a client that does not read loses readings, but no replies; one that keeps on
@@ -22,7 +22,7 @@ once, except INIT while those of others wait, which go first. Commands that wait
 executed in turns, one of each client, and cannot use up the work that is reserved for
 those that arrive. The searches for a free place have a limit of their own: one goes on
 after the other, over several ticks, while the later commands of its client wait. Nor
-can several clients that send much use up what is reserved for the first command of each
+can several clients that send much use up the reserve for the first command of each
 client in a tick, unless these first commands do. How the bytes of a client are split
 into packets changes nothing.
 Rule 5: a client that watches robots gets copies of what their clients are sent, in a
@@ -68,7 +68,7 @@ WAITING_WORK = 40
 
 
 class HostObserver:
-    """Is told what is done to a host: to record it, or to follow it.
+    """Gets the calls of a host: to record it, or to follow it.
 
     A method must not raise, nor do anything to the host. Each does nothing unless a
     subclass overrides it.
@@ -123,7 +123,7 @@ class Host:
             scene: From ``load_map``.
             config: Dialect, drive unit and item settings; None for the defaults.
             seed: Seed of all random numbers.
-            observers: Told what is done to the host, one after the other.
+            observers: Get the calls of the host, one after the other.
 
         Raises:
             EngineError: If Embree cannot be used.
@@ -164,7 +164,7 @@ class Host:
         return self.simulation.config
 
     def add_observer(self, observer: HostObserver) -> None:
-        """Tell one more what is done to the host from now on."""
+        """Call one more from now on."""
         self._observers.append(observer)
         observer.begin(self.simulation)
 
@@ -299,7 +299,7 @@ class Host:
         return sorted(self._unsent)
 
     def take(self, number: int) -> bytes:
-        """Return and remove what is to be sent to a client: whole lines, in order."""
+        """Return and remove the bytes to send to a client: whole lines, in order."""
         data = self._take(number)
         if data:
             for observer in self._observers:
@@ -403,7 +403,7 @@ class Host:
             self._fail(self.spawner.clients_by_robot[number], error)
 
     def _fail(self, client: Client, error: Exception) -> None:
-        """Remove the robot of a client, which is told why."""
+        """Remove the robot of a client, which gets the reason."""
         name = client.vehicle.robot.name if client.vehicle else "none"
         text = "an error in the server, which is a bug, has ended the robot"
         error.add_note(f"of client {client.number}, robot {name!r}")

@@ -122,7 +122,7 @@ class Spawner:
             self._despawn(client)
             client.controls = True
             return None
-        # Presets are cached by the requested spelling, of which clients have many.
+        # Presets are cached by the requested spelling; clients have many.
         class_name = self._classes.get(command.class_name.casefold())
         config = self.simulation.config
         try:
@@ -146,7 +146,7 @@ class Spawner:
         if vehicle is None:
             client.next_spawn = now + FAILED_SPAWN_COOLDOWN
             self._next_spawn = now + FAILED_SEARCH_COOLDOWN
-            in_way = self.simulation.hindrances(model, requested)
+            in_way = self.simulation.obstacles_at(model, requested)
             where = f" in {list_names(in_way)}" if in_way else ""
             text = f"INIT at {_place(requested)}{where}, expected a free place"
             text += " within 1 m, or another start"
@@ -186,7 +186,7 @@ class Spawner:
         if command.takes_free:
             for each in scene.starts:
                 pose = Pose2(each.pose.x, each.pose.y, each.pose.yaw)
-                if not self.simulation.hindrances(model, pose):
+                if not self.simulation.obstacles_at(model, pose):
                     return pose, None
                 yield START_WORK
         if command.start is None:

@@ -2,7 +2,7 @@
 
 A watcher has a queue of its own for the copies. If it reads too slowly it loses the
 oldest, all lines of a robot in a tick together, and holds up nobody. It never loses
-answers, nor the news of which robots there are.
+answers, nor the news about robots that come or leave.
 """
 
 from __future__ import annotations

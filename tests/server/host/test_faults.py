@@ -75,7 +75,7 @@ def play(scene: Scene, ticks: int = 40) -> tuple[Host, list[bytes]]:
     [
         (Vehicle, "due"),
         (Vehicle, "sensor_pose"),
-        (Robot, "lean"),
+        (Robot, "tilt"),
         (SendQueue, "put_readings"),
         (GpsReceiver, "rays"),
         (GpsReceiver, "read"),  # that of the other has drawn its random numbers before
