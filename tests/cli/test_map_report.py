@@ -1,4 +1,4 @@
-"""Reports of maps with few known cells."""
+"""What is said of maps that little is known of."""
 
 import json
 import math
@@ -21,7 +21,7 @@ from radarsim.server.host import Host
 
 @pytest.fixture
 def mapper() -> Mapper:
-    """Map one scan of a server that reports no poses."""
+    """Map one scan of a server that tells no poses."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 20.0, 0.1, math.pi, 181)
     mapper = Mapper(facts, motion_source="none", echo_wait=0.0)
     ranges = np.full(181, 3.0)
@@ -41,10 +41,10 @@ def test_unknown_values_are_left_out(mapper: Mapper) -> None:
         " which round halls and long corridors mislead",
     ]
     assert cells.startswith("map      ")
-    reported = json.loads(MappingResult(None, "none", mapper=mapper).to_json())
-    assert reported["pose_errors"] is None
-    assert reported["strategy"] is None
-    assert reported["doubts"] == [doubt.removeprefix("doubt    ") for doubt in doubts]
+    told = json.loads(MappingResult(None, "none", mapper=mapper).to_json())
+    assert told["pose_errors"] is None
+    assert told["strategy"] is None
+    assert told["doubts"] == [doubt.removeprefix("doubt    ") for doubt in doubts]
 
 
 def test_map_without_scans_has_no_cells() -> None:

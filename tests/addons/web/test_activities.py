@@ -25,7 +25,7 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended(
     end = threading.Event()
 
     def wait(*_: object) -> str:
-        """Work that ignores its cancellation until a flag is set."""
+        """Work that does not notice that it is cancelled, until it is told."""
         end.wait(240)
         return "ended"
 

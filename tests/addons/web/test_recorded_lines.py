@@ -73,7 +73,7 @@ def test_a_file_that_breaks_off_says_how_it_is_made_whole(
         RecordedLines.open(broken)
 
 
-def test_damage_is_reported_and_the_rest_is_read(
+def test_what_is_damaged_is_told_and_the_rest_is_read(
     folder: Path, run: RecordedRun, tmp_path: Path
 ) -> None:
     damaged = tmp_path / "damaged"
@@ -84,7 +84,7 @@ def test_damage_is_reported_and_the_rest_is_read(
     data[middle : middle + 40] = bytes(40)
     file.write_bytes(data)
     recording, whole = RecordedLines.open(damaged), RecordedLines.open(folder)
-    notices = 0
+    told = 0
     for second in range(3):
         try:
             read = [line.line for _, line in recording.read(second)]
@@ -92,8 +92,8 @@ def test_damage_is_reported_and_the_rest_is_read(
         except RecordingError as error:
             assert "is damaged" in str(error)  # noqa: PT017 - of some seconds
             assert "radarsim recording repair" in str(error)  # noqa: PT017
-            notices += 1
-    assert notices in (1, 2)
+            told += 1
+    assert told in (1, 2)
     recording.close()
     whole.close()
 
@@ -108,7 +108,7 @@ def test_a_run_in_which_nobody_was_sent_anything_is_refused(
         RecordedLines.open(tmp_path / "run")
 
 
-def test_robots_of_one_name_stay_apart(foliage_room: Scene, tmp_path: Path) -> None:
+def test_robots_of_one_name_are_told_apart(foliage_room: Scene, tmp_path: Path) -> None:
     run = recorded_runs.run_two_clients(foliage_room, ticks=20)
     events = [
         event._replace(data=event.data.replace(b"{Name R_1}", b"{Name r 1}"))

@@ -70,12 +70,12 @@ def test_an_office_is_explored_as_far_as_its_doors_let_the_robot(
     run = MappingRun(plan, Host(load_map(path)))
     run.run()
     run.judge()
-    reported = json.loads(run.result.to_json())
-    assert reported["outcome"] == "explored"
-    assert reported["judge"]["collisions"] == 0
-    assert reported["judge"]["reachable_coverage"] > 0.95
-    assert len(reported["left_out"]) == (0 if is_wide else 6)
-    assert (reported["judge"]["hidden_coverage"] is None) == is_wide
+    told = json.loads(run.result.to_json())
+    assert told["outcome"] == "explored"
+    assert told["judge"]["collisions"] == 0
+    assert told["judge"]["reachable_coverage"] > 0.95
+    assert len(told["left_out"]) == (0 if is_wide else 6)
+    assert (told["judge"]["hidden_coverage"] is None) == is_wide
 
 
 @pytest.mark.slow
@@ -87,10 +87,10 @@ def test_the_map_of_an_office_is_true_to_centimetres(tmp_path: Path, seed: int) 
     run = MappingRun(plan, Host(load_map(path), seed=seed), seed=seed)
     run.run()
     run.judge()
-    reported = run.result.to_dict()
-    assert reported["judge"]["reachable_coverage"] > 0.95
-    assert reported["judge"]["collisions"] == 0
-    assert reported["judge"]["misplaced"] < 0.001
+    told = run.result.to_dict()
+    assert told["judge"]["reachable_coverage"] > 0.95
+    assert told["judge"]["collisions"] == 0
+    assert told["judge"]["misplaced"] < 0.001
     # 1.5 to 1.8 cm and 0.17 to 0.20 degrees, where these limits were set.
-    assert reported["pose_errors"]["ate"] < 0.03
-    assert reported["pose_errors"]["yaw_deg"] < 0.25
+    assert told["pose_errors"]["ate"] < 0.03
+    assert told["pose_errors"]["yaw_deg"] < 0.25

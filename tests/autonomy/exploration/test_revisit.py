@@ -1,4 +1,4 @@
-"""Obstacles that come and go while a robot explores, and the floor behind them."""
+"""What comes and goes while a robot explores, and what is told of floor behind it."""
 
 import json
 from collections.abc import Callable
@@ -43,7 +43,7 @@ CRATE = box(4.0, 0.0, 0.5, 0.8)
 
 
 class UntilDone(Strategy):
-    """Stands until it is reported as done."""
+    """Stands until it is told that it is done."""
 
     activity = "standing"
 
@@ -53,7 +53,7 @@ class UntilDone(Strategy):
 
 
 class Stand:
-    """A robot that stands, and its surroundings."""
+    """A robot that stands, and whatever is around it."""
 
     def __init__(self) -> None:
         self.grid, self.other = OccupancyGrid(), UntilDone(SETTINGS)
@@ -85,7 +85,7 @@ def test_what_has_closed_a_door_is_looked_at_until_it_has_gone() -> None:
     assert not stand.strategy.is_done
 
 
-def test_floor_behind_what_stays_is_reported() -> None:
+def test_floor_behind_what_stays_is_told() -> None:
     stand = Stand()
     stand.watch(WALLS, 3.0)
     stand.watch(SHUT, 8.0)
@@ -156,10 +156,10 @@ def test_movers_in_doors_are_no_walls_and_the_map_is_whole_or_said_not_to_be(
     )
     made.run()
     made.judge()
-    reported = json.loads(made.result.to_json())
-    judge = reported["judge"]
+    told = json.loads(made.result.to_json())
+    judge = told["judge"]
     assert judge["collisions"] == 0
     assert judge["misplaced"] < 0.005
     assert judge["reachable_coverage"] > 0.9
     if judge["reachable_coverage"] < 0.98:
-        assert reported["outcome"] == "incomplete"
+        assert told["outcome"] == "incomplete"
