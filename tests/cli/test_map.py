@@ -414,10 +414,14 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
     assert run.text.startswith("explored by frontiers")
 
 
-def test_a_terminal_shows_a_status_line(
+def test_known_area_is_drawn_and_a_terminal_shows_a_status_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
-    run = radarsim("map", "-o", tmp_path / "room", *FOLIAGE)
+    plot, room = tmp_path / "area.svg", str(tmp_path / "room")
+    run = radarsim("map", "-o", room, *FOLIAGE, "--plot", plot)
     assert "path   0.00 m  sensed" in run.err
+    text = plot.read_text()
+    assert text.startswith("<?xml")
+    assert str(tmp_path) not in text

@@ -126,6 +126,7 @@ WRONG = {
         "--film no/x.gif": "--film: cannot write no/x.gif: no such folder",
         "--strategy luck": "--strategy: 'luck', expected one of ['auto', 'turn_away',",
         "-o no/map": "OUT: cannot write no/map.png: no such folder",
+        "--plot area.csv": "--plot: area.csv, expected a .png, .svg or .pdf file",
     },
     "trials": {
         "--algorithms bug1,": "--algorithms: 'bug1,', expected NAME,...",

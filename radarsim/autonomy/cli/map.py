@@ -48,12 +48,14 @@ class MapFileOptions(RunFiles):
 
     Attributes:
         output: A folder or the beginning of names; by default the map's name.
+        plot: Draw the known area over time into a .png, .svg or .pdf.
         mode: Cells of the map for nav2: occupied, free and unknown, or probabilities.
     """
 
     output: Annotated[str | None, Option(names=("-o", "--output"), metavar="OUT")] = (
         None
     )
+    plot: Path | None = None
     mode: Annotated[Literal["trinary", "scale"], RARE] = "trinary"
 
 
@@ -78,7 +80,7 @@ def map_(
     Returns:
         The exit code.
     """
-    _check_combination(where, plan)
+    _check_combination(where, plan, files)
 
     # Late, so that wrong options are reported at once: numpy and plots take long.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
@@ -104,7 +106,9 @@ def map_(
         return int(bool(run.error))
 
 
-def _check_combination(where: MappedPlace, plan: ExplorationPlan) -> None:
+def _check_combination(
+    where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions
+) -> None:
     """Refuse options that exclude each other, or that nothing would use."""
     if where.map is None and where.connect is None and where.watch is None:
         raise click.UsageError("missing: one of MAP and --connect")
@@ -121,6 +125,7 @@ def _check_combination(where: MappedPlace, plan: ExplorationPlan) -> None:
             "--pose": plan.pose,
             "--robot": plan.robot_class != default.robot_class,
             "--safety-distance": plan.safety_distance,
+            "--plot": files.plot,
             "--foliage-density": plan.foliage_density,
         }
         text = "expected no --watch with it, where another client drives"

@@ -39,21 +39,24 @@ from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.autonomy.plotting.maps import (
     MapFrames,
     MapView,
+    draw_area_curve,
     map_figure,
 )
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.cli.output import (
+    check_picture,
     check_writable,
     print_lines,
     print_message,
     start_log,
+    write_picture,
 )
 from radarsim.cli.progress import live_status
 from radarsim.errors import describe_os_error
 from radarsim.files import is_by_radarsim, write_atomically
 from radarsim.plotting.film import Pixels
-from radarsim.plotting.style import render
+from radarsim.plotting.style import as_words, render
 from radarsim.processes import raise_on_signals, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
@@ -136,9 +139,10 @@ class MapFiles:
                 text = f"would overwrite {path}, which is {what}, expected -o OUT"
                 raise click.BadParameter(text, param_hint="-o")
         check_film(self.options.film)
+        check_picture(self.options.plot)
 
     def write(self, run: MappingRun) -> None:
-        """Write the map of a run, if there was a scan.
+        """Write the map of a run, and the plot, if there was a scan.
 
         If the map cannot be written, the reason is in the result, and on stderr.
         """
@@ -164,6 +168,12 @@ class MapFiles:
             text = f"cannot write {name}: {describe_os_error(error)}"
             print_message(text)
             run.error = f"{run.error}; {text}" if run.error else text
+        plot, curve = self.options.plot, run.area_curve
+        if plot is not None and curve.samples:
+            name = "" if run.scene is None else f" in {as_words(run.scene.name)}"
+            strategy, title = run.strategy or "", f"Known area{name}"
+            form = check_picture(plot)
+            write_picture(plot, draw_area_curve(curve, strategy, title, form))
 
 
 def _is_ours(path: Path) -> bool:

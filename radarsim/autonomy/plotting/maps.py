@@ -3,6 +3,7 @@
 ``MapPanel`` draws a map that may grow: once for a picture, frame by frame for a film.
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -17,6 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import Bbox
 
+from radarsim.autonomy.evaluation.mapping_run import SHARES, AreaCurve
 from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
@@ -39,7 +41,7 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
-from radarsim.plotting.style import HALO, figure_of
+from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, figure_of, render
 from radarsim.scene.scene import Part
 
 # Colour and text of each class of cells.
@@ -280,3 +282,40 @@ class MapFrames:
         self._panel.update(view.grid, view.path)
         self._panels.show(extent_of(view.grid, sensed_window(view.grid)))
         return self._panels.render(self._panel.artists, view.title, view.subtitle)
+
+
+def draw_area_curve(curve: AreaCurve, name: str, title: str, form: str) -> bytes:
+    """Draw how much is known over time, as a file.
+
+    The share of the floor that the robot can get to if it is known, else the area that
+    is sensed.
+
+    Args:
+        curve: The curve; it has a sample.
+        name: What it is called in the legend.
+        title: What is explored.
+        form: One of ``radarsim.plotting.style.FORMS``.
+    """
+    figure = Figure(figsize=(8.0, 4.5), layout="constrained")
+    axes = figure.add_subplot()
+    end, table = curve.samples[-1], np.array(curve.samples)
+    shows_share = math.isfinite(end.reachable)
+    axes.plot(
+        table[:, 0],
+        100 * table[:, 3] if shows_share else table[:, 2],
+        color=GOING,
+        linewidth=2.0,
+        label=f"{name}: {end.path_length:.0f} m in {end.time:.0f} s",
+    )
+    if shows_share:
+        for share in SHARES:
+            axes.axhline(100 * share, color=QUIET, linewidth=0.6, linestyle=":")
+    share_label = "known share of the floor within reach, %"
+    axes.set_ylabel(share_label if shows_share else "sensed area, m²")
+    axes.set_xlabel("time, s")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.grid(visible=True, color="0.9")
+    axes.legend(loc="lower right", fontsize=SMALL_PRINT + 1)
+    axes.set_title(title, loc="left", fontsize=14, fontweight="bold", parse_math=False)
+    return render(figure, form)
