@@ -1,7 +1,7 @@
 """Several robots in one scene that see and touch each other, for PettingZoo."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from gymnasium.spaces import Space
@@ -13,6 +13,7 @@ from radarsim.addons.gym.single import Observation, Picture
 from radarsim.errors import import_optional
 
 _Base: Any = import_optional("pettingzoo", extra="marl").ParallelEnv
+_Rows: TypeAlias = dict[str, Any]  # by agent
 
 
 class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
@@ -96,13 +97,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
 
     def step(
         self, actions: Mapping[str, NDArray[np.float32]]
-    ) -> tuple[
-        dict[str, Observation],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    ) -> tuple[dict[str, Observation], _Rows, _Rows, _Rows, _Rows]:
         """Drive all robots that are left for a decision period.
 
         Args:

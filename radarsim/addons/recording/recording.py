@@ -308,7 +308,9 @@ def load_recording(folder: Path | str) -> Recording:
         decode,
     )
 
-    scans: defaultdict[str, list[LaserScan]] = defaultdict(list)
+    # By their beams: another resolution or field of view begins another series.
+    scans: defaultdict[str, dict[tuple[float, ...], list[LaserScan]]]
+    scans = defaultdict(dict)
     clouds: defaultdict[str, list[PointCloud2]] = defaultdict(list)
     poses: defaultdict[str, list[tuple[Header, Pose]]] = defaultdict(list)
     legend = ""
@@ -318,7 +320,9 @@ def load_recording(folder: Path | str) -> Recording:
             robot_or_scanner, _, last = name.rpartition("/")
             match last:
                 case "scan":
-                    scans[robot_or_scanner].append(decode(type_, data, LaserScan))
+                    scan = decode(type_, data, LaserScan)
+                    beams = len(scan.ranges), scan.angle_min, scan.angle_increment
+                    scans[robot_or_scanner].setdefault(beams, []).append(scan)
                 case "echoes":
                     clouds[robot_or_scanner].append(decode(type_, data, PointCloud2))
                 case "odom":
@@ -329,21 +333,15 @@ def load_recording(folder: Path | str) -> Recording:
                     poses[name].append((placed.header, placed.pose))
                 case _ if topic == LEGEND:
                     legend = decode(type_, data, String).data
-        series: dict[str, ScanSeries] = {}
-        for name, each in scans.items():
-            # Another resolution or field of view begins another series.
-            same: defaultdict[tuple[float, ...], list[LaserScan]] = defaultdict(list)
-            for scan in each:
-                geometry = len(scan.ranges), scan.angle_min, scan.angle_increment
-                same[geometry].append(scan)
-            for number, part in enumerate(same.values(), 1):
-                key = name if number == 1 else f"{name}_{number}"
-                series[key] = ScanSeries.of(part)
         return Recording(
             bag.folder,
             bag.info,
             bag.is_complete,
-            series,
+            {
+                name if number == 1 else f"{name}_{number}": ScanSeries.of(part)
+                for name, parts in scans.items()
+                for number, part in enumerate(parts.values(), 1)
+            },
             {name: PoseSeries.of(each) for name, each in poses.items()},
             {name: EchoSeries.of(each, legend) for name, each in clouds.items()},
         )
