@@ -520,11 +520,7 @@ class LocalRobot:
                 reported = report.pose
                 poses[frame] = Pose2(reported.x, reported.y, reported.yaw)
         return LocalScan(
-            time=scan.time,
-            name=scan.name,
-            resolution=scan.resolution,
-            fov=scan.fov,
-            ranges=scan.ranges,
+            **vars(scan),
             medium=mounted.scanner.settings.medium,
             max_range=mounted.scanner.settings.max_range,
             mount=Pose2(mount.x, mount.y, mount.yaw),

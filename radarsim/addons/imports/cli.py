@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 import click
 from annotated_types import Gt, Unit
 
+from radarsim.autonomy.plans import MapPose
 from radarsim.cli.output import check_new_map, print_lines, print_message, write_file
 from radarsim.errors import describe_os_error, expected_one_of
-from radarsim.plans import RARE, Form, Option, read_numbers
+from radarsim.plans import RARE, Form, Option
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
@@ -40,13 +41,7 @@ def _read_pattern(text: str) -> tuple[str, str]:
     return pattern, name
 
 
-def _read_start(text: str) -> tuple[float, float, float]:
-    x, y, yaw_deg = read_numbers(text)
-    return x, y, yaw_deg
-
-
 _Material = Annotated[tuple[str, str], Form("PATTERN=NAME", _read_pattern)]
-_Start = Annotated[tuple[float, float, float], Form("X,Y,YAW_DEG", _read_start)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +61,7 @@ class ImportOptions:
             in place of their collisions.
     """
 
-    start: _Start | None = None
+    start: MapPose | None = None
     material: Annotated[tuple[_Material, ...], RARE] = ()
     default_material: Annotated[str, RARE] = "concrete"
     wall_height: Annotated[float, Gt(0), Unit("m"), RARE] = 2.0

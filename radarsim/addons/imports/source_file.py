@@ -182,9 +182,6 @@ def read_xml(path: Path) -> XmlElement:
         open_[-1].children.append(element)
         open_.append(element)
 
-    def end(_: str) -> None:
-        open_.pop()
-
     def add_text(text: str) -> None:
         open_[-1].text += text
 
@@ -193,7 +190,7 @@ def read_xml(path: Path) -> XmlElement:
         raise wrong(path, parser.CurrentLineNumber, "a document type, expected none")
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = end
+    parser.EndElementHandler = lambda _: open_.pop()
     parser.CharacterDataHandler = add_text
     parser.StartDoctypeDeclHandler = refuse
     # Else expat calls for each line of a text, which is added to slowly.
