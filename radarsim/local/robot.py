@@ -407,7 +407,7 @@ class LocalRobot:
         )
 
     def spectrum(self, scanner: str | None = None) -> Any:
-        """Return the newest whole turn of an FMCW radar.
+        """Return the newest whole revolution of an FMCW radar.
 
         Args:
             scanner: Its name, as in ``request_spectra``.

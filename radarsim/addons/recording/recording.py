@@ -97,8 +97,8 @@ class PoseSeries:
         """Collect what messages say."""
         headers, poses = zip(*messages, strict=True)
         places = [[getattr(each.position, axis) for axis in "xyz"] for each in poses]
-        turns = [[getattr(each.orientation, axis) for axis in "xyzw"] for each in poses]
-        angles = Rotation.from_quat(turns).as_euler("ZYX")[:, ::-1]
+        xyzw = [[getattr(each.orientation, axis) for axis in "xyzw"] for each in poses]
+        angles = Rotation.from_quat(xyzw).as_euler("ZYX")[:, ::-1]
         rows = np.hstack([places, angles])
         return cls(times_of(headers), rows, headers[0].frame_id)
 
@@ -211,7 +211,7 @@ class Recording:
         return f"<Recording {self.folder}: {count} scans of {', '.join(self.scans)}>"
 
     def turns(self, scanner: str) -> Iterator[RadarTurn]:
-        """Yield the turns of an FMCW radar, if they were recorded.
+        """Yield the revolutions of an FMCW radar, if they were recorded.
 
         They are read one after the other, as each has a megabyte or more.
 
@@ -227,7 +227,7 @@ class Recording:
         layout: dict[str, float] = {}
         try:
             for found, type_, data, _, _ in open_bag(self.folder).messages():
-                # It is latched, and written before the first turn.
+                # It is latched, and written before the first revolution.
                 if found == f"{topic}/layout":
                     layout = json.loads(decode(type_, data, String).data)
                 elif found == topic:
