@@ -118,22 +118,18 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         # Before robots leave: the last observation of an episode belongs to its last
         # step.
         observations = self._observe(agents)
-        self.agents = []
+        ended = terminated | truncated
         for agent in agents:
-            row = self._rows[agent]
-            if terminated[row] or truncated[row]:
-                self.task.arena.take_out(row)
-            else:
-                self.agents.append(agent)
+            if ended[self._rows[agent]]:
+                self.task.arena.take_out(self._rows[agent])
+        self.agents = [each for each in agents if not ended[self._rows[each]]]
         if self.render_mode == "human":
             self.render()
-        return (
-            observations,
-            {agent: float(rewards[self._rows[agent]]) for agent in agents},
-            {agent: bool(terminated[self._rows[agent]]) for agent in agents},
-            {agent: bool(truncated[self._rows[agent]]) for agent in agents},
-            self._infos(agents, transition.touched),
+        reward, end, cut = (
+            {agent: column[self._rows[agent]].item() for agent in agents}
+            for column in (rewards, terminated, truncated)
         )
+        return observations, reward, end, cut, self._infos(agents, transition.touched)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the scene from above, (H, W, 3), for ``rgb_array``."""

@@ -23,14 +23,11 @@ if TYPE_CHECKING:
 
 Kind: TypeAlias = Literal["map_server", "sdf", "gltf", "ini"]
 
-_ENDINGS: Final[dict[str, Kind]] = {
-    ".yaml": "map_server",
-    ".yml": "map_server",
-    ".sdf": "sdf",
-    ".world": "sdf",
-    ".glb": "gltf",
-    ".gltf": "gltf",
-    ".ini": "ini",
+_ENDINGS: Final[dict[Kind, tuple[str, ...]]] = {
+    "map_server": (".yaml", ".yml"),
+    "sdf": (".sdf", ".world"),
+    "gltf": (".glb", ".gltf"),
+    "ini": (".ini",),
 }
 
 
@@ -161,8 +158,8 @@ def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
 
 
 def _kind_of(file: Path) -> Kind:
-    kind = _ENDINGS.get(file.suffix.lower())
-    if kind is None:
-        text = f"{str(file)!r}, expected --from with it"
-        raise click.BadParameter(text, param_hint="FILE")
-    return kind
+    for kind, endings in _ENDINGS.items():
+        if file.suffix.lower() in endings:
+            return kind
+    text = f"{str(file)!r}, expected --from with it"
+    raise click.BadParameter(text, param_hint="FILE")

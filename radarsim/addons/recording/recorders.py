@@ -118,7 +118,7 @@ class TurnCollector:
 
         Args:
             scanner: Name of the scanner item.
-            report: Called with each revolution, once it is complete: the packed arguments of
+            report: Called with each complete revolution: the packed arguments of
                 ``RobotTopics.of_turn``.
         """
         self._scanner, self._report = scanner, report
