@@ -66,9 +66,7 @@ class EventType(IntEnum):
     BEGIN = 7  # simulated time begins
     END = 8  # the recording ends
     ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
-    TURN = (
-        101  # a revolution of a radar on the robot of a client; see ``TurnCollector``
-    )
+    TURN = 101  # a revolution of a robot's radar; see ``TurnCollector``
     MAP = 102  # a map that is made in the run: arguments of ``occupancy_grid``
     VIEW = 103  # what the camera on the robot of a client looks at; see ``draw_views``
     PICTURE = 104  # a picture of that camera, as JPEG
