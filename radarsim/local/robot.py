@@ -407,7 +407,7 @@ class LocalRobot:
         )
 
     def spectrum(self, scanner: str | None = None) -> Any:
-        """Return the newest whole turn of an FMCW radar.
+        """Return the newest whole revolution of an FMCW radar.
 
         Args:
             scanner: Its name, as in ``request_spectra``.
@@ -520,11 +520,7 @@ class LocalRobot:
                 reported = report.pose
                 poses[frame] = Pose2(reported.x, reported.y, reported.yaw)
         return LocalScan(
-            time=scan.time,
-            name=scan.name,
-            resolution=scan.resolution,
-            fov=scan.fov,
-            ranges=scan.ranges,
+            **vars(scan),
             medium=mounted.scanner.settings.medium,
             max_range=mounted.scanner.settings.max_range,
             mount=Pose2(mount.x, mount.y, mount.yaw),

@@ -59,7 +59,7 @@ def progress_reward(transition: Transition) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoToSettings:
-    """What ``gymnasium.make`` takes for ``radarsim/GoTo-v0``.
+    """Settings of ``gymnasium.make`` for ``radarsim/GoTo-v0``.
 
     Attributes:
         map: Name or file of a map, or a scene.

@@ -1,7 +1,7 @@
 """Several robots in one scene that see and touch each other, for PettingZoo."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from gymnasium.spaces import Space
@@ -13,6 +13,7 @@ from radarsim.addons.gym.single import Observation, Picture
 from radarsim.errors import import_optional
 
 _Base: Any = import_optional("pettingzoo", extra="marl").ParallelEnv
+_Rows: TypeAlias = dict[str, Any]  # by agent
 
 
 class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
@@ -96,13 +97,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
 
     def step(
         self, actions: Mapping[str, NDArray[np.float32]]
-    ) -> tuple[
-        dict[str, Observation],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    ) -> tuple[dict[str, Observation], _Rows, _Rows, _Rows, _Rows]:
         """Drive all robots that are left for a decision period.
 
         Args:
@@ -123,22 +118,18 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         # Before robots leave: the last observation of an episode belongs to its last
         # step.
         observations = self._observe(agents)
-        self.agents = []
+        ended = terminated | truncated
         for agent in agents:
-            row = self._rows[agent]
-            if terminated[row] or truncated[row]:
-                self.task.arena.take_out(row)
-            else:
-                self.agents.append(agent)
+            if ended[self._rows[agent]]:
+                self.task.arena.take_out(self._rows[agent])
+        self.agents = [each for each in agents if not ended[self._rows[each]]]
         if self.render_mode == "human":
             self.render()
-        return (
-            observations,
-            {agent: float(rewards[self._rows[agent]]) for agent in agents},
-            {agent: bool(terminated[self._rows[agent]]) for agent in agents},
-            {agent: bool(truncated[self._rows[agent]]) for agent in agents},
-            self._infos(agents, transition.touched),
+        reward, end, cut = (
+            {agent: column[self._rows[agent]].item() for agent in agents}
+            for column in (rewards, terminated, truncated)
         )
+        return observations, reward, end, cut, self._infos(agents, transition.touched)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the scene from above, (H, W, 3), for ``rgb_array``."""

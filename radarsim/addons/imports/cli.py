@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 import click
 from annotated_types import Gt, Unit
 
+from radarsim.autonomy.plans import MapPose
 from radarsim.cli.output import check_new_map, print_lines, print_message, write_file
 from radarsim.errors import describe_os_error, expected_one_of
-from radarsim.plans import RARE, Form, Option, read_numbers
+from radarsim.plans import RARE, Form, Option
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
@@ -22,14 +23,11 @@ if TYPE_CHECKING:
 
 Kind: TypeAlias = Literal["map_server", "sdf", "gltf", "ini"]
 
-_ENDINGS: Final[dict[str, Kind]] = {
-    ".yaml": "map_server",
-    ".yml": "map_server",
-    ".sdf": "sdf",
-    ".world": "sdf",
-    ".glb": "gltf",
-    ".gltf": "gltf",
-    ".ini": "ini",
+_ENDINGS: Final[dict[Kind, tuple[str, ...]]] = {
+    "map_server": (".yaml", ".yml"),
+    "sdf": (".sdf", ".world"),
+    "gltf": (".glb", ".gltf"),
+    "ini": (".ini",),
 }
 
 
@@ -40,13 +38,7 @@ def _read_pattern(text: str) -> tuple[str, str]:
     return pattern, name
 
 
-def _read_start(text: str) -> tuple[float, float, float]:
-    x, y, yaw_deg = read_numbers(text)
-    return x, y, yaw_deg
-
-
 _Material = Annotated[tuple[str, str], Form("PATTERN=NAME", _read_pattern)]
-_Start = Annotated[tuple[float, float, float], Form("X,Y,YAW_DEG", _read_start)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +58,7 @@ class ImportOptions:
             in place of their collisions.
     """
 
-    start: _Start | None = None
+    start: MapPose | None = None
     material: Annotated[tuple[_Material, ...], RARE] = ()
     default_material: Annotated[str, RARE] = "concrete"
     wall_height: Annotated[float, Gt(0), Unit("m"), RARE] = 2.0
@@ -166,8 +158,8 @@ def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
 
 
 def _kind_of(file: Path) -> Kind:
-    kind = _ENDINGS.get(file.suffix.lower())
-    if kind is None:
-        text = f"{str(file)!r}, expected --from with it"
-        raise click.BadParameter(text, param_hint="FILE")
-    return kind
+    for kind, endings in _ENDINGS.items():
+        if file.suffix.lower() in endings:
+            return kind
+    text = f"{str(file)!r}, expected --from with it"
+    raise click.BadParameter(text, param_hint="FILE")

@@ -54,7 +54,8 @@ class ImportedMap:
         self.has_floor = True
         self.start = (0.0, 0.0, 0.0, 0.0)
         if options.start is not None:
-            self.start = (*options.start[:2], 0.0, options.start[2])
+            yaw_deg = math.degrees(options.start.yaw)
+            self.start = (options.start.x, options.start.y, 0.0, yaw_deg)
         self._source = source
         self._objects: list[dict[str, object]] = []
         self._names: dict[str, int] = {}

@@ -169,25 +169,18 @@ def read_xml(path: Path) -> XmlElement:
     """
     content = read_bytes(path)
     parser = expat.ParserCreate(_encoding(content))
-    root: XmlElement | None = None
-    open_: list[XmlElement] = []
+    open_ = [XmlElement("", {}, path, 0)]  # the file, and elements in each other
     count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal root, count
+        nonlocal count
         element = XmlElement(tag, attributes, path, parser.CurrentLineNumber)
         count += 1
-        if len(open_) >= MAX_DEPTH or count > MAX_ELEMENTS:
+        if len(open_) > MAX_DEPTH or count > MAX_ELEMENTS:
             text = f"more than {MAX_DEPTH} levels or {MAX_ELEMENTS} elements"
             raise wrong(path, element.line, text)
-        if open_:
-            open_[-1].children.append(element)
-        else:
-            root = element
+        open_[-1].children.append(element)
         open_.append(element)
-
-    def end(_: str) -> None:
-        open_.pop()
 
     def add_text(text: str) -> None:
         open_[-1].text += text
@@ -197,7 +190,7 @@ def read_xml(path: Path) -> XmlElement:
         raise wrong(path, parser.CurrentLineNumber, "a document type, expected none")
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = end
+    parser.EndElementHandler = lambda _: open_.pop()
     parser.CharacterDataHandler = add_text
     parser.StartDoctypeDeclHandler = refuse
     # Else expat calls for each line of a text, which is added to slowly.
@@ -209,9 +202,7 @@ def read_xml(path: Path) -> XmlElement:
         raise wrong(path, error.lineno, f"no XML: {reason}") from error
     except ValueError as error:  # an encoding that is not known
         raise wrong(path, 1, f"no XML: {error}") from error
-    if root is None:
-        raise ForeignFileError(f"{path}:1: no XML")
-    return root
+    return open_[0].children[0]
 
 
 def _encoding(content: bytes) -> str | None:

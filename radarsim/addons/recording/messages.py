@@ -24,17 +24,8 @@ ODOMETRY_COVARIANCE: Final = np.diag([1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-3]).ravel()
 # Types of ``sensor_msgs/msg/PointField`` by those of numpy.
 _POINT_TYPES: Final = {"<f4": 7, "<u2": 4}
 ECHO: Final = np.dtype(
-    [
-        ("x", "<f4"),
-        ("y", "<f4"),
-        ("z", "<f4"),
-        ("intensity", "<f4"),
-        ("power", "<f4"),
-        ("beam", "<u2"),
-        ("kind", "<u2"),
-        ("object", "<u2"),
-        ("material", "<u2"),
-    ]
+    [(name, "<f4") for name in ("x", "y", "z", "intensity", "power")]
+    + [(name, "<u2") for name in ("beam", "kind", "object", "material")]
 )
 TARGET: Final = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("dbm", "<f4"), ("beam", "<u2")]

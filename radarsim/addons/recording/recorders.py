@@ -54,7 +54,7 @@ DESCRIBED: Final = ("Robot", "RangeScanner", "INS")
 class EventType(IntEnum):
     """Kinds of events: calls of a host, and descriptions of a run.
 
-    The data of a turn, a map and a view are packed by ``pack``.
+    The data of a revolution, a map and a view are packed by ``pack``.
     """
 
     CONNECT = 1
@@ -66,7 +66,7 @@ class EventType(IntEnum):
     BEGIN = 7  # simulated time begins
     END = 8  # the recording ends
     ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
-    TURN = 101  # a turn of a radar on the robot of a client; see ``TurnCollector``
+    TURN = 101  # a revolution of a robot's radar; see ``TurnCollector``
     MAP = 102  # a map that is made in the run: arguments of ``occupancy_grid``
     VIEW = 103  # what the camera on the robot of a client looks at; see ``draw_views``
     PICTURE = 104  # a picture of that camera, as JPEG
@@ -109,14 +109,14 @@ def unpack(data: bytes) -> list[Any]:
 
 
 class TurnCollector:
-    """Collects the received power of an antenna until a turn is complete."""
+    """Collects the received power of an antenna until a revolution is complete."""
 
     def __init__(self, scanner: str, report: Callable[[bytes], None]) -> None:
-        """Wait for the beginning of a turn.
+        """Wait for the beginning of a revolution.
 
         Args:
             scanner: Name of the scanner item.
-            report: Called with each turn, once it is complete: the packed arguments of
+            report: Called with each complete revolution: the packed arguments of
                 ``RobotTopics.of_turn``.
         """
         self._scanner, self._report = scanner, report
@@ -129,7 +129,7 @@ class TurnCollector:
         if sector.first == 0:
             self._began = time
             self._rows.clear()  # of one that the antenna did not end
-        elif not self._rows:  # the turn began before anybody listened
+        elif not self._rows:  # it began before anybody listened
             return
         rows = np.arange(len(sector.spectrum.counts))
         times = np.rint(1e6 * (time + rows * settings.sweep_time))
@@ -157,7 +157,7 @@ class HostRecorder(HostObserver):
 
         Args:
             record: Called with each event; it must not raise.
-            spectra: Whether turns of FMCW radars are reported as well.
+            spectra: Whether revolutions of FMCW radars are reported as well.
             camera_interval: Ticks between two views of the first robot's camera; 0 for
                 none.
         """
@@ -253,7 +253,7 @@ class HostRecorder(HostObserver):
                 self._report(EventType.VIEW, client, data)
 
     def _observe_antennas(self, client: int, vehicle: Vehicle) -> None:
-        """Report the turns of the radars on a robot."""
+        """Report the revolutions of the radars on a robot."""
         report = partial(self._report, EventType.TURN, client)
         assert self._simulation is not None  # there is a robot
         for antenna in antennas_of(self._simulation).of(vehicle):

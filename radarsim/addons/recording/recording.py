@@ -97,8 +97,8 @@ class PoseSeries:
         """Collect what messages say."""
         headers, poses = zip(*messages, strict=True)
         places = [[getattr(each.position, axis) for axis in "xyz"] for each in poses]
-        turns = [[getattr(each.orientation, axis) for axis in "xyzw"] for each in poses]
-        angles = Rotation.from_quat(turns).as_euler("ZYX")[:, ::-1]
+        xyzw = [[getattr(each.orientation, axis) for axis in "xyzw"] for each in poses]
+        angles = Rotation.from_quat(xyzw).as_euler("ZYX")[:, ::-1]
         rows = np.hstack([places, angles])
         return cls(times_of(headers), rows, headers[0].frame_id)
 
@@ -211,7 +211,7 @@ class Recording:
         return f"<Recording {self.folder}: {count} scans of {', '.join(self.scans)}>"
 
     def turns(self, scanner: str) -> Iterator[RadarTurn]:
-        """Yield the turns of an FMCW radar, if they were recorded.
+        """Yield the revolutions of an FMCW radar, if they were recorded.
 
         They are read one after the other, as each has a megabyte or more.
 
@@ -227,7 +227,7 @@ class Recording:
         layout: dict[str, float] = {}
         try:
             for found, type_, data, _, _ in open_bag(self.folder).messages():
-                # It is latched, and written before the first turn.
+                # It is latched, and written before the first revolution.
                 if found == f"{topic}/layout":
                     layout = json.loads(decode(type_, data, String).data)
                 elif found == topic:
@@ -308,7 +308,9 @@ def load_recording(folder: Path | str) -> Recording:
         decode,
     )
 
-    scans: defaultdict[str, list[LaserScan]] = defaultdict(list)
+    # By their beams: another resolution or field of view begins another series.
+    scans: defaultdict[str, dict[tuple[float, ...], list[LaserScan]]]
+    scans = defaultdict(dict)
     clouds: defaultdict[str, list[PointCloud2]] = defaultdict(list)
     poses: defaultdict[str, list[tuple[Header, Pose]]] = defaultdict(list)
     legend = ""
@@ -318,7 +320,9 @@ def load_recording(folder: Path | str) -> Recording:
             robot_or_scanner, _, last = name.rpartition("/")
             match last:
                 case "scan":
-                    scans[robot_or_scanner].append(decode(type_, data, LaserScan))
+                    scan = decode(type_, data, LaserScan)
+                    beams = len(scan.ranges), scan.angle_min, scan.angle_increment
+                    scans[robot_or_scanner].setdefault(beams, []).append(scan)
                 case "echoes":
                     clouds[robot_or_scanner].append(decode(type_, data, PointCloud2))
                 case "odom":
@@ -329,21 +333,15 @@ def load_recording(folder: Path | str) -> Recording:
                     poses[name].append((placed.header, placed.pose))
                 case _ if topic == LEGEND:
                     legend = decode(type_, data, String).data
-        series: dict[str, ScanSeries] = {}
-        for name, each in scans.items():
-            # Another resolution or field of view begins another series.
-            same: defaultdict[tuple[float, ...], list[LaserScan]] = defaultdict(list)
-            for scan in each:
-                geometry = len(scan.ranges), scan.angle_min, scan.angle_increment
-                same[geometry].append(scan)
-            for number, part in enumerate(same.values(), 1):
-                key = name if number == 1 else f"{name}_{number}"
-                series[key] = ScanSeries.of(part)
         return Recording(
             bag.folder,
             bag.info,
             bag.is_complete,
-            series,
+            {
+                name if number == 1 else f"{name}_{number}": ScanSeries.of(part)
+                for name, parts in scans.items()
+                for number, part in enumerate(parts.values(), 1)
+            },
             {name: PoseSeries.of(each) for name, each in poses.items()},
             {name: EchoSeries.of(each, legend) for name, each in clouds.items()},
         )

@@ -20,7 +20,7 @@ from radarsim.protocol.reports import RobotGeo
 
 TYRE: Final = 0.09  # m, width of a wheel
 SCANNER_RADIUS, SCANNER_HEIGHT = 0.05, 0.08  # m
-LEAST_HULL: Final = 0.05  # m, height
+LEAST_BODY: Final = 0.05  # m, height
 
 
 def body_of(
@@ -43,7 +43,7 @@ def body_of(
         known = {
             "length": robot.length,
             "width": robot.width,
-            "height": robot.height or 2 * robot.wheel_radius + LEAST_HULL,
+            "height": robot.height or 2 * robot.wheel_radius + LEAST_BODY,
             # No server reports it; that of most robots is near their axles.
             "origin_height": robot.wheel_radius,
             "wheel_radius": robot.wheel_radius,
@@ -79,7 +79,7 @@ def robot_description(
     bottom = radius / 2 - body.origin_height
     tops = [each.mount.z - SCANNER_HEIGHT / 2 for each in scanners]
     top = min([body.height - body.origin_height, *tops])
-    top = max(top, bottom + LEAST_HULL)
+    top = max(top, bottom + LEAST_BODY)
     size = {"size": _numbers(body.length, body.width, top - bottom)}
     middle = Pose3(0.0, 0.0, (bottom + top) / 2)
     _add_visual(base, middle, "hull", "box", size)

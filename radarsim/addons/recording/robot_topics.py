@@ -226,7 +226,7 @@ class RobotTopics:
     def of_turn(
         self, scanner: str, time: float, bin_size: float, rows: NDArray[np.uint8]
     ) -> Iterator[TopicMessage]:
-        """Yield a turn of a radar as a picture, after its layout if that is the first.
+        """Yield a revolution of a radar as a picture; its layout before the first.
 
         Args:
             scanner: Name of the scanner item.

@@ -109,7 +109,15 @@ class UsarsimClient:
         """
         deadline = time.monotonic() + timeout
         while b"\r\n" not in self._unread:
-            self._unread += self._receive(deadline)
+            self._socket.settimeout(max(deadline - time.monotonic(), MIN_WAIT))
+            try:
+                data = self._socket.recv(65536)
+            except TimeoutError:
+                so_far = f"{self._unread[:80]!r} is there of it"
+                raise TimeoutError(f"no line in time, {so_far}") from None
+            if not data:
+                raise ConnectionError("the server has closed the connection")
+            self._unread += data
         line, _, self._unread = self._unread.partition(b"\r\n")
         return line.decode("latin-1")
 
@@ -140,18 +148,6 @@ class UsarsimClient:
     def close(self) -> None:
         """Close the connection, which removes the robot."""
         self._socket.close()
-
-    def _receive(self, deadline: float) -> bytes:
-        left = max(deadline - time.monotonic(), MIN_WAIT)
-        self._socket.settimeout(left)
-        try:
-            data = self._socket.recv(65536)
-        except TimeoutError:
-            so_far = f"{self._unread[:80]!r} is there of it"
-            raise TimeoutError(f"no line in time, {so_far}") from None
-        if not data:
-            raise ConnectionError("the server has closed the connection")
-        return data
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -180,7 +180,7 @@ def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
 
 
 def _unique(name: str, taken: set[str]) -> str:
-    """Return a name that no other robot has, and note it."""
+    """Return a name that no other robot has, and add it to the names."""
     wanted, count = name, 1
     while name.casefold() in taken:
         count += 1

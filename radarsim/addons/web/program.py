@@ -196,10 +196,10 @@ async def _await_hello(socket: WebSocket, token: str) -> int | None:
     try:
         # Sockets that say nothing must not use up the connections of the server.
         async with asyncio.timeout(HELLO_TIMEOUT):
-            hello = parse_request(await socket.receive_text())
+            hello = parse_request(await _receive(socket))
     except TimeoutError:
         return NO_HELLO
-    except (BadRequest, KeyError):  # bytes have no text
+    except BadRequest:
         return WRONG_TOKEN
     if isinstance(hello, Hello) and is_token(hello.token, token):
         return None
@@ -216,7 +216,7 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
         newest: deque[float] = deque(maxlen=MESSAGES_PER_SECOND)
         while len(newest) < MESSAGES_PER_SECOND or clock() - newest[0] >= 1.0:
             newest.append(clock())
-            text = await socket.receive_text()
+            text = await _receive(socket)
             try:
                 commander.act(viewer, parse_request(text))
             except RadarsimError as error:
@@ -233,9 +233,21 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
                     await socket.send_bytes(data)
         return SLOW
 
-    with suppress(RuntimeError, KeyError):  # it is closed already, or sends bytes
+    with suppress(RuntimeError):  # it is closed already
         try:
             code: int = await first_of(send(), hear())
         finally:
             commander.leave(viewer)
         await socket.close(code)
+
+
+async def _receive(socket: WebSocket) -> str:
+    """Return the next message; one that is too long is left to the web server.
+
+    Raises:
+        WebSocketDisconnect: If the browser is gone.
+    """
+    message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1005))
+    return message.get("text") or ""  # bytes are no request
