@@ -164,8 +164,9 @@ class FreePlaces:
             # Drawn from the box around the floor and refused outside of it, which is
             # uniform on the floor; many at once, as calls of shapely have their price.
             places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
-            gaps = np.hypot(*np.moveaxis(places - near, -1, 0)).min(0, initial=np.inf)
-            is_free = shapely.contains_xy(floor, *places.T) & (gaps >= distance)
+            gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
+            is_far = (gaps >= distance).all(axis=0)
+            is_free = shapely.contains_xy(floor, *places.T) & is_far
             if is_free.any():
                 x, y = places[is_free.argmax()].tolist()
                 return x, y
