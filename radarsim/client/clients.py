@@ -180,7 +180,7 @@ class Client(_Connected):
             try:
                 report = self._run(self._requests.next_report())
             except ClientError:
-                if self._closed.is_set():  # by another thread
+                if self._closed.is_set():  # another thread has called close()
                     return
                 raise
             yield report
@@ -208,8 +208,8 @@ class Client(_Connected):
                         else:
                             self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # Only the exchange knows what was expected, so it words the
-                        # error.
+                        # The exchange raises the final error, because only it knows
+                        # the expected report.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)
@@ -332,7 +332,7 @@ class AsyncClient(_Connected):
             try:
                 report = await self._run(self._requests.next_report())
             except ClientError:
-                if self._writer.is_closing():  # by another task
+                if self._writer.is_closing():  # another task has called close()
                     return
                 raise
             yield report
@@ -362,8 +362,8 @@ class AsyncClient(_Connected):
                         else:
                             await self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # Only the exchange knows what was expected, so it words the
-                        # error.
+                        # The exchange raises the final error, because only it knows
+                        # the expected report.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)

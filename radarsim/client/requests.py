@@ -140,7 +140,7 @@ class Requests:
         # Unanswered questions for start poses, in order; some servers never answer.
         self._poses_asked: deque[Waiter] = deque(maxlen=MOST_PASSED)
         self._starts: dict[str, Pose3] | None = None
-        self._waiters: list[Waiter] = []  # in the order in which they asked
+        self._waiters: list[Waiter] = []  # in the order of their requests
         # Reports that no call has returned: first the reports that a call has skipped
         # while it waited for another one, then the reports received after them.
         self._passed: list[Report] = []
@@ -223,10 +223,10 @@ class Requests:
             class_name: Class of the robot, such as ``P3AT``.
             name: Name of the robot; None lets the server choose.
             start: Name of a start pose, case-insensitive.
-            pose: Pose of the robot if ``start`` is None; also as numbers, ``(x, y)``,
-                ``(x, y, yaw)`` or the six of a ``Pose3``. Without start and pose,
-                radarsim uses the first start of the map with room for the robot; for
-                other servers, the client requests the first start.
+            pose: Pose of the robot if ``start`` is None; also as numbers: ``(x, y)``,
+                ``(x, y, yaw)`` or the six numbers of a ``Pose3``. Without start and
+                pose, radarsim uses the first start of the map with room for the robot;
+                for other servers, the client requests the first start.
             timeout: Longest time to wait, s, even for a busy server; None for the
                 default, and up to 60 s for a busy server.
 
@@ -483,8 +483,8 @@ class Requests:
                 10 ms.
 
         Raises:
-            ClientError: If the server refuses the command, or does not answer, as all
-                servers except radarsim.
+            ClientError: If the server refuses the command or does not answer it; only
+                radarsim answers.
             ValueError: If a name is empty, or contains a comma.
         """
 
@@ -660,7 +660,7 @@ class Requests:
                 yield from self.send(data)
             is_late = False
             while waiter.report is None:
-                if is_late:  # while other lines keep coming
+                if is_late:  # timed out, although other lines keep coming
                     raise self._timeout(waiter)
                 yield waiter.until - self._clock()
                 is_late = self._clock() >= waiter.until
@@ -725,7 +725,8 @@ def reading_of(report: Report) -> tuple[Hashable, float] | None:
 
 def is_older(report: Report, other: Report) -> bool:
     """Return whether both reports are readings of one sensor and ``other`` is newer."""
-    # Up to a thousand reports are compared in each call, so most are decided by name.
+    # A fast check of the names decides most comparisons; each call of a client method
+    # makes up to a thousand.
     if getattr(report, "name", None) != getattr(other, "name", None):
         return False
     one, two = reading_of(report), reading_of(other)

@@ -29,7 +29,7 @@ DEFAULT_MOUNT: Final = Pose3(0.0, 0.0, 0.0)  # of a scanner whose mount is not r
 WHEEL_LIMITS: Final = (1e-3, 1e3)  # m or drive units; plausible for a wheeled robot
 MAX_BEAMS: Final = 100_000
 MAX_MOUNT_DISTANCE: Final = 10.0  # m from the robot's centre
-_PRINTED = 0.01  # rad; a field of view of 2 pi may be rounded up by as much
+_PRINTED = 0.01  # rad; tolerance for a field of view of 2 pi that was rounded up
 _HALF_DIGIT: Final = 0.006  # m; slightly more than half of a range's last digit, 0.01 m
 _FAR: Final = 1e3  # m; assumed range of beams without return, to compute their bearings
 
@@ -200,7 +200,7 @@ def is_plausible(scan: RangeScan) -> bool:
 
 
 def beam_angles(scan: RangeScan) -> Floats:
-    """Return the angles of a scan's beams, ``scan.angles``."""
+    """Return the angles of a scan's beams, (N,) rad; the same as ``scan.angles``."""
     return scan.angles
 
 

@@ -50,7 +50,7 @@ ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
 SETTING = "SETTING"  # the opcode that changes settings
 _TIMED: Final = (SensorReport, Status)  # reports with a time stamp
-MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
+MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has up to 1024
 
 # A sequence is x, y or x, y, yaw of a Pose2, or the six numbers of a Pose3.
 PoseLike: TypeAlias = Pose2 | Pose3 | Sequence[float]
@@ -421,7 +421,7 @@ def _bytes(command: Command) -> bytes:
 def _of_robot(
     accepts: Callable[[Report], bool], robot: str | None
 ) -> Callable[[Report], bool]:
-    """Return ``accepts`` for answers and errors of a question about another robot."""
+    """Adapt ``accepts`` to copied lines of another robot, and to errors about it."""
     if robot is None:
         return accepts
 

@@ -124,7 +124,7 @@ class Steering:
         self.speed = min(speed, top_speed)
         self._top_speed = top_speed
         self._wheel_separation = wheel_separation
-        self._direction = 0  # 1 ahead, -1 back
+        self._direction = 0  # 1 forward, -1 backward
         self._turn = 0  # 1 to the left, -1 to the right
         self._direction_ends = self._turn_ends = -math.inf
         self._last: Key | None = None
@@ -187,7 +187,7 @@ class DrawnControl(UIControl):
         self._draw = draw
 
     def create_content(self, width: int, height: int) -> UIContent:
-        """Draw the content."""
+        """Draw the lines of the content."""
         lines = self._draw(width, height) if width > 0 and height > 0 else []
         # Copied, because prompt_toolkit expects a list of a wider type.
         return UIContent(

@@ -39,7 +39,7 @@ MIDDLE: Final = 1.0  # m; obstacles closer to the turning circle are drawn as mi
 STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
 FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
 SCALE_STYLE: Final = "class:scale"
-WIDTH: Final = 31  # columns
+WIDTH: Final = 31  # width of the panel, columns
 WARNING: Final = "class:warning"
 SILENCE_WARNING: Final = 0.6  # s; servers send a report at least every 0.2 s
 RATE_SCANS: Final = 11  # number of scans over which the scan rate is measured
@@ -139,7 +139,7 @@ class Canvas:
         return self._dots.shape[1]
 
     def plot(self, across: Floats, down: Floats, style: str) -> None:
-        """Set dots.
+        """Draw dots at positions on the canvas.
 
         Args:
             across: (N,) distances from the left edge, dots; dots outside the canvas are
@@ -223,7 +223,8 @@ def draw_view(
     plot(points[near], NEAR_STYLE)
     if robot_info.length * dots_per_metre >= MIN_HULL:
         longest = max(robot_info.length, robot_info.width)
-        along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))  # one dot apart
+        # Points on a side, at most one dot apart.
+        along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))
         half = np.full_like(along, 0.5)
         sides = [(along, half), (along, -half), (half, along), (-half, along)]
         outline = np.concatenate([np.column_stack(side) for side in sides])

@@ -134,7 +134,7 @@ class SocketTransport:
             raise lost(error) from None
 
     def receive(self, timeout: float) -> bytes:
-        """See ``Transport.receive``."""
+        """Wait for bytes and return at least one; see ``Transport.receive``."""
         with self._receiving:
             if self._closed.is_set():
                 raise ConnectionError(CLOSED)

@@ -73,7 +73,7 @@ TRACE_COLOURS: Final = {
 CONTROLLER: Final = "WorldController"  # robot class of a controller, without a body
 NOWHERE: Final = (0.0, 0.0, 0.0)  # default vector, as in the original server
 CUBE: Final = (1.0, 1.0, 1.0)
-LARGEST_PLACE: Final = 1e4  # m; rad
+LARGEST_PLACE: Final = 1e4  # limit of coordinates and angles of crates, m or rad
 _FALLING: Final = ("rigidbody", "falling", "ground")
 
 
@@ -314,7 +314,7 @@ class MovePackage:
 
 
 class Act(MovePackage):
-    """Move links of a mission package: the verb of ``MovePackage`` for UDK servers."""
+    """Move links of a mission package: the form of ``MovePackage`` for UDK servers."""
 
     verb: ClassVar[str] = "ACT"
 
@@ -659,8 +659,8 @@ COMMANDS: Final = {
     )
 }
 
-# Keys without an attribute that still are no unknown fields: the rotation of a pan-tilt
-# unit from a Player driver, and the appearance and the log text of crates.
+# Keys that are not reported as unknown although no attribute has them: the rotation of
+# a pan-tilt unit from a Player driver, and the appearance and the log text of crates.
 _NEEDLESS_KEYS: Final = {
     MovePackage.verb: ["Type", "Rotation"],
     Control.verb: ["Material", "Memory"],

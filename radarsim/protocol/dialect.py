@@ -26,7 +26,7 @@ MAX_WHEEL_SPEEDS: Final[dict[DriveUnit, float]] = {"rad_per_s": 8.17, "rev_per_s
 # revolution and truncates its conversion factor: 180 degrees are stored as 32767.
 ROTATION_UNIT = 1 / 10430.378  # rad
 
-# Formats that round to the nearest number with this many decimals.
+# Formats with 2, 4 and 6 decimals, rounded to the nearest.
 _TWO, _FOUR, _SIX = NumberFormat(2), NumberFormat(4), NumberFormat(6)
 
 
@@ -73,7 +73,7 @@ class Dialect:
         tachometer_interval: Time between two readings of the tachometer, s.
         sonar_interval: Time between two readings of the sonars, s.
         gps_interval: Time between two readings of the GPS, s.
-        laser_max_range: Range limit of a robot's radar and SICK, m; None for the
+        laser_max_range: Range limit of radars and SICK laser scanners, m; None for the
             limit of the sensor preset.
     """
 
@@ -103,8 +103,8 @@ class Dialect:
     image_type: ImageType = ImageType.JPEG_GOOD
     drive_unit: DriveUnit = "rad_per_s"
     battery_start: float = 3600.0
-    battery_runs_out: bool = False  # UsarCommander pauses a robot for good at 0
-    scan_interval: float = 0.1  # UsarCommander drops scans in every other 100 ms
+    battery_runs_out: bool = False  # UsarCommander never resumes a robot that reports 0
+    scan_interval: float = 0.1  # UsarCommander drops every scan in each second 100 ms
     hokuyo_scan_interval: float = 0.1
     ins_interval: float = 0.1
     tachometer_interval: float = 0.1
@@ -156,7 +156,8 @@ UDK = Dialect(
     start_pose=NumberFormat(4, Rounding.FLOAT32),
     mount=NumberFormat(2, Rounding.FLOAT32),
     robot=NumberFormat(4, Rounding.TRUNCATED),
-    mass=NumberFormat(4, Rounding.FLOAT32),  # the sum of parts is just above 4 decimals
+    # The sum of the parts' masses is slightly above the number with four decimals.
+    mass=NumberFormat(4, Rounding.FLOAT32),
     no_steering="0",
     dimensions_are_wheels=True,
     joins_mounts=False,
@@ -194,7 +195,7 @@ def get_dialect(name: str) -> Dialect:
 
 @dataclass(frozen=True, slots=True)
 class WheelDrive:
-    """Conversion of drive commands to wheel speeds.
+    """Converts drive commands to wheel speeds.
 
     Attributes:
         max_spin: Highest speed of a wheel in either direction, in ``unit``.

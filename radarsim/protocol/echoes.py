@@ -66,7 +66,7 @@ class Density(Field[float]):
 
 
 class FixedFlag(Flag):
-    """A Boolean in the template, because all echoes of an object share its value."""
+    """A Boolean that is part of the line's template; it is constant for an object."""
 
     def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
         return (Segment(self.key, str(value)),)

@@ -96,7 +96,7 @@ class Field(ABC, Generic[Value]):
         """Read the attribute.
 
         Raises:
-            MalformedMessage: If it is missing or not readable.
+            MalformedMessage: If the attribute is missing or not readable.
         """
 
     @abstractmethod

@@ -45,8 +45,8 @@ POSITIVE: Final = "\xde"  # wraps the next angle, rad, to [0, 2 pi)
 LONGEST_NAME: Final = 210  # characters of the name of an object, material or robot
 NO_SERIES: Final[Floats] = np.zeros(0)
 MOST_MARKS: Final = 256  # cache size, as clients can ask for scans of any length
-_BLOCK_END: Final = b"\xf9"  # after the lines of each block
-_LONGEST_NUMBER: Final = 19  # bytes
+_BLOCK_END: Final = b"\xf9"  # separator after the lines of each block
+_LONGEST_NUMBER: Final = 19  # length of the longest written number, bytes
 _TOO_LARGE: Final = -1  # error code of the engine, returned in place of a byte count
 # Braces are excluded because they end a field, and non-ASCII characters are marks.
 _NOT_PRINTABLE: Final = re.compile(r"[^ -z|~]")
@@ -59,7 +59,7 @@ Block: TypeAlias = (
 
 
 class Rounding(IntEnum):
-    """How a number is rounded to its decimals; the values are those in marks."""
+    """How a number is rounded to its decimals; marks contain these values."""
 
     NEAREST = 0  # to the nearest; zero never has a minus sign
     FLOAT32 = 1  # as C's printf rounds a float32; -0.00 is possible

@@ -147,9 +147,10 @@ class LineBuffer:
         return True
 
 
-# In commands, m, rad or rad/s; reports can still represent the resulting numbers.
+# Limit of numbers in commands, m, rad or rad/s; their results still fit into reports.
 LARGEST_COMMANDED = 1e9
-LARGEST = 2.0**31  # in reports, as in lines.hpp; the original casts to 32 bit integers
+# Limit of numbers in reports, as in lines.hpp; the original casts to 32-bit integers.
+LARGEST = 2.0**31
 _LARGEST_WRITTEN = 2.0**31 - 128.0  # the largest float32 below LARGEST
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
@@ -444,7 +445,7 @@ def parse_segments(
 def _parse_parts(
     parts: Sequence[str], text: str, *, keeps_closed: bool
 ) -> tuple[tuple[str, str], ...]:
-    """Parse the parts of a text after each of its opening braces."""
+    """Return key and value of each segment, given the text split at opening braces."""
     segments = []
     for index, part in enumerate(parts):
         inside, brace, _ = part.partition("}")

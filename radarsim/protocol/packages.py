@@ -103,8 +103,8 @@ class PackageConf(LineReport):
 
     Attributes:
         type: Type of the packages in the spelling of the request.
-        packages: Name and links of each package, with the limits that
-            ``presets.robots.Link`` has.
+        packages: Name and links of each package; a link has the attributes of
+            ``presets.robots.Link``.
     """
 
     verb: ClassVar[str] = "CONF"

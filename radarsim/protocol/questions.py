@@ -39,10 +39,10 @@ _ROBOTS: Final = frozenset(("basevehicle", "usarvehicle"))
 END: Final = b"{End}\r\n"
 
 UNKNOWN: Final = -1.0  # number of obstacles if a robot does not exist
-POWER_AT_REFERENCE: Final = -49.67  # dBm
+POWER_AT_REFERENCE: Final = -49.67  # received power at the distance REFERENCE, dBm
 REFERENCE: Final = 2.0  # m
 EXPONENT: Final = 1.0  # path loss exponent
-LOSS_AN_OBSTACLE: Final = 6.325  # dB
+LOSS_AN_OBSTACLE: Final = 6.325  # loss per obstacle, dB
 CUTOFF: Final = -93.0  # dBm; a weaker signal is not received
 LARGEST_PORT: Final = 65_535
 
@@ -121,7 +121,7 @@ def _count_between(
     robots: dict[str, Triple],
     count_obstacles: Callable[[Triple, Triple], int],
 ) -> str:
-    """Return the answer to ``GETOBS``; empty if an end of the line is missing."""
+    """Return the answer to ``GETOBS``; empty if one of the two positions is missing."""
     for keys, find in (
         (("From", "To"), robots.get),
         (("Start", "End"), parse_flipped),
@@ -168,8 +168,8 @@ def read_request(line: str) -> tuple[str, str, tuple[int, ...] | None]:
     """Read a request of a robot to a wireless server.
 
     Returns:
-        Its verb in capitals, the name of a robot, and port numbers. Missing parts are
-        empty, and the ports are None if one of them is not a valid port number.
+        The verb in capitals, the name of a robot, and the port numbers. Missing parts
+        are empty, and the ports are None if one of them is not a valid port number.
     """
     try:
         message = decode_message(line)

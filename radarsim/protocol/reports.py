@@ -377,7 +377,7 @@ class Encoder(SensorReport):
 
 
 class Touch(ItemReport):
-    """Whether something touches the robot."""
+    """Whether an object touches the robot."""
 
     sensor_type: ClassVar[str] = "Touch"
     item_keys: ClassVar[tuple[str, ...]] = ("Touch",)
@@ -599,7 +599,7 @@ def _decode_info(message: Message) -> Report | None:
 
 
 def _decode_status(message: Message) -> Report:
-    if message.get("Size") is not None:  # no robot has one
+    if message.get("Size") is not None:  # only crates have a size
         return CrateStates.decode(message)
     return (AerialStatus if is_aerial(message) else Status).decode(message)
 

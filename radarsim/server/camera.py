@@ -206,7 +206,7 @@ def _background(directions: Floats) -> Floats:
     horizon, zenith = np.array(to_rgb(HORIZON)), np.array(to_rgb(ZENITH))
     sky = horizon + np.maximum(up, 0.0) * (zenith - horizon)
     ground = np.array(to_rgb(FAMILY_COLOURS[Family.GROUND]))
-    lit = AMBIENT + (1 - AMBIENT) * np.abs(up)  # a level floor far below
+    lit = AMBIENT + (1 - AMBIENT) * np.abs(up)  # brightness of level ground far below
     colours: Floats = np.where(up > 0.0, sky, lit * ground)
     return colours
 

@@ -60,7 +60,7 @@ class PictureProcess:
 
     async def start(self) -> None:
         """Start the process, which takes about a second."""
-        # In a thread, as sending the scene blocks until the process reads it.
+        # The start runs in a thread, as sending the scene blocks until it is read.
         process = worker_process(partial(_Painter.prepare, *self._setting))
         starting = asyncio.to_thread(self._until_stop.enter_context, process)
         self._starting = asyncio.ensure_future(starting)
@@ -115,7 +115,7 @@ class _Painter:
 log = logging.getLogger("radarsim.server")
 
 INTERVAL: Final = 0.2  # s of the wall clock between two pictures
-SILENCE: Final = 1.0  # s
+SILENCE: Final = 1.0  # s until a silent viewer gets a picture (rule 4)
 MAX_VIEWERS: Final = 64
 LOOK_INTERVAL: Final = 0.1  # s between two checks of a viewer's connection
 

@@ -29,7 +29,7 @@ log = logging.getLogger("radarsim.server")
 # s between two log lines, as thousands of connections may be refused per second
 LOG_INTERVAL: Final = 10.0
 CLOSE_GRACE = 0.8  # s from the peer's end of stream until the connection is closed
-READ_PAUSE: Final = 0.01  # s
+READ_PAUSE: Final = 0.01  # s without reading after invalid data
 # A peer is flooding the server if its socket holds this many unread bytes in this many
 # successive checks. An end of stream would be behind these bytes, so the server cannot
 # find out whether the peer is still connected.
@@ -51,7 +51,7 @@ class RefusalLog:
         self._next_line = 0.0
 
     def add(self, peer: str, limit: int) -> None:
-        """Count a connection that is refused because the limit is reached.
+        """Log or count a connection that is refused because the limit is reached.
 
         Args:
             peer: Address and port of the peer.
@@ -158,7 +158,7 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         self._peers, self._refusals = server.peers, server.refusals
         self._buffer = bytearray(self.READ_BYTES)
         self._transport: asyncio.Transport | None = None
-        self._grace: asyncio.TimerHandle | None = None  # aborts after eof
+        self._grace: asyncio.TimerHandle | None = None  # timer that aborts after EOF
         self._looks = 0  # number of successive checks that found a flood
 
     @property

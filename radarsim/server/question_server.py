@@ -121,7 +121,7 @@ class QuestionClient(PeerConnection):
         self._has_room = True
 
     def _begin(self, transport: asyncio.Transport) -> None:
-        transport.set_write_buffer_limits(high=0)  # any unread byte pauses writing
+        transport.set_write_buffer_limits(high=0)  # writing pauses at any unsent byte
 
     def buffer_updated(self, nbytes: int) -> None:
         """Queue the received queries, and pause reading until they are answered."""

@@ -31,7 +31,7 @@ class ServerThread(threading.Thread):
 
         Args:
             host: The host to serve; from now on only this thread may use it.
-            speed: Simulated seconds in one second of the wall clock.
+            speed: Simulated seconds per second of the wall clock.
             after_tick: Called in the thread after each tick.
         """
         super().__init__(name="usarsim_server", daemon=True)

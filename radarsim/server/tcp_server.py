@@ -188,7 +188,7 @@ class Server(PeerServer):
                 raise
 
     def tick(self) -> None:
-        """Advance simulated time by 10 ms, if it passes, and send what is due."""
+        """Advance simulated time by 10 ms unless paused, and send queued lines."""
         connections = self.by_number
         by_file = {connection.file_number: connection for connection in self.held}
         for number, is_gone in find_hung_up(by_file):

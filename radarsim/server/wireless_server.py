@@ -62,7 +62,7 @@ MAX_ROBOTS: Final = 32
 MAX_RELAYS: Final = 128  # relay ports of all pairs of robots
 MAX_LINKS: Final = 64  # connections through all relay ports
 LOOK_INTERVAL: Final = 1.0  # s, as in the original server
-UNHURRIED_LINKS: Final = 8  # up to this number, more links do not lengthen the pauses
+UNHURRIED_LINKS: Final = 8  # number of links above which pauses become longer
 CONNECT_TIMEOUT: Final = 5.0  # s
 READ_BYTES: Final = 32_768  # largest forwarded piece
 STALL_TIMEOUT: Final = 60.0  # s; without it, a lost peer would hold a link forever
@@ -179,7 +179,7 @@ class WirelessServer(QuestionServer):
                 log.info("%s: %s has gone", client.peer, printable_name(name))
                 client.close()
         for key in list(self._relays)[:1]:
-            relay = self._relays[key] = self._relays.pop(key)  # as the last one
+            relay = self._relays[key] = self._relays.pop(key)  # move it to the end
             if self.hears(*key[:2]):
                 relay.open()
             else:
@@ -232,7 +232,8 @@ class WirelessClient(QuestionClient):
         if not robot:
             return "ERROR {Reason Robot.Name.Must.Not.Be.Empty}"
         if robot in self._wireless.robots:
-            return "ERROR {Reason Robot.Alread.Exists}"  # as the original spells it
+            # The original server has the same misspelling.
+            return "ERROR {Reason Robot.Alread.Exists}"
         self.name, self.ports = robot, ports
         self._wireless.robots[robot] = self
         log.info("%s: is %s", self.peer, printable_name(robot))

@@ -165,8 +165,8 @@ def _work_of(host: Host, client: Client, command: Command) -> int:
 def _is_answered(command: Command) -> bool:
     """Return whether a command without effect is answered with the reason.
 
-    Only commands of radarsim's own clients are, as other clients do not know such
-    answers.
+    Only commands that radarsim has added to the protocol are answered, because other
+    clients do not know such answers.
     """
     match command:
         case Watch() | GetGeo(robot=str()) | GetConf(robot=str()):

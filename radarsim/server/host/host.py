@@ -7,7 +7,7 @@ sends the queued lines (``take``). Commands are executed on arrival. Their repli
 for the write of the next tick, which also contains the readings of the tick. A client
 without a robot has no readings, so its replies can be sent at once.
 
-Rule 1: no bytes from a client raise an error. A command that cannot be executed is
+Rule 1: bytes from a client never raise an error. A command that cannot be executed is
 ignored, as by the original server, and returned as a ``Diagnostic`` for the log. An
 error that only a bug can cause ends the robot of one client. This client gets an error
 line and has to be disconnected; all other clients continue.

@@ -177,7 +177,7 @@ def set_viewports(vehicle: Vehicle, command: SetViewports) -> Diagnostic | None:
 
 
 def show_camera(simulation: Simulation, command: ShowCamera) -> Diagnostic | None:
-    """Choose the camera that viewers on a machine see; no robot cancels the choice."""
+    """Choose the camera for viewers on a machine; without a robot, undo the choice."""
     shown = simulation.shown
     shown.pop(command.client, None)
     if command.robot is None:

@@ -65,7 +65,7 @@ def configuration(
 ) -> reports.Report | None:
     """Return the settings of items, or the performance of the robot.
 
-    Args and results are as in ``geometry``; ``config`` contains the settings.
+    Arguments and result are as in ``geometry``; ``config`` contains the settings.
     """
     if item_type.casefold() == ROBOT:
         return _performance(model, config)

@@ -82,7 +82,8 @@ class Spawner:
         """Begin or continue to spawn a robot.
 
         Returns:
-            Whether the spawn has ended, and a diagnostic if it had not its full effect.
+            Whether the spawn has ended, and a diagnostic if it failed or had another
+            effect than requested.
         """
         if client.spawning is None:
             client.spawning = self._spawn(client, command)
