@@ -218,8 +218,8 @@ class Init(KeyedCommand):
         start: Name of a start pose; if it is given, position and rotation are None.
         position: x, y, z, m.
         rotation: Roll, pitch, yaw, rad.
-        takes_free: Whether to ignore the requested pose and spawn the robot at the
-            first start of the map that has room; an extension of radarsim.
+        takes_free: Whether the robot takes the first start of the map with room for it,
+            even if another pose is requested; an extension of radarsim.
     """
 
     verb: ClassVar[str] = "INIT"

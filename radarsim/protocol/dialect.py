@@ -104,7 +104,7 @@ class Dialect:
     drive_unit: DriveUnit = "rad_per_s"
     battery_start: float = 3600.0
     battery_runs_out: bool = False  # UsarCommander never resumes a robot that reports 0
-    scan_interval: float = 0.1  # UsarCommander drops every scan in each second 100 ms
+    scan_interval: float = 0.1  # UsarCommander skips scans in alternate 100 ms periods
     hokuyo_scan_interval: float = 0.1
     ins_interval: float = 0.1
     tachometer_interval: float = 0.1

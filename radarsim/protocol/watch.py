@@ -157,7 +157,7 @@ class ClockTick(LineReport):
 
 
 class CommandError(LineReport):
-    """A command had no effect; sent only for commands that no USARSim client sends.
+    """A command had no effect; sent mainly for commands that radarsim has added.
 
     Attributes:
         text: The received text and the expected one.
