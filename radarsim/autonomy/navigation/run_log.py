@@ -166,7 +166,7 @@ class RunLog:
         return np.column_stack([centres, [self._cells[cell] for cell in cells]])
 
     def as_csv(self) -> str:
-        """Return the trace as CSV, a row for each scan; fields without a value are empty."""
+        """Return the trace as CSV, a row per scan, with empty fields for None."""
         text = io.StringIO()
         text.write(TRACE_HEADER)
         writer = csv.writer(text, lineterminator="\n")
