@@ -156,7 +156,7 @@ def _first_touches(
     x, y = ranges * np.cos(angles), ranges * np.sin(angles)
     c, s = np.cos(bearings)[:, None], np.sin(bearings)[:, None]
     along, beside = c * x + s * y, np.abs(c * y - s * x)
-    # position of the disc's centre when its edge touches a point ``beside`` m off its path
+    # the disc's centre when its edge touches a point ``beside`` m off its path
     before = along - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
     # A touched point closes only the directions towards it, so that a robot too close
     # to an obstacle can move away.
