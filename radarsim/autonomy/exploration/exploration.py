@@ -86,7 +86,7 @@ class Exploration:
         Raises:
             ClientError: If the server does not send required reports.
             MappingError: If no map can be made from the reports.
-            NavigationError: If the robot does not meet the plan, or does not move.
+            NavigationError: If the robot cannot carry out the plan, or gets stuck.
         """
         try:
             loop, strategy = self._prepare(client)

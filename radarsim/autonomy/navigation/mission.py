@@ -42,7 +42,7 @@ def spawn_robot(
 
     Raises:
         ClientError: If the server does not send the properties.
-        NavigationError: If the robot does not meet the plan.
+        NavigationError: If the robot cannot carry out the plan.
     """
     if info is None:
         client.spawn(plan.robot_class, start=plan.start, pose=plan.pose)
@@ -73,7 +73,7 @@ def run_mission(
 
     Raises:
         ClientError: If the server does not send the required reports.
-        NavigationError: If the robot does not meet the mission.
+        NavigationError: If the robot cannot carry out the mission.
     """
     info, scanner, safety_distance, speed_limits = spawn_robot(client, mission, info)
     bumpers = Bumpers(
