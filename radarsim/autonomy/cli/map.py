@@ -32,7 +32,7 @@ class MappedPlace(Simulation):
         seed: Seed of the simulation and of turn_away.
     """
 
-    one_required: ClassVar = ()  # what is followed may be on the usual server
+    one_required: ClassVar = ()  # a watched robot may be on the default server
     at_most_one: ClassVar = (
         ("map", "connect"),
         ("map", "watch"),
@@ -80,12 +80,13 @@ def map_(
     """
     _check_combination(where, plan)
 
-    # Late, so that wrong options are told at once: numpy and plots take long.
+    # Imported late, so that invalid options are reported at once: numpy and plots are
+    # slow.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
     recording = make_recording(files.record, plan.drive_unit, robots_map=True)
-    # Without the variant of a map, which follows an ``@``.
+    # The variant of a map, after an ``@``, is not part of the name.
     written = MapFiles(files, Path((where.map or "map").partition("@")[0]).stem)
     address = where.connect or LOCAL_SERVER
     with without_empty_folder(written.stem.parent):
@@ -105,7 +106,7 @@ def map_(
 
 
 def _check_combination(where: MappedPlace, plan: ExplorationPlan) -> None:
-    """Refuse options that exclude each other, or that nothing would use."""
+    """Raise an error for options that exclude each other or have no effect."""
     if where.map is None and where.connect is None and where.watch is None:
         raise click.UsageError("missing: one of MAP and --connect")
     is_random = plan.strategy is StrategyName.TURN_AWAY
