@@ -31,7 +31,7 @@ from radarsim.protocol.reports import (
     Watching,
 )
 
-ECHO_WAIT: Final = 1.0  # s
+ECHO_WAIT: Final = 1.0  # s for which scans wait for echoes
 PATIENCE: Final = 2.0  # s without a line, after which the server is asked for the robot
 MOST_EARLY: Final = 200  # reports stored until the scanner is known
 _ECHOES: Final = questions.set_item(RANGE_SCANNER, None, "ECHOES", "true")

@@ -25,7 +25,7 @@ from radarsim.plans import RARE, Option
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappedPlace(Simulation):
-    """Where a robot maps: a simulation, a server, or what another client drives.
+    """The simulation, the server, or the watched robot that provides the scans.
 
     Attributes:
         watch: Map this robot of another client of a radarsim server.
@@ -44,7 +44,7 @@ class MappedPlace(Simulation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFileOptions(RunFiles):
-    """What is written.
+    """Options of the written files.
 
     Attributes:
         output: A folder or the beginning of names; by default the map's name.

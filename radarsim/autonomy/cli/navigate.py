@@ -47,7 +47,7 @@ EXIT_CODES: Final = {"reached": 0, "no_path": 3}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationFiles(RunFiles):
-    """Files that a run of a navigator is written into.
+    """Output files of a navigator run.
 
     Attributes:
         trace: Write a CSV file with a row for each scan.
@@ -137,7 +137,7 @@ def navigate(
 
 
 def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
-    """Return a mission with missing values from the trial of a map.
+    """Return the mission, completed by the trial of a map where values are missing.
 
     Args:
         mission: The mission as given.

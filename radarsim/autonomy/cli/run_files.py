@@ -40,7 +40,7 @@ def drawn_robot(class_name: str | None) -> RobotModel:
 
 
 def check_start(scene: Scene | None, name: str | None) -> None:
-    """Check that a map has a start with a name, if both are given.
+    """Check that a map has a start of the given name, if both are known.
 
     Raises:
         click.BadParameter: If the map has no such start.
@@ -77,7 +77,7 @@ def filmed(
     """Film a run if a file is given; the film is completed even after an error.
 
     Args:
-        files: The file of the film, or None, and its speed.
+        files: Options with the file of the film, or None, and its speed.
         draw: Returns a frame with the current state of the run.
 
     Yields:
@@ -108,7 +108,7 @@ class Recording:
     """A recording that records nothing; subclasses override all methods."""
 
     def attach(self, host: Host, map_: str) -> None:
-        """Record the events of a host in this process, which simulates a named map."""
+        """Record the events of a host in this process; ``map_`` names its map."""
 
     def connect(self, host: str, port: int) -> Client:
         """Connect to a server over TCP, and record the traffic.

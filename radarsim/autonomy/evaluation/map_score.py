@@ -38,8 +38,8 @@ from radarsim.simulation.map_warnings import Position, free_space
 Score: TypeAlias = dict[str, Any]  # values by name, see ``score_map``
 
 _SAMPLES: Final = 4  # along a line, for each cell
-TOLERANCE: Final = 2  # cells
-BESIDE: Final = 0.5  # cells more, so that diagonal neighbours count
+TOLERANCE: Final = 2  # cells between a map cell and the true object
+BESIDE: Final = 0.5  # cells of tolerance, so that diagonal neighbours count
 MISPLACED: Final = 0.15  # m; obstacles farther from all true obstacles are misplaced
 
 
@@ -150,8 +150,8 @@ def covered_cells(area: Any, frame: GridFrame) -> Mask:
 def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.hypot(*spans.T) / frame.resolution
-    # A point every quarter of a cell. A line may miss a cell whose corner it only
-    # grazes, which is far below the tolerance of scores.
+    # Points are set every quarter of a cell. A line may miss a cell whose corner it
+    # only grazes, which is far below the tolerance of scores.
     counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
     which = np.repeat(np.arange(len(segments)), counts)
     number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -179,8 +179,7 @@ def find_floor(
         Masks, (R, C): ``indoors``, between the walls around the start, also under
         foliage and smoke; in it ``free``, without any object; in that ``reachable``,
         covered by the robot wherever it can drive, and ``hidden``, where the robot
-        would fit but cannot get to.
-        where it would fit, but that it cannot get to.
+        would fit but that it cannot reach.
     """
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
@@ -284,7 +283,7 @@ def score_map(
         told_apart: Share of the obstacle and foliage cells near an object of their own
             class; cells near neither class are skipped. None if no cell is left.
     """
-    # Of the whole scene: floor that was never sensed counts as well.
+    # The frame covers the whole scene, since floor that was never sensed counts, too.
     frame = _with_scene(grid.frame, scene)
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)
@@ -292,8 +291,8 @@ def score_map(
     solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     smoke = truth.kinds[CellClass.SMOKE]
     blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    # Side rays see objects two cells beside their beam. Free is wrong only deeper than
-    # that inside of an object.
+    # Side rays see objects up to two cells off their beam, so free is wrong only deeper
+    # than two cells inside an object.
     right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
     right |= (classes == CellClass.SMOKE) & (_distances(smoke) <= TOLERANCE + BESIDE)
     inside = np.any(list(truth.inside.values()), axis=0)
@@ -330,7 +329,7 @@ def score_mapper(
     """Score the map that a robot has made with its scanner.
 
     Args:
-        mapper: Holds the map.
+        mapper: The mapper with the map.
         scene: The mapped scene.
         robot_class: Class of the robot.
         start: Start pose of the robot, map frame.
@@ -345,10 +344,10 @@ def score_mapper(
 def robot_and_sensor(
     mapper: Mapper, scene: Scene, robot_class: str, start: Position
 ) -> tuple[float, float]:
-    """Return half the diagonal of a robot, and how high its scanner is, m, map frame.
+    """Return half the diagonal of a robot, and the height of its scanner, m, map frame.
 
     Args:
-        mapper: Knows the scanner.
+        mapper: The mapper of the scanner.
         scene: The mapped scene.
         robot_class: Class of the robot.
         start: Start of the robot, m.
@@ -360,7 +359,7 @@ def robot_and_sensor(
 
 
 def _class_accuracy(classes: Any, truth: Truth) -> float | None:
-    # of cells near one kind only: where both are near, either class may be right
+    # Cells near both kinds count as right, since either class may be right.
     matches: list[Any] = []
     for kind, other in (
         (CellClass.OBSTACLE, CellClass.FOLIAGE),
@@ -374,7 +373,7 @@ def _class_accuracy(classes: Any, truth: Truth) -> float | None:
 
 
 def _distances(cells: Mask) -> Floats:
-    """Return the distance of each cell to the nearest of some, cells; inf if far."""
+    """Return each cell's distance to the nearest given cell, cells; inf if far."""
     return distance_field(cells, TOLERANCE + BESIDE)
 
 

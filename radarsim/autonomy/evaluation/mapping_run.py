@@ -35,18 +35,18 @@ from radarsim.rng import generator_for
 from radarsim.server.host import Host
 
 INTERVAL: Final = 1.0  # s between two samples of the known area
-MOST_SAMPLES: Final = 200  # stored; beyond it every second one is dropped
-SHARES: Final = (0.5, 0.9, 0.99)  # of the reachable floor
-MANY_SEEN_ONCE: Final = 0.3  # share of the walls
+MOST_SAMPLES: Final = 200  # samples; beyond this every second one is dropped
+SHARES: Final = (0.5, 0.9, 0.99)  # shares of the reachable floor to report
+MANY_SEEN_ONCE: Final = 0.3  # share of walls above which a doubt is reported
 
 
 class Sample(NamedTuple):
     """The known area at one time of a run.
 
     Attributes:
-        time: s.
+        time: Time since the first scan, s.
         path_length: Length of the estimated path, m.
-        area: Area that is sensed, m².
+        area: Sensed area, m².
         reachable: Known share of the reachable floor; nan if the reachable floor is
             unknown.
     """

@@ -27,11 +27,10 @@ INTERRUPTED: Final = "interrupted"
 class GroundTruthMonitor(HostObserver):
     """Records the true path and the collisions of the first robot, tick by tick.
 
-    As an observer of a host, it reads the state after each tick, when the next one
-    begins.
+    As a host observer, it reads the state after each tick, when the next one begins.
 
     Attributes:
-        collisions: Number of contacts that began, with obstacles or other robots.
+        collisions: Number of contacts with obstacles or robots.
         path_length: Length of the true path of the robot's centre, m.
         path: The true path, in steps of at least ``STEP``, m, map frame.
     """

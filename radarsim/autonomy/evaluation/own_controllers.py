@@ -105,7 +105,7 @@ class _TrialSimulation(LocalSimulation):
     def __init__(self, scene: Scene, sensor: str, seed: int, end: float) -> None:
         super().__init__(scene, seed=seed, config=config_with_sensor(sensor))
         self._end = end
-        self._commands = 0  # since the last step
+        self._commands = 0  # commands since the last step
 
     def receive(self, number: int, data: bytes) -> list[str]:
         """Process a command; see ``LocalSimulation.receive``.
@@ -213,9 +213,8 @@ def evaluate(
                 robot.drive(0.3)
                 robot.simulation.step(0.1)
 
-    The robot has sent its first reports before the call. A ``ClientError`` or
-    ``NavigationError`` of the controller fails the run; any other error ends the
-    evaluation.
+    The robot has reported before the call. A ``ClientError`` or ``NavigationError`` of
+    the controller fails the run; any other error ends the evaluation.
 
     Args:
         controller: The controller.
@@ -223,8 +222,7 @@ def evaluate(
         seeds: Seeds of the simulations, or their number, counted from 0.
         sensor: Name of the preset of the scanner.
         time_limit: Simulated time after which a run fails, s.
-        pictures: Folder for a picture of each run, ``map-seed.png``; None for no
-            pictures.
+        pictures: Folder for a picture of each run, ``map-seed.png``; None for none.
         workers: Number of processes.
 
     Raises:
@@ -260,7 +258,7 @@ def evaluate(
 
 
 def _check_seeds(seeds: int | Sequence[int]) -> Sequence[int]:
-    """Return the seeds; a number stands for the seeds from 0 to it.
+    """Return the seeds; a number n stands for the seeds 0 to n - 1.
 
     Raises:
         TypeError: If it is neither a number nor a sequence, or a seed is not an

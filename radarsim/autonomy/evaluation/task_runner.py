@@ -228,7 +228,7 @@ def prepare_workers(
         except SweepError:
             raise
         except Exception as error:
-            # A worker may have died meanwhile, which is no failed preparation.
+            # A worker that has died meanwhile does not count as a failed preparation.
             if isinstance(error, OSError) and attempt:
                 time.sleep(CHECK_INTERVAL)
                 continue

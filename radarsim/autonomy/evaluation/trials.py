@@ -40,7 +40,7 @@ MAPS = (
     "hedge_garden",
 )
 SCANNER = "lms200"
-GOAL_TOLERANCE = 0.5  # m; largest true distance to a reached goal
+GOAL_TOLERANCE = 0.5  # m; largest true distance at which a goal is reached
 TIME_LIMIT = 3600.0  # s of simulated time
 
 

@@ -39,11 +39,11 @@ NEIGHBORHOOD: Final = 1.5  # m around the last target; targets there come first
 WALL_DISTANCE: Final = 0.3  # m from a wall tile at which aligning begins
 MIN_LENGTH: Final = 3.0  # m; least length of a contour
 FOLLOWED_RADIUS: Final = 2.0  # m around the path along a wall that count as followed
-TRACK_STEP: Final = 0.5  # m
+TRACK_STEP: Final = 0.5  # m between two stored points of the path
 LOST_CIRCLES: Final = 1.5  # circles without a wall before it counts as lost
 SPACING: Final = 1.6 * SHORT_RANGE  # m between turns, so that coverage overlaps
-POINT_SPACING: Final = 1.0  # m along the spiral
-ARRIVAL_DISTANCE: Final = 0.8  # m
+POINT_SPACING: Final = 1.0  # m between two points along the spiral
+ARRIVAL_DISTANCE: Final = 0.8  # m from a point that count as reached
 MIN_TURN: Final = math.radians(30.0)
 AIMED: Final = math.radians(8.0)
 MAX_IDLE_LEGS: Final = 12  # legs in a row without new floor before the strategy ends
@@ -77,7 +77,7 @@ class NearestTargetStrategy(Strategy):
         super().__init__(settings)
         self.activity = activity
         self._turn = turn  # remaining angle
-        self._yaw: float | None = None  # at the last scan of the turn
+        self._yaw: float | None = None  # yaw at the last scan of the turn
         self._select_targets = select_targets
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
@@ -203,12 +203,11 @@ class ContourStrategy(Strategy):
         self._turn += wrap_angle(pose.yaw - last.yaw)
         if distance(pose, *self._track[-1]) > TRACK_STEP:
             self._track.append((pose.x, pose.y))
-        # Near the start, noise may pass it at once.
+        # Near the start, noise alone may look like a pass.
         if self._begin.observe(pose) and self._length > MIN_LENGTH:
             self.contours += 1
             # A circuit of a room turns to one side in total, a circuit of an island to
-            # the
-            # other: that wall was not the room's.
+            # the other: that wall was not the room's.
             is_inside = (self._turn < 0) == self._wall_follower.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._lost > LOST_CIRCLES * math.tau * self._wall_follower.target_distance:

@@ -27,14 +27,14 @@ from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.geometry import Point, Pose2
 
-MIN_SCANS: Final = 10  # on the map before it is evaluated
+MIN_SCANS: Final = 10  # scans on the map before it is evaluated
 MAP_INTERVAL: Final = 1.0  # s between two evaluations of the map
 LOOKAHEAD: Final = 1.2  # m of a path that a straight line may cut short
 PATIENCE: Final = 10.0  # s without progress before a target is given up
-GIVEN_UP_RADIUS: Final = 0.7  # m around such a target
+GIVEN_UP_RADIUS: Final = 0.7  # m around a target that was given up, to exclude tiles
 WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint, within which it is reached
 WAITING: Final = "waiting"  # activity of a robot that waits for floor to become free
-_PROGRESS: Final = 0.2  # m
+_PROGRESS: Final = 0.2  # m of motion that count as progress
 _BEARING_STEP: Final = math.radians(10.0)
 
 
@@ -238,7 +238,7 @@ class WaypointFollower(Strategy):
         reachable = floor.reachable(observation.pose)
         tiles = floor.nearest(reachable, *self._waypoints[0])
         x, y = floor.tile_centers()
-        # One tile, or none if no tile is within reach.
+        # The mask contains at most one tile.
         for row, column in np.argwhere(tiles):
             remaining = math.dist((x[column], y[row]), self._waypoints[0])
             gain = self._distance(observation) - remaining

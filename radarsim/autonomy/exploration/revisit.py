@@ -41,9 +41,9 @@ from radarsim.geometry import Point
 ROOM: Final = 1.5  # m between the robot and the obstacle in its path
 NEAR: Final = 0.4  # m from the watching position, within which it is reached
 LOOK_TIME: Final = 40.0  # s of watching at one position
-MOST_LOOKS: Final = 30  # times that the robot explores on
+MOST_LOOKS: Final = 30  # times that the robot resumes exploring
 LEAST_AREA: Final = 0.25  # m² of floor; smaller pieces are not reported
-SMALLEST: Final = 6  # cells of an object on floor that was open
+SMALLEST: Final = 6  # least number of cells of an object on floor that was open
 GAP: Final = 0.1  # m; half the gap between pieces of one object
 MARGIN: Final = 0.13  # m of tolerance for the safety distance, from whole tiles
 
@@ -61,7 +61,7 @@ class Revisit(Strategy):
     def __init__(
         self, settings: ExplorationSettings, strategy: Strategy, *, fills: bool
     ) -> None:
-        """Start with the other strategy.
+        """Create the strategy, which starts with another one.
 
         Args:
             settings: Settings of the exploration.
@@ -78,7 +78,7 @@ class Revisit(Strategy):
         self._may_open: Mask = self._was_open  # except given-up passages
         self._was_free: Mask = self._was_open
         self._since: float | None = None  # start of watching; None while exploring
-        self._left: list[Point] = []  # targets that strategies have left
+        self._left: list[Point] = []  # targets that strategies have not explored
         self._looks = 0
         self._has_looked = False
 
@@ -129,7 +129,7 @@ class Revisit(Strategy):
         return floor.places_of(frontiers, 0.0), floor.places_of(cut_off, LEAST_AREA)
 
     def forget_moved(self, grid: OccupancyGrid) -> None:
-        """Remove obstacles from the final map that came onto open floor.
+        """Remove obstacles that moved onto open floor from the final map.
 
         Without any watching, nothing is removed: no floor was closed off, and the few
         such cells are errors of poses and beams.
@@ -189,7 +189,7 @@ class Revisit(Strategy):
             self._since = None
             self._strategy = self._create(self._settings)
         elif observation.time > self._since + LOOK_TIME:
-            # Ignored until it is open again, and then stored again.
+            # The passage is ignored until it is open again.
             shut = self._may_open & ~floor.open
             labels, _ = ndimage.label(shut, np.ones((3, 3)))
             number = labels[floor.nearest(shut, *path[at])]

@@ -101,7 +101,8 @@ class AutoStrategy(Strategy):
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
-        # Counts are limited so that it ends: each strategy may leave floor for another.
+        # Counts are limited so that it ends, since each strategy may leave floor for
+        # another.
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),

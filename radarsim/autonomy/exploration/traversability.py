@@ -166,7 +166,7 @@ class TraversabilityMap:
         rows, columns = tiles.T
         if not inside.all() or self.unknown[rows, columns].any():
             return False
-        # without the first tile, since a robot too close to an obstacle may leave
+        # The first tile is excluded, since a robot too close to an obstacle may leave.
         costs = self._step_cost[rows, columns]
         return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
 

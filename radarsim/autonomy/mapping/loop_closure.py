@@ -49,14 +49,14 @@ REACHES: Final = 1.5  # times the reach: distance at which keyframes leave the l
 STRIDE: Final = 2.0  # m of path between checks for keyframes to leave
 MAX_DISTANCE: Final = 4.0  # m between the pose and an old keyframe
 SAME_PLACE: Final = 2.0  # m from the old keyframe; beyond it almost all points must fit
-MIN_INLIERS_BESIDE: Final = 0.9  # least share of fitting points there
+MIN_INLIERS_BESIDE: Final = 0.9  # least share of fitting points beyond ``SAME_PLACE``
 RETRY: Final = 0.5  # m of path between two attempts, each of which is slow
 LATEST: Final = 3.0  # m of path whose keyframes are matched together
-MAX_POINTS: Final = 600  # of these keyframes that are matched
+MAX_POINTS: Final = 600  # points of these keyframes that are matched
 DRIFT: Final = 0.04  # share of the path by which the pose may drift
-MIN_DRIFT, MAX_DRIFT = 0.15, 1.5  # m
-TURN_DRIFT: Final = 0.003  # rad/m
-MIN_TURN, MAX_TURN = 0.05, 0.2  # rad
+MIN_DRIFT, MAX_DRIFT = 0.15, 1.5  # m; limits of the possible drift
+TURN_DRIFT: Final = 0.003  # rad/m; possible drift of the heading
+MIN_TURN, MAX_TURN = 0.05, 0.2  # rad; limits of the possible drift of the heading
 STEP, TURN_STEP = 0.15, 0.025  # m and rad between start poses
 MIN_INLIERS: Final = 0.6  # least share of fitting points
 MIN_EVENNESS: Final = 0.1  # wrong matches along corridors had up to 0.05
@@ -64,14 +64,14 @@ APART: Final = 0.4  # m between two distinct poses
 MAX_RIVAL: Final = 0.75  # ratio of scores; wrong matches had 0.82 to 1.09
 ANCHOR_INTERVAL: Final = 25.0  # m of path between anchorings
 MOST_ANCHORINGS: Final = 4
-LEAST_TURN: Final = math.radians(0.1)  # smaller rotation errors stay
+LEAST_TURN: Final = math.radians(0.1)  # smaller rotation errors are not corrected
 MAX_FIRST_POINTS: Final = 4000  # points of the first scans
 SIGMA: Final = (0.1, 0.1, 0.05)  # m, m and rad; possible error of a map
 
 
 @dataclass(slots=True)
 class Keyframe:
-    """A scan of the map.
+    """A scan that is part of the map.
 
     Attributes:
         pose: Pose of the robot, map frame.
@@ -99,7 +99,7 @@ class KeyframeMap:
         self.keyframes: list[Keyframe] = []
         self.points = PointMap()
         self.reach = 0.0
-        self._swept = 0.0  # station
+        self._swept = 0.0  # station of the last check
         self._next_attempt = 0.0  # station of the next attempt to close a loop
 
     def add(self, keyframe: Keyframe) -> None:
@@ -200,9 +200,10 @@ def map_of(keyframes: list[Keyframe]) -> PointMap:
 def joined(keyframes: Iterable[Keyframe], pose: Pose2, most: int) -> ScanPoints:
     """Return the points of some keyframes as one scan.
 
-    keyframes: At least one keyframe.
-    pose: Pose of the joined scan, map frame.
-    most: Number of points above which the points are thinned out.
+    Args:
+        keyframes: At least one keyframe.
+        pose: Pose of the joined scan, map frame.
+        most: Number of points above which the points are thinned out.
     """
     keyframes = list(keyframes)
     parts: list[tuple[Floats, Floats, Floats]] = []
@@ -224,7 +225,7 @@ def _add(points: PointMap, keyframe: Keyframe) -> None:
 
 
 def moved(places: Floats, pose: Pose2) -> Floats:
-    """Return points of a pose's frame in the frame that the pose is in, (K, 2) m."""
+    """Transform points from a pose's own frame to its parent frame, (K, 2) m."""
     result: Floats = turned(places, pose.yaw) + np.array([pose.x, pose.y])
     return result
 

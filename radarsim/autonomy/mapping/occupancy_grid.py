@@ -49,7 +49,7 @@ def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
 T = TypeVar("T", bound=np.generic)
 Mask = NDArray[np.bool_]
 
-RESOLUTION: Final = 0.05  # m
+RESOLUTION: Final = 0.05  # m; default side of a cell
 SHORT_RANGE: Final = 3.0  # m; UsarCommander shows free space within this range as safe
 SENSED, NEAR = 1, 2  # flags of a cell, as in the engine's occupancy.hpp
 LOG_ODDS_FREE, LOG_ODDS_LIMIT = 2, 60  # tenths of log-odds, as in the engine
@@ -166,7 +166,7 @@ def _extended_axis(
 
 
 class OccupancyGrid:
-    """Map that grows.
+    """An occupancy map that grows as needed.
 
     Attributes:
         frame: Position and size of the array of cells; replaced when the map grows.

@@ -29,12 +29,12 @@ from scipy.sparse.linalg import splu
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
 MAX_ITERATIONS: Final = 20
-CONVERGED: Final = 1e-4  # m and rad
+CONVERGED: Final = 1e-4  # m and rad; smaller steps end the iteration
 # Errors of the points of a scan are correlated, so this many count as one point.
 POINTS_PER_ERROR: Final = 10.0
 MOTION_SIGMA: Final = (0.002, 0.002, 0.0005)  # m, m and rad; least error of a motion
 CLOSURE_SIGMA: Final = (0.01, 0.01, 0.003)  # least error of a closure
-MAX_SQUARED_ERROR: Final = 25.0  # of a true closure, in variances
+MAX_SQUARED_ERROR: Final = 25.0  # largest squared error of a true closure, in variances
 
 
 class Edge(NamedTuple):
@@ -149,8 +149,7 @@ class KeyframeGraph:
         """
         moved = np.linalg.inv(self._covariance + np.diag(np.square(sigma)))
         # The motion source and the scan measure the same motion, so their information
-        # adds
-        # up: in a corridor the scan leaves the variance along it.
+        # adds up: in a corridor the scan leaves the variance along it.
         self._covariance = _inverse(moved + information / POINTS_PER_ERROR)
 
     def add(self, pose: Pose2) -> None:

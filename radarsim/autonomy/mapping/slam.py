@@ -70,7 +70,7 @@ class MotionReports:
     """
 
     def __init__(self) -> None:
-        self._last: tuple[float, Pose2] | None = None  # s, and the pose
+        self._last: tuple[float, Pose2] | None = None  # time, s, and pose
         self._before: tuple[float, Pose2] | None = None
         self._ahead = 0.0  # s; time of the last returned pose after its report
         self._is_new = False  # whether a report has arrived since then

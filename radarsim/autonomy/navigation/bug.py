@@ -43,7 +43,7 @@ from radarsim.autonomy.plans import Algorithm, GiveUp, Rule
 from radarsim.geometry import Point, Pose2
 
 AT_LINE = 0.1  # m from the line to the goal, within which the robot is on it
-LEAST_GAIN = 0.1  # m; a goal distance that has decreased by this counts as less
+LEAST_GAIN = 0.1  # m; smaller decreases of the goal distance do not count
 GRAZE = 0.1  # m beyond the safety distance, within which obstacles block the path
 NOISE = 0.1  # m by which noise may move a wall near the goal towards the robot
 MOST_OTHERS = 3  # circuits around obstacles that were not hit, before giving up
@@ -143,7 +143,7 @@ class Bug1Policy:
 
 
 class Bug2Policy:
-    """Bug2 at one boundary: follow it to the line to the goal, nearer to the goal.
+    """Bug2 at one boundary: leave it at the line to the goal, nearer to the goal.
 
     The attributes are those of ``Bug1Policy``.
     """
@@ -221,7 +221,7 @@ class BoundaryController(Controller):
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
-        self._boundary: FollowedBoundary  # that the robot is at, unless it is going
+        self._boundary: FollowedBoundary  # the current boundary; unset while going
         # hit points of obstacles that later turned out to have gone, m, map frame
         self._gone: list[Point] = []
         self._others = 0  # number of circuits around obstacles that were not hit

@@ -20,7 +20,7 @@ HEADING_GAIN = 2.5  # 1/s: turn rate in rad/s for each rad of heading error
 STOP_AFTER = 0.5  # s without a scan before the robot is stopped
 STUCK_AFTER = 3.0  # m of commanded distance without motion
 STUCK_AFTER_TURN: Final = 2 * math.tau  # rad of commanded turn without turning
-STANDSTILL_LIMIT: Final = 60.0  # s
+STANDSTILL_LIMIT: Final = 60.0  # s without motion before an error is raised
 _LONGEST_STEP: Final = 1.0  # s; cap on the time between two scans
 MOVED: Final = (0.1, 0.3)  # m and rad; a smaller change of the pose is noise
 
@@ -78,9 +78,9 @@ class StuckDetector:
     def __init__(self) -> None:
         self._last_time = 0.0
         self._place: Pose2 | None = None  # at the start of the commanded distance
-        self._distance = 0.0  # m
+        self._distance = 0.0  # commanded distance, m
         self._heading: Pose2 | None = None  # at the start of the commanded turn
-        self._turn = 0.0  # rad
+        self._turn = 0.0  # commanded turn, rad
 
     def check(self, observation: Observation, twist: Twist) -> None:
         """Compare a scan, and the twist decided on it, with the earlier ones.

@@ -157,7 +157,7 @@ class Controller(ABC):
         return self._settings.speed_limits.towards(bearing_of(pose, *point), most=most)
 
     def _head_for(self, observation: Observation, point: Point) -> Twist:
-        """Return the same twist, without speed if an obstacle ahead is too near."""
+        """Return ``_towards``, without speed if an obstacle ahead is too near."""
         twist = self._towards(observation.pose, point)
         safety_distance = self._settings.bumpers.safety_distance
         is_near = leads_too_near(observation, safety_distance)

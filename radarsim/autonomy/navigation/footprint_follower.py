@@ -25,9 +25,9 @@ OFF: Final = 0.06  # m from the path, beyond which it is not followed
 OFF_TURN: Final = 0.3  # rad; the same for the heading
 SLOW: Final = 0.08  # m/s where there is hardly any clearance
 SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of clearance around the footprint
-SLOW_TURN: Final = 0.5  # rad/s; keeps the corners of the footprint as slow
-AT_END: Final = 0.01  # m before the end of a straight motion
-ALIGNED: Final = 0.03  # rad, with the heading of the next motion
+SLOW_TURN: Final = 0.5  # rad/s; keeps the corners of the footprint slow
+AT_END: Final = 0.01  # m from the end of a straight motion, within which it is done
+ALIGNED: Final = 0.03  # rad of heading error that counts as aligned
 AHEAD: Final = 0.4  # s for which a motion is predicted, longer than a scan takes
 LINE_GAIN: Final = 2.0  # rad of heading correction for each m off the line
 _MOST: Final = 0.25  # rad; greatest heading correction
@@ -63,11 +63,11 @@ class FootprintFollower:
         """Return the motion until the next scan.
 
         Args:
-                pose: Pose of the robot.
-                points: Seen points, (N, 2) m, map frame.
+            pose: Pose of the robot.
+            points: Seen points, (N, 2) m, map frame.
 
         Returns:
-                None if the path has ended, or cannot be followed from this pose.
+            None if the path has ended, or cannot be followed from this pose.
         """
         here = np.array([pose.x, pose.y, pose.yaw])
         room = self._footprint.clearance(points, here)

@@ -39,9 +39,9 @@ MORE: Final = (3.0, 1.0)  # extra cost per metre within each wider margin
 REVERSE: Final = 2.0  # times the cost of driving forward
 TURN: Final = 0.1  # m; a turn to the next heading costs as much as this distance
 AROUND: Final = 1.0  # m around all seen points in which paths are searched
-_PARTS: Final = 5  # of a cell on each axis, to which positions of points are rounded
+_PARTS: Final = 5  # parts of a cell per axis, to which points are rounded
 SLACK: Final = 0.01  # m; error of rounded positions
-_ANGLE: Final = math.radians(3)  # between two checked poses of a turn
+_ANGLE: Final = math.radians(3)  # rad between two checked poses of a turn
 _NEAR: Final = 0.5  # m from a path, beyond which clearances are ignored
 # Cells from one centre to the next along each heading; the other half is opposite.
 _AHEAD: Final = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))

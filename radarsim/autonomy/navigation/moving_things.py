@@ -39,19 +39,19 @@ from radarsim.autonomy.navigation.observation import BEHIND, Observation
 from radarsim.geometry import Floats
 
 INTERVAL: Final = 2.0  # s between the compared scans
-LEAST_BEAMS: Final = 3  # that have to end on a moving object
+LEAST_BEAMS: Final = 3  # beams that have to end on a moving object
 SPEED: Final = 0.3  # m/s; assumed speed of the robot
-HORIZON: Final = 4.0  # s of prediction
+HORIZON: Final = 4.0  # s for which motion is predicted
 MORE: Final = 2.5  # m beyond the reach of the bumpers in which motion is detected
 LEAST_TRACK: Final = 0.5  # s of tracking before the velocity is known
 PAUSE: Final = 1.0  # s without motion before the robot drives on
 CONFIRMED_WITHIN: Final = 1.0  # s within which a second scan has to confirm the motion
 PATIENCE: Final = 15.0  # s of waiting before the robot drives on anyway
-IMPATIENCE: Final = 5.0  # s after that in which the robot does not wait
-SEEN_COMING: Final = 2.0  # m beyond that range, for approaching objects
-MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s of prediction for a meeting
-KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s of prediction for paths
-HEAD_ON: Final = math.cos(math.radians(45))  # least; against the robot's heading
+IMPATIENCE: Final = 5.0  # s after waiting in which the robot does not wait again
+SEEN_COMING: Final = 2.0  # m beyond ``MORE`` in which approaching objects are seen
+MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s; predicted times of a meeting
+KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s; predicted times that paths avoid
+HEAD_ON: Final = math.cos(math.radians(45))  # least cosine of a head-on approach
 BESIDE_IT: Final = 0.6  # m to one side of the object that paths keep clear as well
 STRAIGHT_AT: Final = 0.1  # m off the robot's centre that counts as head-on
 ASIDE: Final = 0.3  # m beyond the safety distance in which an object approaches
@@ -59,7 +59,7 @@ REMEMBERED: Final = 0.5  # s for which an unseen object's motion is extrapolated
 ONE_THING: Final = 1.5  # m; a wider group of points is more than one object
 BACK_SPEED: Final = 0.3  # m/s away from an object that has driven into the robot
 RECENT: Final = 30.0  # s after a motion in which the robot backs off
-MOVED_NEAR: Final = 0.5  # m between that motion and the obstacle to back off from
+MOVED_NEAR: Final = 0.5  # m between an earlier motion and the obstacle to back off from
 # m and rad between the compared scans of a standing robot
 STOOD: Final = (0.05, 0.05)
 
@@ -82,7 +82,7 @@ class Waiting:
         self._seen: deque[tuple[float, complex]] = deque()
         self._ahead = 1.0  # 1 or -1: whether the robot drives forward or backward
         self._moved = -math.inf  # s; when an object last moved into the path
-        self._crossed = -math.inf  # s; when the last such scan came
+        self._crossed = -math.inf  # s; when a scan last showed such an object
         # times and positions of motion while the robot stood, s and m, map frame
         self._motions: deque[tuple[float, complex]] = deque()
         self._since = math.inf  # s; since when the robot waits

@@ -50,15 +50,15 @@ from radarsim.protocol.reports import (
 )
 
 ECHO_WAIT: Final = 0.5  # s without echoes, after which ranges are used alone
-BEHIND: Final = 0.25  # m; a beam this much longer than the distance passes the position
+BEHIND: Final = 0.25  # m; a beam that is longer by this passes a position
 _BESIDE: Final = 0.3  # m from a position to the beams that look at it
-_LEAST_SPREAD: Final = math.radians(2.5)  # least angle to these beams
+_LEAST_SPREAD: Final = math.radians(2.5)  # least angle from a position to such beams
 _AIR: Final = "rain"  # an echo kind that blocks no robot
 # Side beams of a radar see the end of a wall next to the beam, with a different error
 # from each side. So a scan match with few points is off by that error, and an INS is
 # better over a few metres where there is little to see.
-INS_DRIFT: Final = 0.03  # as a fraction of the motion
-INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad
+INS_DRIFT: Final = 0.03  # drift as a share of the motion
+INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad; noise at rest
 JUMP: Final = (0.1, 0.03)  # m and rad; after smaller corrections stored scans still fit
 POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
     PoseSource.INS: Ins,
@@ -396,6 +396,6 @@ class ObservationBuilder(ScanReader):
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # compares the previous scan's pose, which only the correction has moved
+            # The previous scan's pose is compared, which only the correction has moved.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose

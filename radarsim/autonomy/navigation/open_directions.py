@@ -14,10 +14,10 @@ from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.geometry import Floats, Point
 
 HORIZON: Final = 10.0  # m; points farther away are ignored
-MOST_DIRECTIONS: Final = 720  # that are computed; all beams still count as obstacles
+MOST_DIRECTIONS: Final = 720  # directions computed; all beams still count as obstacles
 JUMP: Final = 0.5  # m between neighbouring directions, where an obstacle ends
 PAST: Final = 0.3  # m from the end of an obstacle to its edge point
-TOO_NEAR: Final = 0.1  # m within the safety distance that ahead has to stay free
+TOO_NEAR: Final = 0.1  # m less than the safety distance to keep free ahead
 _FACING: Final = math.cos(math.radians(60.0))  # towards a touched point
 _PLACES: Final = 20  # checked per direction by ``place_nearer_than``
 _STEP: Final = 0.15  # m; length of the step in ``leads_too_near``

@@ -1,8 +1,8 @@
 """Path planning: follow the cheapest path to the goal on a grid of seen obstacles.
 
 Unseen cells count as open, so paths are as short as possible, and are planned again
-while the robot drives. No path exists if the grid has none, also none around its area,
-after the robot has stood and looked for a moment.
+while the robot drives. The planner gives up if neither the grid nor its surroundings
+have a path, after the robot has stood and looked for a moment.
 
 Paths are planned for a disc, which keeps the safety distance. Once it is certain that
 no such path leads to the goal, the robot follows paths of its footprint from positions
@@ -46,7 +46,7 @@ INTERVAL: Final = 0.5  # s between two plans
 LOOKAHEAD: Final = 2.0  # m of a path that a straight line may cut short
 SURE_AFTER: Final = 5.0  # s without a path after which none exists
 NEARER: Final = 10.0  # times the cost, for cells nearer to an obstacle than the robot
-PAUSE: Final = 2.0  # s; after a longer gap a new look begins
+PAUSE: Final = 2.0  # s; after a longer gap the wait for a path restarts
 APART: Final = (0.3, 0.3)  # m and rad between two stored scans
 DOUBT: Final = 5.0  # times the cost of a step through a possible image
 MOST_DOUBTED: Final = 200.0  # s on such paths to a goal, so that each run ends
@@ -62,7 +62,7 @@ class PathPlanning(Controller):
         self._scans: list[Observation] = []  # to rebuild the grid
         self._cost: Floats = np.zeros((0, 0))
         self._path: Floats = np.zeros((0, 2))
-        self._planned = -math.inf  # s
+        self._planned = -math.inf  # s; time of the last plan
         self._hopeless_since: float | None = None  # s; since when no path exists
         self._looked_at = -math.inf  # s; time of the last plan without a path
         # positions of an approaching object, (M, 2) m, map frame
@@ -204,7 +204,7 @@ class PathPlanning(Controller):
         return STOP
 
     def _plan_footprint(self, observation: Observation) -> bool:
-        """Plan a path of the footprint if the last one is blocked; return success."""
+        """Plan a path of the footprint if needed; return whether there is one."""
         assert self._grid is not None
         assert self._footprint is not None
         points = np.vstack([self._grid.points, observation.blocking_points()])

@@ -35,11 +35,11 @@ from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2
 
 START_NOISE: Final = 0.05  # m; noise of the distance of obstacles at the start
-GOAL_NOISE: Final = 0.1  # m; the same at the goal, seen from afar
+GOAL_NOISE: Final = 0.1  # m; noise of the distance of obstacles at the goal
 DRIFT: Final = 0.005  # m of goal position error for each m of path
 GOAL_IN_SIGHT: Final = 1.5  # m; goals within this distance are checked
 STANDING_AFTER: Final = 4.0  # s of an obstacle near the goal, after which it stands
-_PLACE: Final = 0.15  # m within which it is the same obstacle
+_PLACE: Final = 0.15  # m between two sightings of the same obstacle
 
 
 def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
@@ -111,8 +111,7 @@ class ClearanceCheck:
 
         Raises:
             TooNearError: If an obstacle is closer to the start than the safety
-            distance,
-                or stands that close to the goal.
+                distance, or stands that close to the goal.
         """
         is_first = self.trip.start is None
         self.trip.add(observation)
@@ -228,7 +227,8 @@ class Navigator:
         """Drive until the controller is done, and leave the robot standing.
 
         Args:
-            mission: Its time limits, and whether the start pose is the last goal.
+            mission: The mission, with its time limits and whether to return to the
+                start.
             observe: Called at every scan, after the motion command.
 
         Raises:
@@ -279,7 +279,7 @@ class Navigator:
             controller.reconsider(scan.pose, self._corrected)
         observation = touches.places.hide(self._transient.add_to(scan))
         self._clearance.check(observation, controller.goal)
-        # called at every scan, since it compares scans
+        # Waiting compares scans, so it is called at every scan.
         has_to_wait = waiting.has_to_wait(
             observation, self._twist, observation.ranges < scan.ranges
         )

@@ -63,7 +63,7 @@ DRIVEN: Final = 2.0  # times the path length plus 1 m, for which progress may fa
 NEARER: Final = 0.2  # m closer to the goal than the boundary, to leave it
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
 ARRIVED: Final = 0.3  # m from a target position, within which it is reached
-AGAIN: Final = 0.5  # m from the last leave point, within which it follows on
+AGAIN: Final = 0.5  # m from the last leave point; the boundary is followed again
 MOST_ALIGNING: Final = 8.0  # s; time for a full turn
 _SURE: Final = 3  # scans in a row before leaving; a single scan may miss a pane
 _SAME: Final = 0.7  # m between two sightings of the same edge
@@ -223,7 +223,7 @@ class TangentBug(BoundaryController):
         if way < self._way - SHORTER:
             self._way, self._driven = way, 0.0
         if self._driven > DRIVEN * (self._way + 1.0):
-            # so the robot leaves the boundary only for a position closer to the goal
+            # The robot then leaves the boundary only for a position closer to the goal.
             self._left_at = min(self._left_at, self._goal_distance(pose))
             return False
         if way <= self._shortest_way + LONGER:

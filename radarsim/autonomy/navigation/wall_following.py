@@ -16,7 +16,7 @@ robot keeps to the middle, if that is the safety distance from both sides.
 Rule 1: everything is computed for a boundary on the left and a robot that goes forward.
 For the other side the scan is mirrored, and for going backward it is rotated by pi.
 Rule 2: the boundary is where the nearest beam ends, not the nearest share of beams: the
-end of a thin wall returns no more than one or two.
+end of a thin wall reflects no more than one or two beams.
 Rule 3: obstacles ahead are judged in the direction of the next step, not in the
 direction that the robot faces: of all directions in which the next step is clear, the
 closest to the boundary's direction is chosen. So the robot does not oscillate in
@@ -55,7 +55,7 @@ from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.geometry import Floats, Point, wrap_angle
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m beyond the target distance
-MAX_TURN = 0.8  # rad
+MAX_TURN = 0.8  # rad; largest correction of the heading
 HEADING_STEP = math.radians(5.0)  # between the tested directions
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
@@ -325,7 +325,7 @@ class BumperWallFollower(WallFollower):
 
     _is_turning = False
     _is_in_corner = False  # whether the side was pressed when the turn began
-    _turned = 0.0  # rad since the turn began
+    _turned = 0.0  # rad; angle turned since the turn began
     _yaw = 0.0  # rad; of the last step
 
     def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:

@@ -57,12 +57,12 @@ SHADES: Final = np.array(
 )
 _TRUTH: Final[dict[str, Any]] = {"color": TRUTH, "linewidth": 0.9}
 _WIDEST, _TALLEST = 900, 760  # pixels; largest size of a panel
-_LARGEST_CELL: Final = 6  # pixels
+_LARGEST_CELL: Final = 6  # pixels; largest side of a cell
 _MUCH: Final = 4.0  # times the sensed area; a larger scene is not shown whole
 _LARGEST_SCENE: Final = 40.0  # m; longest side of a scene that a film shows whole
 _FILM_EDGE: Final = 0.5  # m around the first extent of a film
-_EDGE: Final = 0.2  # m around the extent
-_MOST_NAMES: Final = 15  # of objects; more objects get no names
+_EDGE: Final = 0.2  # m around a scene
+_MOST_NAMES: Final = 15  # most objects that are named; with more, none is
 _LETTER: Final = 0.65  # width of a letter, relative to the height of the text
 # Sides for the label of the start, the best first: horizontal and vertical.
 _SIDES: Final = ((0, 1), (0, -1), (-1, 0), (1, 0))

@@ -234,7 +234,7 @@ class Panels:
         sides = (_WEST, _GAP, _EAST) if self._numbers else (_EAST, _EAST, _EAST)
         west, gap, east = (self._pixels(each) for each in sides)
         inner = west + count * across + (count - 1) * gap + east
-        beyond = max(0, math.ceil(self._widest) - across)  # width of the title outside
+        beyond = max(0, math.ceil(self._widest) - across)  # title width over the panel
         width = _even(max(inner + 2 * beyond, narrowest, _NARROWEST))
         bottom = self._pixels(_TICKS if self._numbers else 1.0) + legend_height
         height = _even(bottom + up + self._top)

@@ -28,7 +28,7 @@ from radarsim.plotting.palette import FOLLOWING, GOING, MARKER, PAPER, TARGET
 from radarsim.plotting.style import HALO, figure_of
 from radarsim.robots.obstacles import area_within
 
-FAINTEST, STRONGEST = 0.12, 0.5  # opacity at one and at most beam ends
+FAINTEST, STRONGEST = 0.12, 0.5  # opacity at one beam end, and at the most
 _BLOCK: Final = 3  # cells along a side of the square of a dot
 _LEAST, _MOST = 0.2, 0.5  # diameter of a dot, relative to its square
 _SAMPLE: Final = 7.0  # points; size of a cell in the legend
