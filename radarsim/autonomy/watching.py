@@ -115,8 +115,8 @@ class RobotWatcher:
                     self._is_watching = True
                     transport.send(self._question(questions.geometry, ROBOT))
                 case CommandError(text):
-                    # GEO is rejected for a missing robot, which has left or has not
-                    # been spawned yet.
+                    # GEO is rejected for a missing robot, which
+                    # has left or has not been spawned yet.
                     if self._has_seen:
                         return True
                     self._wait(text)

@@ -80,8 +80,8 @@ def map_(
     """
     _check_combination(where, plan)
 
-    # Imported late, so that invalid options are reported at once: numpy and plots are
-    # slow.
+    # Imported late, so that invalid options are
+    # reported at once: numpy and plots are slow.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 

@@ -141,7 +141,7 @@ def as_text(run: NavigationRun) -> list[str]:
 
 
 def _judged_goal(mission: Mission) -> str:
-    """Return the last goal in words, for the true distance from it."""
+    """Return the goal of the true distance in words."""
     if mission.return_to_start:
         return "its start"
     return "the last goal" if len(mission.goals) > 1 else "the goal"
@@ -168,7 +168,7 @@ def view_of(run: NavigationRun) -> RunView:
 
 
 def headline(run: NavigationRun) -> str:
-    """Return the algorithm and its activity or outcome in words, as a title."""
+    """Return the title of a run: the algorithm, its outcome, and the map."""
     if run.error == INTERRUPTED:
         return f"{_title(run)}, interrupted"
     return _title(run, TITLES.get(run.outcome, "fails"))

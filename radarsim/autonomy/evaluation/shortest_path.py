@@ -66,8 +66,8 @@ class _Search:
             # A shortest path bends only around convex corners of obstacles.
             bends = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] > 0
             rows.append((points[bends], before[bends], behind[bends]))
-        # (N, 2) m: corners, and vectors to the previous and the next corner of the
-        # boundary
+        # (N, 2) m: corners, and vectors to the
+        # previous and the next corner of the boundary
         self._points, self._before, self._behind = map(
             np.concatenate, zip(*rows, strict=True)
         )
@@ -101,8 +101,8 @@ class _Search:
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)
         (others,) = np.nonzero(lengths < self._lengths)
-        # A shortest path bends only around corners, so other lines skip the slow
-        # visibility test.
+        # A shortest path bends only around corners, so
+        # other lines skip the slow visibility test.
         others = others[self._pass(lines[others], corner)]
         others = others[self._pass(lines[others], others)]
         ends = points[others]

@@ -118,8 +118,8 @@ def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel
     # because of high memory use.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
     with TemporaryDirectory(prefix="radarsim-") as folder:
-        # A file instead of a pipe: with a pipe, workers would start one after the
-        # other.
+        # A file instead of a pipe: with a pipe,
+        # workers would start one after the other.
         file = Path(folder) / "prepare.joblib"
         joblib.dump(prepare, file)
         try:

@@ -136,8 +136,8 @@ class ContourStrategy(Strategy):
         # start and last pose of the circuit along one wall
         self._begin: Landmark
         self._last: Pose2
-        # length of the circuit, distance driven without the wall, m, and total turn,
-        # rad
+        # length of the circuit, distance driven
+        # without the wall, m, and total turn, rad
         self._length = self._lost = self._turn = 0.0
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:

@@ -137,8 +137,8 @@ class PathFollower:
         """Return the farthest point of the path in a straight open line."""
         path = self._path
         nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
-        # Never the nearest points: a robot that heads for its own position turns
-        # forever.
+        # Never the nearest points: a robot that
+        # heads for its own position turns forever.
         ahead = min(nearest + 2, len(path) - 1)
         chosen = path[ahead]
         for point in path[ahead:]:

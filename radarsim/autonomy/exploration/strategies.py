@@ -33,7 +33,7 @@ from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.plans import StrategyName
 
 MAX_FRONTIERS: Final = 4  # number of times that frontiers may be chosen
-ENCLOSED_SHARE: Final = 0.5  # of the directions that have a return
+ENCLOSED_SHARE: Final = 0.5  # share of directions with a return in an enclosed area
 
 _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]] = {
     StrategyName.CONTOUR: ContourStrategy,
@@ -101,8 +101,8 @@ class AutoStrategy(Strategy):
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
-        # Counts are limited so that it ends, since each strategy may leave floor for
-        # another.
+        # Counts are limited so that it ends, since
+        # each strategy may leave floor for another.
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),

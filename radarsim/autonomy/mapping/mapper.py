@@ -127,7 +127,7 @@ class RebuildableGrid:
         if self._next is None:
             return
         for number, scan in self._scans[self._added : self._added + count]:
-            # in the types that the engine expects
+            # Converted to the types that the engine expects.
             self._add(self._next, number, _converted(scan, np.int64, np.float64))
             self._added += 1
         if self._added == len(self._scans):
@@ -263,9 +263,9 @@ class Mapper(ScanReader):
             self.left_out["no_pose"] += 1
             return None
         if not len(self.trajectory):
-            # An INS starts at its own first pose. Other sources start at the first pose
-            # from an INS or the ground truth, which arrives after the mapper is
-            # created.
+            # An INS starts at its own first pose. Other sources
+            # start at the first pose from an INS or the ground
+            # truth, which arrives after the mapper is created.
             self.slam.start = None if source == "ins" else self._spawn_pose
         time, echoes, lacks_echoes = self._time_and_echoes(report)
         scan = scan_of(self.scanner, replace(report, time=time), echoes)

@@ -193,8 +193,8 @@ class OccupancyGrid:
         angles = scan.angles + (pose.yaw + scan.mount.yaw)
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         ends = directions * scan.known_range[:, None]
-        # Converted to cells, such numbers would be arbitrary, and the map would grow
-        # there.
+        # Converted to cells, such numbers would be
+        # arbitrary, and the map would grow there.
         if not np.isfinite(ends).all():
             raise ValueError("beams without a direction or an end, expected numbers")
         self._extend(sensor.x, sensor.y, ends)

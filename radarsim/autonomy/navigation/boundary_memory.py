@@ -84,8 +84,8 @@ class Landmark:
         c, s = math.cos(self.direction), math.sin(self.direction)
         before, self._progress = self._progress, c * dx + s * dy
         offset = abs(c * dy - s * dx)
-        # The progress is stored first; otherwise a later step would seem to pass the
-        # point.
+        # The progress is stored first; otherwise a
+        # later step would seem to pass the point.
         if offset > self.max_offset:
             return False
         return before < 0 <= self._progress if onward else before > 0 >= self._progress
@@ -238,9 +238,9 @@ class FollowedBoundary:
         x, y = (points - (pose.x, pose.y)).T
         distances = np.hypot(x, y)
         bearings = np.arctan2(y, x) - pose.yaw
-        # The yaw drifts as a random walk with the turns, by the root of the angle
-        # turned since a point was seen. So beams to all possible bearings of the point
-        # count.
+        # The yaw drifts as a random walk with the turns, by
+        # the root of the angle turned since a point was seen.
+        # So beams to all possible bearings of the point count.
         turned_at = np.array([at for *_, at in self._points])
         turned = self._turned_until(pose.yaw) - turned_at
         spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))

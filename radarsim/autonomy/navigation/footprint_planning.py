@@ -215,8 +215,8 @@ class _PoseGrid:
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
         if not math.isfinite(guide.flat[start]):
             return None
-        # The number of a state is 16 times the number of the cell plus that of the
-        # heading.
+        # The number of a state is 16 times the number
+        # of the cell plus that of the heading.
         parents = np.zeros((rows * columns, len(_HEADINGS)), np.int32)
         state = engine.search_states(
             self._masks, _HEADINGS, _COSTS, *MORE, guide, start, self._goal, parents

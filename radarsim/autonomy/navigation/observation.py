@@ -346,8 +346,8 @@ class ObservationBuilder(ScanReader):
                 self._motion.add(report.time, pose)
         elif isinstance(report, Odometry) and self._start is not None:
             pose = self._start.compose(report.pose)
-        # Stored for the message that proposes other sources if the requested poses
-        # miss.
+        # Stored for the message that proposes other
+        # sources if the requested poses are missing.
         if not isinstance(report, self._pose_report):
             self._others |= {s for s, t in POSE_REPORTS.items() if type(report) is t}
         elif pose is not None:
@@ -379,8 +379,8 @@ class ObservationBuilder(ScanReader):
                 from_centre(lengths, angles[beams], scanner.mount, math.inf)
             )
         bearings, ranges = from_centre(known, angles, scanner.mount, scanner.max_range)
-        # Pressed touch sensors report less often than scans arrive, so they stay
-        # pressed.
+        # Pressed touch sensors report less often
+        # than scans arrive, so they stay pressed.
         touched, self._touched = self._touched, any(self._pressed.values())
         return Observation(time, pose, bearings, ranges, farther, touched)
 

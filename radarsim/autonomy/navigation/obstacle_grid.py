@@ -118,13 +118,13 @@ class ObstacleGrid:
         self._places[rows, columns] = ends[inside]
         is_near = np.hypot(*(ends[inside] - (pose.x, pose.y)).T) < _NEAR
         self._seen_near[rows[is_near], columns[is_near]] = True
-        # A cell where one beam ends and another passes is an edge: its evidence
-        # increases.
+        # A cell where one beam ends and another
+        # passes is an edge: its evidence increases.
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
-        # Evidence is limited, so that old obstacles are soon forgotten, too. A pane
-        # that reappears in a cell may reappear in a neighbouring cell, so cells around
-        # count.
+        # Evidence is limited, so that old obstacles are soon
+        # forgotten, too. A pane that reappears in a cell may
+        # reappear in a neighbouring cell, so cells around count.
         closings = ndimage.maximum_filter(self._closings, 2 * _AROUND + 1)
         change[passed & ~met & (closings >= _STAYS_CLOSED)] = 0
         was_open = self._evidence <= 0

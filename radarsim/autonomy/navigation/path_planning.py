@@ -139,8 +139,8 @@ class PathPlanning(Controller):
             self._path[-1] = goal
             self._follower = None
             return
-        # A footprint plan takes long, so a doubting robot makes one only before it
-        # gives up.
+        # A footprint plan takes long, so a doubting
+        # robot makes one only before it gives up.
         is_due = since is None or self._follower is not None
         if self._is_narrow and is_due and self._plan_footprint(observation):
             return
@@ -219,7 +219,7 @@ class PathPlanning(Controller):
         return path is not None
 
     def _outside(self, points: Floats, pose: Pose2) -> Floats:
-        """Return the points outside the footprint; points inside are errors or gone."""
+        """Return the points outside the footprint; inside points are outdated."""
         assert self._footprint is not None
         here = np.array([[pose.x, pose.y, pose.yaw]])
         outside: Floats = points[self._footprint.distances(points, here)[0] > 0]
@@ -231,8 +231,8 @@ class PathPlanning(Controller):
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
         within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
-        # Never the nearest points: a robot that heads for its own position turns
-        # forever.
+        # Never the nearest points: a robot that
+        # heads for its own position turns forever.
         chosen = ahead[min(2, len(ahead) - 1)]
         for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):

@@ -38,7 +38,7 @@ START_NOISE: Final = 0.05  # m; noise of the distance of obstacles at the start
 GOAL_NOISE: Final = 0.1  # m; noise of the distance of obstacles at the goal
 DRIFT: Final = 0.005  # m of goal position error for each m of path
 GOAL_IN_SIGHT: Final = 1.5  # m; goals within this distance are checked
-STANDING_AFTER: Final = 4.0  # s of an obstacle near the goal, after which it stands
+STANDING_AFTER: Final = 4.0  # s near the goal, after which an obstacle stands
 _PLACE: Final = 0.15  # m between two sightings of the same obstacle
 
 
@@ -259,8 +259,8 @@ class Navigator:
                     break
                 stuck_detector.check(observation, self._twist)
         finally:
-            # Robots keep their wheel speeds, so the robot is also stopped after an
-            # error.
+            # Robots keep their wheel speeds, so the
+            # robot is also stopped after an error.
             self._client.stop()
         return Result(
             outcome=controller.activity.value if controller.is_done else "failed",

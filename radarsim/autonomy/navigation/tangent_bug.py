@@ -203,8 +203,8 @@ class TangentBug(BoundaryController):
         offsets = edges - (pose.x, pose.y)
         ways += np.hypot(*offsets.T)
         if self._edge is not None:
-            # along an obstacle, an edge ahead and an edge behind may be close to each
-            # other
+            # along an obstacle, an edge ahead and an
+            # edge behind may be close to each other
             is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
             is_near = np.hypot(*(edges - self._edge).T) < _SAME
             ways -= KEPT * (is_near & is_ahead)
@@ -339,8 +339,8 @@ class TangentBug(BoundaryController):
         # The limit belonged to a boundary that has gone, or to a different one.
         self._left_at = math.inf
         twist = self._leave(observation, self.goals[0])
-        # The next hit may be the same obstacle, which is followed on the other side
-        # then.
+        # The next hit may be the same obstacle,
+        # which is followed on the other side then.
         self._left = None
         hand = self._boundary.follower.wall_on_left
         self._last_hand = hand if is_other else None

@@ -67,7 +67,7 @@ _LOST_MARGIN = 0.1  # m beyond the band; a farther boundary is lost
 _STEP_TOLERANCE = 0.02  # m of tolerance when a step is checked
 _EQUAL_RANGE = 0.05  # m between ranges that count as equally near
 _AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; directions to keep free
-_AWAY: Final = 0.5  # of the highest turn rate, away from a side that is too near
+_AWAY: Final = 0.5  # share of the highest turn rate, away from a side that is too near
 
 
 class WallFollower:
@@ -145,8 +145,8 @@ class WallFollower:
             return self._twist(speed, speed / self.target_distance), False
         # Rule 3: obstacles are judged in the direction of the next step.
         heading = self._clear_heading(view, self._along(view, *boundary))
-        # The robot faces its direction, and yet a bumper there is too near, so it would
-        # stand forever.
+        # The robot faces its direction, and yet a bumper
+        # there is too near, so it would stand forever.
         is_too_near = self.bumpers.towards(view, 0.0).too_near
         if abs(heading) < ALIGNED and is_too_near:
             heading = self._way_out(view, heading)

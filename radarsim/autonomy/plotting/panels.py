@@ -132,8 +132,8 @@ class Panels:
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
         """Place a legend below the panels, in as many lines as it needs."""
-        # The size of a legend is known only after drawing, so wide ones are tried
-        # first.
+        # The size of a legend is known only after
+        # drawing, so wide ones are tried first.
         for columns in range(len(rows), 0, -1):
             legend = self.figure.legend(
                 handles=list(rows),
