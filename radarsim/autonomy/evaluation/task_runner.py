@@ -75,7 +75,7 @@ def run_tasks(
         left = groups.pop()
         begun: list[int] = []
         try:
-            # Processes are created anew, since a broken pool would keep unsent tasks
+            # New processes are created, since a broken pool would keep unsent tasks
             # and start processes without preparation.
             with _processes(workers, prepare) as parallel:
                 for result in _run_together(parallel, function, left, begun):
