@@ -184,7 +184,7 @@ class CallConverter:
         self, connection: _Connection, data: bytes, time: float
     ) -> Iterator[TopicMessage]:
         """Yield the motion that each drive command in the bytes asks for."""
-        # A host stops to read after a line that is too long, too.
+        # A host also stops reading after a line that is too long.
         if connection.commands.overflow is not None:
             return
         for line in connection.commands.feed(data):

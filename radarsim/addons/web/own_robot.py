@@ -81,7 +81,7 @@ class OwnRobot:
         await first_of(self._read(), self._send())
 
     def leave_sensors(self, on: bool) -> None:
-        """Ignore sensor lines while no task reads them, or stop to ignore them."""
+        """Switch on or off that sensor lines are ignored while no task reads them."""
         # While all robots are watched, each line arrives twice; parsing both copies
         # would take most of the commander's time.
         self._are_sensors_left = on
