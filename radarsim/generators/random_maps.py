@@ -37,7 +37,7 @@ class Block:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distances of points, (N, 2) m, from it, (N,) m; 0 inside."""
+        """Return distances of points, (N, 2), m, from the solid, (N,), m; 0 inside."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         along = (points - (self.x, self.y)) @ np.array([[c, -s], [s, c]])
         outside = np.abs(along) - (self.length / 2, self.width / 2)
@@ -45,7 +45,7 @@ class Block:
         return distances
 
     def as_yaml(self) -> str:
-        """Return its keys in a map file."""
+        """Return the keys of the solid in a map file, as YAML."""
         size = f"[{self.length:.3f}, {self.width:.3f}, {HEIGHT}]"
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"box: {size}, position: {place}, yaw_deg: {math.degrees(self.yaw):.3f}"
@@ -61,13 +61,13 @@ class Disc:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distances of points, (N, 2) m, from it, (N,) m; 0 inside."""
+        """Return distances of points, (N, 2), m, from the solid, (N,), m; 0 inside."""
         from_centre = np.hypot(*(points - (self.x, self.y)).T)
         distances: Floats = np.maximum(from_centre - self.radius, 0.0)
         return distances
 
     def as_yaml(self) -> str:
-        """Return its keys in a map file."""
+        """Return the keys of the solid in a map file, as YAML."""
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"cylinder: [{self.radius:.3f}, {HEIGHT}], position: {place}"
 

@@ -1,4 +1,4 @@
-"""A robot in this process, which method calls drive and whose readings they return.
+"""A robot that a program in the same process drives and reads by method calls.
 
 The robot is a client of a host, like the clients of a server: commands are encoded as
 lines, and readings are decoded from lines. Values are therefore the same as over TCP.

@@ -104,7 +104,7 @@ class LocalSimulation:
         self._late_texts: dict[int, list[str]] = {}  # messages, while a robot spawns
         self._noted: list[Moment] = []
         self._interval = NOTED_TICKS
-        self._redraw: Callable[[], bool] | None = None  # of ``show``
+        self._redraw: Callable[[], bool] | None = None  # set by ``show``
         self._drawn = 0  # tick of the last update in ``step``
         self._thread: ServerThread | None = None
         self._ticked = threading.Condition()
@@ -420,7 +420,7 @@ class LocalSimulation:
         if self.host.simulation.ticks % self._interval == 0:
             self._noted.append(self._moment())
             if len(self._noted) > MOST_MOMENTS:
-                self._noted = self._noted[1::2]  # doubles the interval
+                self._noted = self._noted[1::2]  # drops every second moment
                 self._interval *= 2
         with self._ticked:
             self._ticked.notify_all()

@@ -72,7 +72,7 @@ class GoToSettings:
             map's trial; or x and y, m.
         decision_period: Simulated time between two decisions, s.
         beam_values: Further observations of each beam: ``power``, the share of
-            penetration power that remains at its range, and ``rays``, its nearest ray.
+            penetration power left at its range, and ``rays``, the ray that gave it.
         max_steps: Number of decisions after which an episode is truncated.
         ends_at_collision: Whether an episode terminates when the robot touches
             something.

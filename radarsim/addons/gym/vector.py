@@ -27,7 +27,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
     """N environments of ``GoToEnv`` in one scene, whose scans are computed together.
 
     Robots neither see nor touch each other, so each behaves as in a separate
-    environment, in which the seed is that of ``reset`` plus its index. After the end of
+    environment. The seed of environment i is that of ``reset`` plus i. After the end of
     an episode, the next step starts a new episode and ignores the action.
     """
 

@@ -51,7 +51,7 @@ _Start = Annotated[tuple[float, float, float], Form("X,Y,YAW_DEG", _read_start)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """What files of other programs do not say.
+    """Options of an import, for information that the file lacks.
 
     Attributes:
         start: Pose of the start; by default where a plan has most room, else the
@@ -134,7 +134,7 @@ def import_(
 
 
 def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
-    """Write a map, and its meshes into a new folder; undo all if one of them fails."""
+    """Write a map, and its meshes into a new folder; on an error, write nothing."""
     with raise_on_signals(), ExitStack() as undo:
         try:
             if imported.meshes:

@@ -65,7 +65,7 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     file, keys = _read(path)
     line = int(file.place(["image"]).rsplit(":", 2)[1])
     folders = (path.parent, *options.model_path)
-    # An absolute path may be of another machine, so only the file name is searched too.
+    # The path may be of another machine, so the bare file name is searched as well.
     name = PurePath(keys.image).name
     picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:

@@ -26,7 +26,7 @@ MAX_LEVELS: Final = 100  # of nested models and includes
 MAX_INCLUDED: Final = 2_000_000  # elements of all includes together
 NEWEST: Final = (1, 12)  # version of SDFormat; newer files are the last choice
 LEFT_OUT: Final = ("road", "population", "actor")  # elements of a world
-# URI schemes that Gazebo searches in its resource folders; here, in --model-path.
+# URI schemes of files in Gazebo's resource folders, which --model-path replaces.
 SEARCHED: Final = ("model://", "package://", "file://")
 # Common models that are not needed: robots drive at z = 0, scanners need no light.
 _NOT_NEEDED: Final = re.compile(r".*/(sun|ground[ _]plane)(/[0-9]+|/tip)?")

@@ -48,7 +48,7 @@ _SECTION: Final = re.compile(r"\[(?:\w+\.)?(\w+)\]")
 _KEY: Final = re.compile(r"[+.!-]?(\w+)\s*=\s*(.*)")
 # Tokens: quoted texts, class names, field names, parentheses and tabs.
 _TOKEN: Final = re.compile(r"\"[^\"]*\"|\w*'([^']*)'|(\w+)\s*=|[()\t]")
-_SIGNS: Final = {"(": "{", ")": "}", "\t": " "}  # in YAML
+_SIGNS: Final = {"(": "{", ")": "}", "\t": " "}  # replacements in YAML
 
 Struct: TypeAlias = dict[str, Any]  # texts and structs by names in lower case
 Sections: TypeAlias = dict[str, list[tuple[int, str, str]]]  # lines: number, key, value

@@ -124,7 +124,7 @@ class TurnCollector:
         self._rows: list[NDArray[np.uint8]] = []
 
     def take(self, sector: Sector, time: float) -> None:
-        """Add the received power of adjacent azimuths; the first is at a time, s."""
+        """Add the received power of a sector, whose first azimuth is at ``time``, s."""
         settings = sector.spectrum.settings
         if sector.first == 0:
             self._began = time

@@ -29,7 +29,7 @@ MAP_INTERVAL: Final = 1.0  # s between two recorded maps
 
 @dataclass(frozen=True, slots=True)
 class RecordOptions:
-    """Options of ``radarsim serve``.
+    """Options of ``radarsim serve`` for recordings.
 
     Attributes:
         record: Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'

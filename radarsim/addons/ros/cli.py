@@ -30,7 +30,7 @@ CLIENTS: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BridgeOptions:
-    """How programs of ROS reach the bridge.
+    """Options for the protocol and address on which ROS programs reach the bridge.
 
     Attributes:
         bridge: JSON over a WebSocket, for roslibpy and roslib (JavaScript); the
@@ -57,7 +57,7 @@ class BridgeOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicOptions:
-    """Which topics there are, and how they are named.
+    """Options that select the topics, and set their names.
 
     Attributes:
         map: Map this robot, and publish the map each second.

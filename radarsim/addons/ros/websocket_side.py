@@ -120,7 +120,7 @@ class WebSocketSide:
 
 
 async def _send(socket: WebSocket, client: BoardClient, news: asyncio.Event) -> None:
-    """Send the queued messages of a client, for ever."""
+    """Send the queued messages of a client until cancelled."""
     while True:
         await news.wait()
         news.clear()

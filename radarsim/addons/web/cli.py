@@ -90,7 +90,7 @@ class ShownServer(ServerOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageOptions:
-    """The page.
+    """Options of the web page.
 
     Attributes:
         web: Port of the web page; 0 takes a free one.
@@ -144,7 +144,7 @@ def commander(
     if page.record_to.is_file():
         text = f"{page.record_to} is a file, expected a folder"
         raise click.BadParameter(text, param_hint="--record-to")
-    with cure_of_port({OPTION: page.web}):  # before imports that take long
+    with cure_of_port({OPTION: page.web}):  # checked before slow imports
         check_port(page.web_host, page.web)
     from radarsim.addons.web.program import serve_page
     from radarsim.server.web_server import LOOPBACK, make_token

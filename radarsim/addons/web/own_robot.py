@@ -81,7 +81,7 @@ class OwnRobot:
         await first_of(self._read(), self._send())
 
     def leave_sensors(self, on: bool) -> None:
-        """Switch on or off that sensor lines are ignored while no task reads them."""
+        """Ignore sensor lines while no task reads them, if ``on``; else read all."""
         # While all robots are watched, each line arrives twice; parsing both copies
         # would take most of the commander's time.
         self._are_sensors_left = on
@@ -129,7 +129,7 @@ class OwnRobot:
 
     def set_wheels(self, left: float, right: float) -> None:
         """Set wheel speeds in the server's unit; send them if they change, or are 0."""
-        # Only a stop is always sent, so that the robot never drives on.
+        # For safety, a stop is sent even if the speeds are 0 already.
         if (left, right) != self._wheels or not (left or right):
             self._wheels = (left, right)
             self._post("wheels", lambda: self._client.drive(left, right))

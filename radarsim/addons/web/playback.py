@@ -157,7 +157,7 @@ class RecordedLines:
 
 
 def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
-    """Find robots by the commands that spawned them; ``end`` is that of the run, s."""
+    """Find robots by the commands that spawned them; the run ends at ``end``, s."""
     robots: list[RecordedRobot] = []
     current: dict[int, int] = {}  # index of a client's newest robot
     taken: set[str] = set()
@@ -191,7 +191,7 @@ def _unique(name: str, taken: set[str]) -> str:
 
 
 class Playback(Link):
-    """A link to a recording, whose time is controlled."""
+    """A link to a recording; browsers control its time."""
 
     refusal = ""
 

@@ -26,7 +26,7 @@ MESSAGES_PER_SECOND = 50
 
 Text: TypeAlias = Annotated[str, Field(max_length=200)]
 RobotName: TypeAlias = Annotated[str, Field(min_length=1, max_length=210)]
-# Names that fit into a line of the protocol, also in a list of names with commas.
+# Names that can be written on a line of the protocol, even in a list with commas.
 OwnName: TypeAlias = Annotated[
     str, Field(pattern=r"^[!-+\--z|~]([ -+\--z|~]{0,62}[!-+\--z|~])?$")
 ]

@@ -25,7 +25,7 @@ from radarsim.protocol.reports import (
 )
 from radarsim.simulation.config import SimulationConfig
 
-MOST_ROBOTS: Final = 100  # of the commander
+MOST_ROBOTS: Final = 100  # that the commander spawns
 MOST_VIEWS: Final = 2000  # known robots; a server has at most 1024
 ANSWER: Final = 5.0  # s; timeout for an answer of the server
 SPAWN_TIMEOUT: Final = 120.0  # s; a server may be busy
@@ -34,7 +34,7 @@ LONG_WAIT: Final = 4.0  # s of spawning, after which a browser is sent the reaso
 
 
 class Robots:
-    """Robots by name.
+    """The robots of a server by name; spawns and removes those of the commander.
 
     Attributes:
         views: The state of each robot.

@@ -14,7 +14,7 @@ from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.scene import Part, Scene
 
 HEIGHT: Final = 0.346  # m; height of the scanner of a P3AT above the floor
-_DIGITS: Final = 6  # line ends are rounded, so that lines that meet share an end
+_DIGITS: Final = 6  # of rounded line ends, so that adjacent lines share an end
 _SENT_DIGITS: Final = 3  # coordinates are sent in whole millimetres
 
 
@@ -25,8 +25,8 @@ class SceneMessages:
         plan: The message ``scene``, as JSON.
         triangles: The message ``triangles``, as JSON.
         materials: A legend of the materials of the map.
-        safety_distance: Distance from objects that a radar detects for which the map
-            is designed, m; None if the map states none.
+        safety_distance: Distance between robot centres and detected objects for which
+            the map is designed, m; None if the map states none.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -26,8 +26,8 @@ log = logging.getLogger("radarsim.commander")
 
 UNCONNECTED: Final = "not connected yet"
 RETRY: Final = 1.0  # s between two attempts to connect
-ASK_AGAIN: Final = 5.0  # s after the server has refused to be watched
-ANSWER: Final = 5.0  # s that the server has to answer
+ASK_AGAIN: Final = 5.0  # s before the next request, if the server refuses to be watched
+ANSWER: Final = 5.0  # s; timeout for an answer of the server
 FOREIGN: Final = (
     "this page has not started the server; 'radarsim serve MAP --web PORT' has a page"
     " that can"
@@ -122,7 +122,7 @@ class Link:
         """
 
     async def run(self) -> None:
-        """Call the callbacks with reports and changes, for ever."""
+        """Call the callbacks with reports and changes until cancelled."""
 
     def _set_pace(self, speed: float, is_paused: bool) -> None:
         if (speed, is_paused) != (self.speed, self.is_paused):
@@ -142,7 +142,7 @@ class ServerLink(Link):
         self._asking: asyncio.Task[None] | None = None  # the newest request
 
     async def run(self) -> None:
-        """Keep the connection open for ever."""
+        """Keep the connection open until cancelled."""
         while True:
             try:
                 await self._connect()

@@ -135,7 +135,7 @@ class Viewers:
             self._timer = self._loop.call_at(due, self._send_frames)
 
     def acknowledge(self, viewer: Viewer) -> None:
-        """Note that a viewer has shown its last frame; send a newer one, if any."""
+        """Mark a viewer as ready, and send a newer frame, if there is one."""
         viewer.is_ready = True
         self.catch_up(viewer)
 
