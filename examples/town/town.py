@@ -41,8 +41,8 @@ LANE: Final = 1.0  # m from the middle of a street to where robots start
 START_STEP: Final = 15.0  # m between starts along a street
 LAST_START: Final = 6  # of these steps from the middle of the map
 
-# What ground returns, dB: estimates for 77 GHz, 8 dB below what is recalled for the W
-# band, -12 to -15 dB for grass, so that as little of it shows as in images of RADIATE.
+# What ground returns, dB: estimates for 77 GHz, 3 to 6 dB below what is recalled for
+# grass in the W band, -12 to -15 dB, so that about as much shows as in real images.
 GROUND: Final = {
     "lawn": -18.0,
     "rough_grass": -15.0,
@@ -210,7 +210,7 @@ def _add_block(site: Site, block: Block) -> None:
         _add_rows(site, block)
     elif kind == "park":
         for _ in range(14):
-            add_tree(site, _somewhere(site, block, 10.0), 7.0)
+            add_tree(site, _somewhere(site, block, 9.5), 7.0)
             add_bush(site, _somewhere(site, block))
     else:
         _add_car_park(site, block)
@@ -271,8 +271,8 @@ def _add_garden(
             if site.happens(0.7):
                 back = site.between(-deep + 1, -behind - 1)
                 add(site, lot.moved(back, site.between(-width / 2, width / 2)))
-    if site.happens(0.3):
-        add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)), 2.5)
+    if site.happens(0.5):
+        add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)), 3.3)
     if site.happens(0.25):
         add_car(site, lot.moved(-3, width / 2 - 1.5))
 
@@ -305,14 +305,14 @@ def _add_street(site: Site, start: Frame, crossings: list[float]) -> None:
         for side in (-1, 1):
             beside = start.moved(at + SIDE / 2, side * (ROADWAY - 1.0))
             kerb = start.moved(at + SIDE / 2 + 2, side * (ROADWAY + 0.5))
-            if site.happens(0.15):
+            if site.happens(0.2):
                 add_car(site, beside.moved(0, 0, 0 if side < 0 else math.pi))
             if site.happens(0.1):
                 add_lamp(site, kerb)
             elif site.happens(0.1):
                 add_furniture(site, kerb.moved(0, 0, -side * math.pi / 2))
             elif site.happens(0.15):
-                add_tree(site, kerb, 1.4)
+                add_tree(site, kerb, 1.6)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,8 @@
 namespace radarsim::fmcw {
 
 constexpr double RELIEF_STEP = 0.25; // m, between heights of uneven ground
-constexpr double LEVEL = 1e-6; // how far the normal of level ground is off the vertical, at most
+constexpr double FARTHEST = 1e5;     // m, as far as which uneven ground is looked at
+constexpr double LEVEL = 1e-6;       // how far the normal of level ground is off the vertical, at most
 
 struct PartScattering { // a row of scattering.py
     double gamma, glint, narrowness, area, volume, albedo, sway;
@@ -92,7 +93,7 @@ inline double surface_gamma(const PartScattering& part, double cosine) {
 // shares of its view that steps fill are relative to those of level ground, so that the whole view is always full.
 class GroundView {
   public:
-    explicit GroundView(double range) : shares_(floor_of(range / RELIEF_STEP) + 2) {}
+    explicit GroundView(double range) : shares_(floor_of(maximum(minimum(FARTHEST, range), 0.0) / RELIEF_STEP) + 2) {}
     void clear() { shares_.clear(); }
     // Look as far as a distance, m, along the first ray that meets ground in this direction.
     void look(const Scattering& scattering, const Grazing& grazing, double distance) {

@@ -31,6 +31,12 @@ Rays graze level ground over a long way, so that it is treated apart. Open groun
 not end at the edge of the map: a ray that passes over that edge meets it farther on.
 Where it is of several materials, a raster has what it returns at each place: a ray
 stands for ground over many metres, and so for several patches.
+
+Open ground may be uneven: heights whose power density along a line falls with the
+square of the waves per metre, as ISO 8608 describes roads. They are a texture of the
+map, which is repeated after 128 m. Seen from an antenna, each step of ground fills a
+share of the view in elevation, by which the power of level ground is multiplied: what
+rises fills more, and what is hidden behind it nothing.
 """
 
 import math

@@ -123,7 +123,7 @@ def uneven_heights(directions: int, steps: int, roughness: float) -> Floats:
 
 
 @pytest.mark.parametrize("distance", [10, 20, 40])
-def test_uneven_ground_hides_itself_as_by_smith(distance: float) -> None:
+def test_uneven_ground_hides_itself_as_by_smith(distance: int) -> None:
     """B. G. Smith, Geometrical shadowing of a random rough surface, IEEE TAP 1967."""
     roughness, above = 16384.0, 1.9
     heights = uneven_heights(3200, 4 * distance + 20, roughness)
