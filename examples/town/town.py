@@ -53,12 +53,12 @@ GROUND: Final = {
     "paving": -28.0,
 }
 # Power density of heights by the classes of ISO 8608, cm^3: A to C of paved roads, 16
-# to 256, D to F of unpaved ones, 1024 to 16384. Which class is what is an estimate.
+# to 256, E to G of unpaved ones, 4096 to 65536. Which class is what is an estimate.
 ROUGHNESS: Final = {
-    "lawn": 4096,
-    "rough_grass": 16384,
-    "soil": 16384,
-    "gravel": 1024,
+    "lawn": 16384,
+    "rough_grass": 65536,
+    "soil": 65536,
+    "gravel": 4096,
     "asphalt": 16,
     "old_asphalt": 64,
     "paving": 256,
