@@ -110,7 +110,7 @@ class GroundView {
     // The share that the ground has in a distance on the level, m.
     double share(double along) const {
         int64_t step = floor_of(along / RELIEF_STEP) + 1;
-        return step < shares_.size() ? shares_[step] : 1.0;
+        return 0 <= step && step < shares_.size() ? shares_[step] : 1.0;
     }
 
   private:
