@@ -119,6 +119,9 @@ class Material:
         constant_gamma: Whether an opaque surface has the same gamma at all angles, as
             open ground has, which goes on beyond the edge of the map in a spectrum;
             else it follows Lambert's law.
+        roughness_cm3: How uneven the ground of a ``constant_gamma`` is: the power
+            density of its heights along a line at a tenth of a wave per metre, cm^3, as
+            ISO 8608 classifies roads; it falls with the square of the waves per metre.
         specular_db: What the facets of an opaque surface reflect to a radar that they
             face, dB: 0 is all; None for a surface that is rough everywhere.
         slope_deg: Rms slope of these facets against the surface, degrees.
@@ -150,6 +153,7 @@ class Material:
     albedo: Annotated[Real, Ge(0), Le(1)] = ALBEDO
     sway_m_per_s: Annotated[Real, Ge(0), Le(10)] = 0.0
     constant_gamma: Truth = False
+    roughness_cm3: Annotated[Real, Ge(0), Le(100_000)] = 0.0
     specular_db: Annotated[Real, Ge(-MAX_LEVEL), Le(0)] | None = None
     slope_deg: Annotated[Real, Ge(0.2), Le(30)] = SLOPE_DEG
     transmission_db: BandDecibels | None = None
