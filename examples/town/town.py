@@ -41,8 +41,8 @@ LANE: Final = 1.0  # m from the middle of a street to where robots start
 START_STEP: Final = 15.0  # m between starts along a street
 LAST_START: Final = 6  # of these steps from the middle of the map
 
-# What ground returns, dB: estimates for 77 GHz, 3 to 6 dB below the -12 to -15 dB that are
-# recalled for grass in the W band, so that about as much shows as in real images.
+# Backscatter of ground, dB: estimates for 77 GHz, 3 to 6 dB below the -12 to -15 dB of
+# grass in the W band that are recalled, so that images show about as much as real ones.
 GROUND: Final = {
     "lawn": -18.0,
     "rough_grass": -15.0,
