@@ -59,7 +59,7 @@ class ReadingTable:
         self._tables = self._pack()
 
     def program(self, jobs: Sequence[Job], size: int) -> Program:
-        """Return the program of jobs that write ``size`` numbers; equal jobs share it."""
+        """Return the program of jobs that write ``size`` numbers, shared if equal."""
         key = tuple(jobs)
         # Robots of one class have their states in the same columns, so a hundred robots
         # share a dozen programs.
