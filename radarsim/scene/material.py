@@ -205,8 +205,9 @@ class LibraryEntry(BaseModel, extra="forbid", frozen=True):
         numbers: Values by name; a map may set the same names. ``density`` is "opaque"
             or 0; ``db_per_m`` is the loss per metre in each of ``BANDS_GHZ``, dB;
             ``db_per_g`` is the loss per metre at 1 g/m^3, dB;
-            ``rain_k`` R^``rain_alpha`` is the loss in rain of R mm/h, dB/km. The
-            other names are attributes of `Material`.
+            ``rain_k`` R^``rain_alpha`` is the loss in rain of R mm/h, dB/km; names with
+            ``laser_`` are the same for light. Other names are attributes of `Material`,
+            or ``mirror``.
     """
 
     about: str
