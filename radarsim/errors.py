@@ -112,7 +112,7 @@ class MapError(RadarsimError):
         super().__init__("\n".join(self.problems))
 
     def __reduce__(self) -> tuple[type["MapError"], tuple[list[str]]]:
-        """Pickle the problems, not the message that joins them."""
+        """Pickle the list of problems, from which the message is built again."""
         return type(self), (self.problems,)
 
 
@@ -172,7 +172,7 @@ class RecordingError(RadarsimError):
 
 
 class SweepError(RadarsimError):
-    """A sweep file is invalid, or a sweep cannot be run in its folder."""
+    """A sweep file is invalid, or a sweep cannot be run, such as without workers."""
 
 
 class MissingPackage(RadarsimError, ImportError):
@@ -210,7 +210,7 @@ def expected_one_of(name: object, known: Collection[str]) -> str:
 
     Args:
         name: The unknown name; values of other types than text are converted.
-        known: The valid names, in the order of the message.
+        known: The valid names, in the order in which the message lists them.
 
     >>> expected_one_of("sqare", ["circle", "square"])
     "'sqare' (did you mean 'square'?), expected one of ['circle', 'square']"

@@ -60,7 +60,7 @@ class Pose2:
         return self.x + distance * math.cos(angle), self.y + distance * math.sin(angle)
 
     def is_apart(self, other: "Pose2", distance: float, turn: float) -> bool:
-        """Return whether another pose differs by more than a distance, m, or rad."""
+        """Return whether poses differ by more than a distance, m, or an angle, rad."""
         turned = abs(wrap_angle(self.yaw - other.yaw))
         return self.distance(other) > distance or turned > turn
 
@@ -81,7 +81,7 @@ class Pose3:
         """Create a pose from ``x, y, z, roll, pitch, yaw``.
 
         Raises:
-            ValueError: If these are not six finite numbers.
+            ValueError: If the sequence does not consist of six finite numbers.
         """
         if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
             raise ValueError(f"pose {list(numbers)!r}, expected six finite numbers")

@@ -191,7 +191,7 @@ async def listen(
     for listening in listener.sockets:
         with listening.dup() as same:  # to set the backlog of the kernel separately
             same.listen(MAX_WAITING)
-    places = [each.getsockname()[:2] for each in listener.sockets]  # in any order
+    places = [each.getsockname()[:2] for each in listener.sockets]  # unordered
     places.sort(key=lambda place: place[0] != addresses[0])
     host, bound_port = places[0]
     return listener, (host, bound_port)

@@ -23,7 +23,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
         "addons": "radarsim.addons.entries:COMMANDS",
         "sweep": "radarsim.sweep:COMMANDS",
     },
-    # Radars, by the section of a sensor preset that describes them.
+    # Radar classes, by the section of a sensor preset that has their settings.
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
     # Sensor classes by item type, which the files of robot classes refer to.
     "radarsim.kinds": {"core": "radarsim.sensors.sensor:kinds"},
@@ -82,7 +82,8 @@ def import_part(module: str, wanted_by: str = "") -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        # Errors for other packages pass, since those imports name the extra themselves.
+        # Errors for other packages are not converted: importers of optional packages
+        # name the extra.
         if not (error.name or "").startswith("radarsim."):
             raise
         raise MissingPackage(f"{wanted_by}{error.name} is not installed") from error

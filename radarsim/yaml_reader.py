@@ -35,9 +35,9 @@ Position: TypeAlias = tuple[int, int]  # line and column, from 1
 YamlProblem: TypeAlias = tuple[Position, KeyPath, str]
 
 MAX_BYTES = 1024 * 1024
-MAX_VALUES = 500_000  # with aliases expanded
+MAX_VALUES = 500_000  # values in a file, with aliases expanded
 MAX_KEY = 80  # characters of a key in a message
-MAX_DEPTH = 32  # of nested lists and dicts, including those used as keys
+MAX_DEPTH = 32  # levels of nested lists and dicts, also within keys
 _TOO_DEEP = f"more than {MAX_DEPTH} levels"
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")

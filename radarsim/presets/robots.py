@@ -194,7 +194,7 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     the floor.
 
     Attributes:
-        name: Name of the class, as clients use it.
+        name: Name of the class in commands of clients.
         about: Description in a few sentences.
         sources: Sources of the keys.
         generation: Generation of the USARSim servers that had the class: in the

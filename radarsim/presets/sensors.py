@@ -14,7 +14,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.validation import describe_settings
 from radarsim.yaml_reader import parse_plain
 
-MOST_SETTINGS: Final = len(SensorSettings.model_fields) + 1  # in one text
+MOST_SETTINGS: Final = len(SensorSettings.model_fields) + 1  # settings in one text
 
 _NEXT_SETTING: Final = re.compile(r"[\s,]+(?=[A-Za-z_]\w*\s*=)")
 _Settings = TypeVar("_Settings", bound=BaseModel)

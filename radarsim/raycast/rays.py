@@ -62,8 +62,8 @@ class RayClass(NamedTuple):
             ray like any other surface.
         is_absorbed: Whether opaque surfaces that are not mirrors absorb power; false
             for a radar that computes the backscatter of surfaces.
-        in_decibels: Whether the decibel values of materials apply instead of their
-            penetration power, and rays ignore the meshes of point reflectors.
+        in_decibels: Whether ``attenuation_db`` and ``sheet_attenuation_db`` of
+            materials apply if given, and rays ignore the meshes of point reflectors.
         glint: Angle of incidence on a mirror, rad, up to which the mirror ends the ray
             like any other surface; 0 for none.
     """

@@ -29,7 +29,7 @@ from radarsim.robots.robot import (
 
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m around the robot's circle in which walls are searched
-_MAX_DISPLACEMENT_RATIO: Final = 2.0  # displacement of a centre / sweep of its move
+_MAX_DISPLACEMENT_RATIO: Final = 2.0  # limit of a centre's displacement / sweep
 # The fields of a row of ``raycast.rays.Boxes``.
 _BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
 _BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]

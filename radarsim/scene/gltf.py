@@ -31,7 +31,7 @@ from radarsim.validation import describe_invalid, short_repr
 
 MAX_JSON_BYTES: Final = 16 * 1024 * 1024
 MAX_NODES: Final = 10_000
-MAX_LEVELS: Final = 100  # of nested nodes
+MAX_LEVELS: Final = 100  # levels of nested nodes
 MAX_VERTICES: Final = 3 * MAX_TRIANGLES
 
 _HEADER = struct.Struct("<4sII")  # magic, version, length

@@ -63,9 +63,9 @@ from radarsim.scene.scene import (
 from radarsim.validation import point_hint, rejection, short_repr
 
 MAX_EXTENT = 1000.0  # m; limits the rounding errors of ray casting in float32
-MAX_COPIES = 10_000  # of one object
-MAX_OBJECTS = 20_000  # with all copies
-MAX_BUILT = 60_000  # with all copies, in the map and all its variants
+MAX_COPIES = 10_000  # copies per object
+MAX_OBJECTS = 20_000  # objects per scene, including copies
+MAX_BUILT = 60_000  # objects built for the map and all its variants, including copies
 MAX_PARTS = 30_000  # objects, counted once for each of their materials
 MAX_MATERIALS = 1_000
 MAX_STARTS = 200
@@ -338,7 +338,7 @@ class ObjectEntry(Entry):
         sphere: Radius, m.
         cylinder: Radius and height, m.
         mesh: Path of a mesh file in the map's folder.
-        reflector: Echo of a point reflector; it has neither material nor rotation.
+        reflector: Point reflector, for which material and rotation are not allowed.
         up_axis: Axis of the mesh file that points up.
         scale: Length of the mesh file's unit, m.
         material: Material of the whole object.

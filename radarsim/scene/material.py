@@ -22,15 +22,15 @@ from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.validation import short_repr
 
 OPAQUE: Final = math.inf
-ALBEDO: Final = 0.2  # of foliage
-BACKSCATTER_DB: Final = -10.0  # of a rough surface, if nothing is known
+ALBEDO: Final = 0.2  # albedo of foliage, the default
+BACKSCATTER_DB: Final = -10.0  # default for rough surfaces without a known value
 SLOPE_DEG: Final = 2.0  # rms, of facets, if only their reflection is known
 
 MAX_DB: Final = 1e6  # per metre; a material that attenuates more is opaque
 MAX_LEVEL: Final = 200.0  # dB; largest absolute value of a level, such as backscatter
 _BAND_KEYS: Final = [str(band) for band in BANDS_GHZ]
 
-Losses: TypeAlias = tuple[float, float, float]  # in each of ``BANDS_GHZ``
+Losses: TypeAlias = tuple[float, float, float]  # one loss per band of ``BANDS_GHZ``
 Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]
 AMOUNTS: Final[tuple[Amount, ...]] = ("g_per_m3", "mm_per_h")
 
@@ -89,7 +89,7 @@ class Material:
         density: Penetration power that a radar beam loses per metre inside;
             ``math.inf`` is opaque: the beam ends at the surface.
         laser_density: Penetration power that a laser beam loses per metre inside.
-        solid: Whether it stops a robot.
+        solid: Whether the material stops robots.
         sheet_loss: Power that a radar beam loses at each surface crossed, for objects
             without an inside, such as single leaves; None for volumes and opaque
             surfaces. With a sheet loss only surfaces attenuate, even closed ones: a
@@ -169,7 +169,7 @@ class Material:
 
     @property
     def lets_beams_in(self) -> bool:
-        """Whether radar or laser beams can enter volumes or pass sheets of it."""
+        """Whether radar or laser beams can enter or pass objects of this material."""
         return self.penetrable or self.sheet_loss is not None
 
     @property

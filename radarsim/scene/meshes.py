@@ -43,7 +43,7 @@ from radarsim.scene.topology import (
 _Number = TypeVar("_Number", float, int)
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-MAX_LINES: Final = 5_000_000  # in an OBJ file
+MAX_LINES: Final = 5_000_000  # lines of an OBJ file
 _BOM: Final = b"\xef\xbb\xbf"
 
 
@@ -246,8 +246,8 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
             expect_at_most(len(pieces), MAX_SURFACES, "objects and materials")
             piece.extend(corners[:3])
             if len(corners) == 4:
-                # The first corner affects the last digit of hit distances. Earlier
-                # versions began the second triangle of a quadrangle at the third.
+                # The second triangle begins at the third corner; another first corner
+                # would change the last digit of hit distances.
                 piece.extend((corners[2], corners[3], corners[0]))
                 continue
             for second, third in pairwise(corners[2:]):

@@ -186,7 +186,7 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
     flat = np.count_nonzero(is_flat[connections.labels])
     if not len(walls):
         return 0, int(flat)
-    every = np.ones(len(components), np.bool_)  # also cavities
+    every = np.ones(len(components), np.bool_)  # all components, including cavities
     shells = _Shells(vertices, faces, connections.labels, components, every)
     of_walls = connect_faces(walls).labels
     points = vertices[walls[_first_faces(of_walls)]].mean(axis=1)

@@ -62,8 +62,8 @@ class BeamPattern:
         weights: (K,) share of each node in its beam; equal for random rays.
         rays: Number of rays of each beam that are traced.
         shares: (M,) share of each ray of a scan in its beam.
-        ray_classes: The class of the rays, and the class that decides whether a surface
-            hides a ray's start: that of radars or lasers, as in ``DEFAULT_CLASSES``.
+        ray_classes: The class of the rays, and the default class of the sensor type,
+            which decides whether a surface hides a ray's start.
         selects_ray: Whether one ray of each beam is selected after all are traced.
         needs_events: Whether the events along the rays are needed.
         kinds: Name, generator method and shape of each kind of random numbers of a

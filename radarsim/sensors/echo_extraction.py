@@ -56,7 +56,7 @@ from radarsim.raycast.rays import EventKind, Outcome, Traces
 
 NOTHING_LEFT: Final = 1e-12  # share of a ray's power
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine at the leaves that rays hit
-_MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # of the engine
+_MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # engine's values
 
 ECHO: Final = engine.rows["Echo"]
 EchoTable: TypeAlias = NDArray[np.void]  # rows of dtype ECHO, beam by beam
@@ -68,7 +68,7 @@ def return_law(settings: SensorSettings) -> tuple[float, float, bool]:
     Returns:
         The initial power of a ray; the margin in nepers, the natural logarithm of the
         ratio between the echoes of a ray with full power and a ray with none; and
-        whether a volume's range is that of half its power, not that of its front.
+        whether the range of a volume is measured at half its power, not at its front.
     """
     full = settings.penetration_power
     # A share of zero or unlimited power is not defined.

@@ -11,8 +11,8 @@ North is x, east is -y. The earth is modelled as flat, with fixed lengths of a d
 latitude and of longitude. The directions to the satellites use the flat model too, so
 all elevations in it are too high.
 
-Source: the original server's GPS receiver, its scales, its errors and, rounded, its
-satellites.
+Source: the GPS receiver of the original server, with its scales and errors, and its
+satellite positions, rounded.
 """
 
 import math
@@ -29,8 +29,8 @@ from radarsim.protocol.reports import Gps
 from radarsim.raycast.rays import Outcome, Rays, Traces
 from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
-METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # of latitude, of longitude
-LEAST_SATELLITES: Final = 4  # for a fix
+METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # latitude, longitude
+LEAST_SATELLITES: Final = 4  # satellites required for a fix
 LEAST_ELEVATION: Final = math.radians(5)
 EARTH_RADIUS: Final = 6378.137  # km
 REACH: Final = 2000.0  # m; length of rays to satellites, larger than every scene

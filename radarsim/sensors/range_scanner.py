@@ -160,8 +160,8 @@ class RangeScanner:
         Args:
             scene: From ``load_map``.
             pose: As in ``scan``.
-            rng: Generator, or a seed. Speckle and noise are drawn from a generator
-                spawned from it, so later scans draw the same numbers as without.
+            rng: Generator, or a seed. Speckle and noise are drawn from a spawned
+                generator, so the random numbers of later scans do not change.
 
         Returns:
             A ``radarsim.addons.fmcw.spectrum.Spectrum``.

@@ -130,7 +130,7 @@ class ScanBatch:
             self.kinds = [*self.kinds, ("cloud", EXPONENTIAL, (beams,))]
         count = len(places)
         self.drawn = {kind: np.zeros((count, *shape)) for kind, _, shape in self.kinds}
-        self._echoes: EchoTable | None = None  # of all beams; computed on demand
+        self._echoes: EchoTable | None = None  # echoes of all beams, computed on demand
         self._rows: Rows | None = None  # selected ray of each beam; None if it has one
 
     def draw(

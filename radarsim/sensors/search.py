@@ -144,7 +144,7 @@ def _sightings(labels: Sequence[str], places: Floats) -> tuple[Sighting, ...]:
 
 
 class MotionSensor(SearchSensor[Victim], types=["HumanMotion"]):
-    """A motion sensor; its probability rises as the nearest moving victim is closer."""
+    """A motion sensor; the reported probability is higher for nearer moving victims."""
 
     def targets(self, scene: Scene) -> Iterable[tuple[Victim, Place]]:
         return [(each, each.head) for each in scene.victims if each.moves]

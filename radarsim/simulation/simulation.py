@@ -52,7 +52,7 @@ SLICING_WORK: Final = 300_000  # work of slicing all that a flying robot can rea
 MAX_SHOWN: Final = 4
 MOST_READY_FLOORS: Final = 8  # floors that are sliced before the first spawn
 DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
-ITEMS_GROUP: Final = "radarsim.items"  # of plugins
+ITEMS_GROUP: Final = "radarsim.items"  # plugin group of add-ons that read scanners
 NOTHING: Final = Boxes(np.zeros((0, 8)))
 
 
@@ -275,8 +275,8 @@ class Simulation:
             items = self.faults.call(vehicle, vehicle.due)
             if items is not None:
                 due.append((vehicle, items))
-        # All sensors see the robots as the same boxes, so readings do not depend on
-        # their order.
+        # All sensors see the same boxes of robots, so the order of sensors does not
+        # affect readings.
         has_rays = any(items.scanners or items.sensors for _, items in due)
         boxes = self.boxes() if has_rays else NOTHING
         sensors = [(v, sensor) for v, items in due for sensor in items.sensors]

@@ -100,7 +100,7 @@ class DueScan(NamedTuple):
 
 
 class ScannerItems(Protocol):
-    """Interface of an add-on that reads some scanners of all robots on its own times.
+    """Interface of an add-on that reads some scanners of all robots at its own times.
 
     For each add-on in the group ``radarsim.items`` of ``plugins``, a simulation creates
     one instance from its scene and its clock.

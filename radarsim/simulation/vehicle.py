@@ -41,7 +41,7 @@ from radarsim.simulation.config import (
 )
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
-MOST_VIEWPORTS: Final = 4  # in a picture
+MOST_VIEWPORTS: Final = 4  # viewports per picture
 STATUS_ONLY: Final = -1  # marks a set of intervals in which only the status is due
 
 
@@ -171,7 +171,8 @@ class Vehicle:
         """Return the jobs of the status, and add the state of the battery."""
         charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
         charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
-        # Clients pause a robot whose battery reads 0, so that is only for empty ones.
+        # Clients pause a robot whose battery reads 0, so a battery that never runs out
+        # reads at least 1.
         charge["least"] = 0.0 if dialect.battery_runs_out else 1.0
         return {
             "time": [Job(Reading.TIME)],
