@@ -198,7 +198,7 @@ async def listen(
 
 
 def log_refused_accepts(log: logging.Logger) -> None:
-    """Log one line when the running loop cannot accept connections for lack of files.
+    """Log one line if the event loop cannot accept connections (too many open files).
 
     Without this handler, asyncio logs a traceback every second.
     """

@@ -209,8 +209,8 @@ def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
         kind, markers, is_repeated = _split_hint(inner[0])
         return kind, (*markers, *inner[1:]), is_repeated
     if origin in (Union, UnionType):
-        # A field with two types is ambiguous as text. The unpacking then fails when the
-        # command is created.
+        # A field may have one type in addition to None, since text would be ambiguous.
+        # With more types, this unpacking fails when the command is created.
         (kept,) = (each for each in inner if each is not NoneType)
         return _split_hint(kept)
     if origin is list or (origin is tuple and inner[-1] is Ellipsis):

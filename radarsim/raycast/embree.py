@@ -87,7 +87,7 @@ MAX_SLICES: Final = 32
 # TRIANGLES_PER_RAY triangles. These rays have cost about as much as building the slice.
 RAYS_PER_SLICE: Final = 1000
 TRIANGLES_PER_RAY: Final = 20
-SMALL_SLICE: Final = 50_000  # triangles; larger slices need half the scene's or fewer
+SMALL_SLICE: Final = 50_000  # triangles; larger slices may have half of the scene's
 
 
 @functools.cache

@@ -94,7 +94,7 @@ class Tracer:
             [part.material.rain for part in self.parts], np.float64
         )
         self.has_rain = bool(self.rain_rate.any())
-        # Fog as the air is not a cloud here, since it has no boundary.
+        # The air is never a cloud here, even if it is fog, since it has no boundary.
         self.clouds = np.array(
             [part.material.is_cloud for part in parts] + [False] * len(filling), bool
         )

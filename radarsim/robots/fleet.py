@@ -29,7 +29,7 @@ from radarsim.robots.robot import (
 
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m around the robot's circle in which walls are searched
-_MAX_DISPLACEMENT_RATIO: Final = 2.0  # limit of a centre's displacement / sweep
+_MAX_DISPLACEMENT_RATIO: Final = 2.0  # largest displacement of a centre / its sweep
 # The fields of a row of ``raycast.rays.Boxes``.
 _BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
 _BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]
@@ -56,7 +56,7 @@ class Fleet:
         self._spawned = 0
         self._floors: list[Obstacles] = []
         self._set_table(new_rows(0))
-        self._lines: NDArray[np.void] = np.zeros(0, LINE)  # buffer for lines near one
+        self._lines: NDArray[np.void] = np.zeros(0, LINE)  # buffer of the engine
         self._enter_floors()
 
     def prepare(self, obstacles: Obstacles) -> None:

@@ -213,7 +213,7 @@ class GltfFile:
         def add(indices: list[int], level: int, matrix: Floats) -> None:
             expect_at_most(level, MAX_LEVELS, "levels of nodes")
             for index in indices:
-                if index in seen:  # a cycle, or paths that double at each level
+                if index in seen:  # Cycles and shared nodes could take forever.
                     raise MeshError(
                         f"node {index} is in the scene twice, expected once"
                     )

@@ -53,7 +53,7 @@ def _not_found(name: str) -> str:
         others = [path for path in found if path != name]
         mode = Path(name).stat().st_mode
         reason = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
-    except (OSError, ValueError) as error:  # too long, or with NUL
+    except (OSError, ValueError) as error:  # also if the name is too long, or has a NUL
         if isinstance(error, PermissionError):
             reason = describe_os_error(error)
     meant = did_you_mean(name, [*others, *shipped]) or did_you_mean(stem, shipped)
@@ -61,7 +61,7 @@ def _not_found(name: str) -> str:
 
 
 def _find(name: str) -> Path | None:
-    with suppress(OSError, ValueError):  # too long, or with NUL
+    with suppress(OSError, ValueError):  # raised if a name is too long, or has a NUL
         if Path(name).is_file():
             return Path(name)
     return shipped_maps().get(name)
@@ -80,8 +80,8 @@ def load_map(path_or_name: str | Path) -> Scene:
     """Load a map.
 
     Args:
-        path_or_name: The path of a map file, or the name of a shipped map; ``@`` and a
-            name after it select a variant of the map.
+        path_or_name: The path of a map file, or the name of a shipped map; the suffix
+            ``@NAME`` selects a variant of the map.
 
     Raises:
         MapError: If the map or the selected variant has problems; it lists all.

@@ -66,13 +66,13 @@ MAX_EXTENT = 1000.0  # m; limits the rounding errors of ray casting in float32
 MAX_COPIES = 10_000  # copies per object
 MAX_OBJECTS = 20_000  # objects per scene, including copies
 MAX_BUILT = 60_000  # objects built for the map and all its variants, including copies
-MAX_PARTS = 30_000  # objects, counted once for each of their materials
+MAX_PARTS = 30_000  # parts per scene; an object has one part per material
 MAX_MATERIALS = 1_000
 MAX_STARTS = 200
 MAX_VICTIMS = 100
 MAX_TAGS = 1_000
 MAX_VARIANTS = 100
-MAX_ENTRIES = 100_000  # objects in a file, counted once for each variant
+MAX_ENTRIES = 100_000  # objects in a file, counted again for each variant
 MAX_NAME = 200  # characters in the name of an object or a level
 MAX_START_NAME = 40  # characters, so that one line on the wire can list many starts
 MAX_AMOUNT = 1000.0  # mm/h, g/m^3
@@ -329,9 +329,9 @@ class ScatterEntry(Entry):
 
 
 class ObjectEntry(Entry):
-    """An object.
+    """An object with its shape, materials, placement and copies.
 
-    Validated with an ``EntryContext``.
+    Its validation needs an ``EntryContext``.
 
     Attributes:
         box: Lengths along x, y, z, m.

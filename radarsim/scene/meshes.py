@@ -102,7 +102,7 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
 
 
 def join_surfaces(surfaces: list[Surface]) -> Mesh:
-    """Join surfaces into one mesh, oriented outward if all of it is closed.
+    """Join surfaces into one mesh; if the mesh is closed, it is oriented outward.
 
     Args:
         surfaces: The surfaces; the vertices of each are already welded.

@@ -225,7 +225,7 @@ class ScanBatch:
         return self.drawn["rays"][row] if self.pattern.has_random_rays else None
 
     def _cast(self, row: int) -> Rays:
-        """Return the rays that gave the ranges of a scan."""
+        """Return the N rays that gave the ranges of a scan."""
         rays = self.all_rays(row)
         if self._rows is None:
             return rays

@@ -226,12 +226,12 @@ class Vehicle:
         requests are cleared.
         """
         age = self._age
-        # Items are selected once for each set of intervals that end together.
+        # The intervals that end in this tick determine the due items.
         ended = tuple([each for each in self._intervals if age % each == 0])
         if age >= self._empty_age:
             ended = (STATUS_ONLY, *ended)
-        # A robot has few such sets, so caching them avoids selecting items and building
-        # their lines for each robot in each tick.
+        # A robot has few different sets of intervals. The cache avoids selecting items
+        # and building their lines for each robot in each tick.
         due = self._due_items.get(ended)
         if due is None:
             due = self._due_items[ended] = self._select_items(ended)
