@@ -1,6 +1,6 @@
-"""Environments for reinforcement learning: the short name of ``radarsim.addons.gym``.
+"""Environments for reinforcement learning: an alias of ``radarsim.addons.gym``.
 
-Importing it registers the environments of radarsim with Gymnasium.
+Importing this module registers the environments of radarsim with Gymnasium.
 """
 
 from typing import TYPE_CHECKING, Any
