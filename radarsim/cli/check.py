@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from radarsim.scene.material import Material
     from radarsim.scene.scene import Part, Scene, StartPose, Trial
 
-LEAST_GROUP: Final = 3  # objects of one material that are listed in one line
+LEAST_GROUP: Final = 3  # least number of numbered objects that share a line
 
 
 def summarise(scene: Scene) -> list[str]:

@@ -38,7 +38,7 @@ def explain(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        plan: The sensor and its place.
+        plan: The sensor and its pose.
         beam: Number of the beam, from 0 at the right.
         format_: Output format.
         budget: Print the link budget of an FMCW radar in dB; --beam is its azimuth,

@@ -134,7 +134,7 @@ def scan(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        plan: The sensor and its place.
+        plan: The sensor and its pose.
         count: Number of scans; more than 1 make a list.
         format_: Output format; by default the suffix of -o, or json.
         output: Write to this file instead of stdout.

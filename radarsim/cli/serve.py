@@ -79,13 +79,13 @@ def serve(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        listener: Where to listen.
-        options: How the server speaks.
+        listener: Addresses and port to listen on.
+        options: Protocol and settings of the robots' items.
         seed: Seed of all random numbers.
         speed: Simulated seconds per second of real time.
         max_clients: Refuse clients when this many are connected.
         config: YAML file with values of options that are not given, and the map.
-        log_options: The log.
+        log_options: Level and format of the log.
         extensions: Options of extensions of the server.
 
     Returns:

@@ -131,7 +131,7 @@ struct EchoRows {
 };
 ROW(EchoRows, part, start, end, before)
 
-struct PartEchoes { // the echoes of a part
+struct PartEchoes { // the echoes that belong to a part of the scene
     int64_t part, beam;   // the part, and the beam of the first echo
     int64_t count, start; // number of echoes, and row of the first echo
     int64_t place;        // row for the next echo

@@ -247,7 +247,7 @@ struct Motion {
     double track;    // m between left and right wheels; wider than the real track if wheels slip sideways in a turn
     double sideslip; // angle from the heading to the motion of the centre, rad
 
-    // Return the pose after one of several parts of equal duration of a time step; the arc is exact.
+    // Divide a time step into parts of equal duration, and return the pose after one of them; the arc is exact.
     Pose2 advance(const Pose2& pose, double dt, double parts) const {
         // The y axis points left, so faster right wheels turn the robot counter-clockwise.
         double turn = (right - left) / track * (dt / parts), half = turn / 2;

@@ -94,7 +94,7 @@ inline bool is_clear(const RaySource& source, const Place& place, const RayTrace
            !is_opaque_nearby(*scene.handle, scene.materials->forward_roles.row(CLEARANCE_CLASS), point, reach);
 }
 
-// The result of a part of the rays of a call.
+// The result of tracing a part of the rays in a call.
 struct TracePart {
     int64_t code; // result code, as in trace_rays
     Array<Event> events;

@@ -135,9 +135,9 @@ def spectrum(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        plan: The radar and its place.
-        shown: What a picture shows.
-        detector: How targets are detected.
+        plan: The radar and its pose or path.
+        shown: View, azimuth and range of a picture.
+        detector: The detector of targets.
         output: File to write: .png, .svg or .pdf, .npz with all numbers, or .csv with
             the detections. With --path a folder.
         count: Number of turns, for .npz and .csv.

@@ -69,7 +69,7 @@ LAYOUTS: Final[dict[str, tuple[str, ...]]] = {
 }
 _FASTEST: Final = 1  # compression level of PNG files
 
-LEAST_TIME_US: Final = 10**15  # the least time with as many digits as times of today
+LEAST_TIME_US: Final = 10**15  # the least time with 16 digits, like current times
 EPOCH_US: Final = 1_600_000_000_000_000
 # For times after this pyboreas assumes finer bins; paths with fine bins begin later.
 BOREAS_CHANGE_US: Final = 1_632_182_400_000_000
