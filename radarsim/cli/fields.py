@@ -176,8 +176,8 @@ def check_robot(robot: str, served: object | None) -> None:
     Args:
         robot: Name of the class; a package may precede it.
         served: The simulation in this process, which has only the shipped classes; None
-            for a server, which may have others, so only probable typing errors in names
-            without package are refused.
+            for a server, which may have others, so only probable typos in names without
+            package are refused.
 
     Raises:
         click.BadParameter: If the class is unknown, or probably misspelt.

@@ -28,7 +28,7 @@ constexpr double TINY = 1e-30;           // smaller coordinates are set to zero
 
 // A crossing of a ray and a surface.
 struct Crossing {
-    double t;     // m
+    double t;     // m along the ray
     int32_t part;
     int32_t sign; // added to the part's winding number: 1 on entering, -1 on leaving
 };

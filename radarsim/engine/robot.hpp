@@ -16,7 +16,7 @@ struct Robot {
     double blocked;                 // whether the last move did not end at the wanted pose
     double wall_gap, robot_gap;     // lower bounds of the distances to walls and to other robots, m
     double rejected[6];             // start and wanted pose of the last move that walls blocked, nan if none
-    double bottom, top;             // z of the floor and of the top, m
+    double bottom, top;             // z of the floor and of the top of the robot, m
     double half_length, half_width, radius; // half sides of the rectangle, and radius of the circle around it, m
     double track, wheel_radius;             // m
     double top_speed;                       // highest speed of the centre, including pushes, m/s
