@@ -1,8 +1,8 @@
-"""Command line of radarsim: data on stdout, everything else on stderr.
+"""Command line of radarsim: data goes to stdout, everything else to stderr.
 
-Exit codes: 0 done, 1 failed, 2 wrong usage, 129 hung up, 130 interrupted, 141 stdout
-was closed, 143 ended by SIGTERM before the work was done. Commands that run until
-they are stopped are done then.
+Exit codes: 0 success, 1 failure, 2 wrong usage, 129 SIGHUP, 130 SIGINT, 141 stdout was
+closed, 143 SIGTERM before the work was done. Commands that run until they are stopped
+exit with 0 on SIGTERM.
 """
 
 import os
@@ -13,12 +13,12 @@ __all__ = ["main"]
 
 def main() -> None:
     """Run a command and exit with its code."""
-    # Before the first import that takes some time, in which Ctrl-C would end in a
-    # traceback. A signal that the parent process ignores stays ignored.
+    # The handler is set before the slow imports, since Ctrl-C during an import would
+    # print a traceback. A signal that the parent process ignores stays ignored.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: os._exit(130))
     # Pictures need no window. Matplotlib cannot be imported if the variable names a
-    # backend that is absent, such as that of another environment's notebook.
+    # missing backend, such as a notebook backend of another environment.
     os.environ["MPLBACKEND"] = "agg"
     from radarsim.processes import (
         TERMINATED,

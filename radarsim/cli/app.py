@@ -1,4 +1,4 @@
-"""The program: its commands, and how the process ends."""
+"""The program ``radarsim``: its group of commands, usage errors and exit codes."""
 
 import os
 import platform
@@ -33,7 +33,7 @@ from radarsim.processes import BROKEN_PIPE, INTERRUPTED, ignore_signals
 
 
 def describe_usage_error(error: click.UsageError) -> str:
-    """Return the error of a command line; empty if its help was printed."""
+    """Return the message for a usage error, with the option or argument it is about."""
     ctx = error.ctx
     if isinstance(error, click.MissingParameter):
         missing = ["COMMAND"]
@@ -42,11 +42,11 @@ def describe_usage_error(error: click.UsageError) -> str:
         return f"missing: {', '.join(missing)}{_see_help(ctx)}"
     if isinstance(error, click.NoSuchOption):
         return _describe_unknown_option(error)
-    # Only the text of click says whether a value is missing or one too many.
+    # Only click's message shows whether a value is missing or not allowed.
     if isinstance(error, click.BadOptionUsage):
         expected = "a" if "requires" in error.message else "no"
         return f"{error.option_name}: expected {expected} value with it"
-    # click has no class for this error, so its text has to be read.
+    # click has no class for this error, so its message is parsed.
     extra = re.match(r"Got unexpected extra arguments? \((.*)\)", error.message)
     if extra is not None:
         return f"'{extra[1]}', expected no more arguments{_see_help(ctx)}"
@@ -58,7 +58,7 @@ def describe_usage_error(error: click.UsageError) -> str:
 
 
 def _name_source(error: click.BadParameter) -> str:
-    """Return the name of the parameter, or of the variable that gave its value."""
+    """Return the name of the parameter, or the environment variable that set it."""
     param, ctx = error.param, error.ctx
     if param is None:
         return ""
@@ -77,12 +77,12 @@ def _describe_unknown_option(error: click.NoSuchOption) -> str:
     name, ctx = error.option_name, error.ctx
     params = ctx.command.get_params(ctx) if ctx is not None else []
     known = [each for param in params for each in param.opts if each.startswith("--")]
-    # What was once said so, or what users of other programs try.
+    # Earlier versions and other programs have these options.
     if name in ("--host", "--port") and "--connect" in known:
         return f"{name!r}, expected --connect HOST:PORT"
     if name in ("--map", "--maps", "--serve") and "MAP" in map(shown_name, params):
         return f"{name!r}, expected MAP as an argument, without an option"
-    # Options such as --web and --record belong to add-ons, which may be absent.
+    # Options such as --web and --record belong to add-ons that may not be installed.
     part = name.removeprefix("--").partition("-")[0]
     owner = plugins.OWN["radarsim.serve"].get(part, "").partition(":")[0]
     if owner and not plugins.has("radarsim.serve", part):
@@ -97,45 +97,46 @@ USAGE_ERROR: Final = 2  # exit code
 
 
 class EntryGroup(click.Group):
-    """A group of commands that are imported when they are used."""
+    """A group of commands, each of which is imported only when it is used."""
 
     def __init__(
         self, name: str, entries: Iterable[CommandEntry] | None = None, **options: Any
     ) -> None:
-        """Make a group.
+        """Create a group.
 
         Args:
-            name: Its name.
-            entries: Its commands; by default all that packages hand in.
-            options: As those of ``click.Group``.
+            name: Name of the group.
+            entries: Commands of the group; by default the commands of all packages.
+            options: Keyword arguments of ``click.Group``.
         """
         super().__init__(name, no_args_is_help=True, **options)
-        self.params.append(help_all_option(is_listed=False))  # there are no rarer ones
+        self.params.append(help_all_option(is_listed=False))  # no option is rare
         self._given = entries
 
     @cached_property
     def entries(self) -> dict[str, CommandEntry]:
-        """The entries of its commands by their names."""
+        """The entries of the group's commands, by name."""
         entries = load_entries() if self._given is None else self._given
         return {each.name: each for each in entries}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of commands, in the order of help."""
+        """Return the names of the commands, in the order of the help."""
         return list(self.entries)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command; None if there is none of that name."""
+        """Import a command and return it; None if the name is unknown."""
         entry = self.entries.get(cmd_name)
         return None if entry is None else entry.load()
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that is meant, and its arguments.
+        """Return the name of the command, the command, and its arguments.
 
         Raises:
             click.BadParameter: If there is no such command.
-            MissingPackage: If its part of the program is absent.
+            MissingPackage: If the part of the program with the command is not
+                installed.
         """
         if args[0] not in self.entries and not ctx.resilient_parsing:
             check_part_of(args[0])
@@ -146,7 +147,7 @@ class EntryGroup(click.Group):
     def format_commands(
         self, ctx: click.Context, formatter: click.HelpFormatter
     ) -> None:
-        """Write the names of commands and what they do, by their headings."""
+        """Write the names and summaries of the commands, grouped under headings."""
         groups: dict[str, list[tuple[str, str]]] = {}
         for name, entry in self.entries.items():
             groups.setdefault(entry.group, []).append((name, entry.help))
@@ -156,23 +157,23 @@ class EntryGroup(click.Group):
 
 
 def _drop_output() -> None:
-    # Python flushes stdout once more at exit, and would report an error again.
+    # Python flushes stdout again at exit, and would report the error a second time.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def _ending_with_its_reader() -> Iterator[None]:
-    """End as other programs do when nobody reads stdout; click's exit code would be 1.
+    """Exit with 141 when the reader of stdout has closed the pipe; click exits with 1.
 
     Raises:
-        SystemExit: If nobody does.
+        SystemExit: If stdout is closed.
     """
     try:
         yield
     except BrokenPipeError:
         _drop_output()
         sys.exit(BROKEN_PIPE)
-    except SystemExit as end:  # of rich, which makes 1 of it
+    except SystemExit as end:  # rich turns a broken pipe into exit code 1
         if isinstance(end.__context__, BrokenPipeError):
             sys.exit(BROKEN_PIPE)
         raise
@@ -180,30 +181,30 @@ def _ending_with_its_reader() -> Iterator[None]:
 
 class _Program(EntryGroup):
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command; click would print an empty line for an interrupt."""
+        """Run a command; by default click prints an empty line on an interrupt."""
         try:
             with _ending_with_its_reader():
                 code = super().invoke(ctx)
-                # At its exit Python would report an error in lines of its own.
+                # At exit Python would print a flush error in its own format.
                 sys.stdout.flush()
                 return code
         except KeyboardInterrupt:
             sys.exit(INTERRUPTED)
 
     def make_context(self, *args: Any, **options: Any) -> click.Context:
-        """Read the options of the program; some of them print."""
+        """Parse the options of the program; some, such as ``--version``, print text."""
         with _ending_with_its_reader():
             return super().make_context(*args, **options)
 
     def main(self, args: Sequence[str] | None = None, *_: Any, **options: Any) -> Any:
-        """Run a command, and exit with its code, or 2 after an error of usage."""
+        """Run a command, and exit with its code, or with 2 after a usage error."""
         options |= {"prog_name": program_name(), "complete_var": "_RADARSIM_COMPLETE"}
         try:
-            # In its own mode click would print usage errors itself, in several lines.
+            # In standalone mode click prints usage errors itself, on several lines.
             code = super().main(args, standalone_mode=False, **options)
         except click.UsageError as error:
             if isinstance(error, click.exceptions.NoArgsIsHelpError):
-                # Its message is the whole help, not a sentence.
+                # The message of this error is the whole help text.
                 click.echo(error.message, err=True)
             else:
                 print_message(describe_usage_error(error))
@@ -227,7 +228,8 @@ click.version_option(__version__, message="radarsim %(version)s")(app)
 def _replace_closed_streams() -> None:
     """Open the null device for each stream that the parent process has closed.
 
-    Else Python has None for it, and the next file that is opened gets its number.
+    Otherwise Python sets the stream to None, and the next file that is opened gets its
+    file descriptor.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
@@ -236,7 +238,7 @@ def _replace_closed_streams() -> None:
 
 
 def _report_text() -> str:
-    """Return the request to report a bug."""
+    """Return the text that asks the user to report a bug, with the versions."""
     return (
         "this is an error in radarsim itself; please report the lines above, the"
         " command with its files, and these versions:"

@@ -1,4 +1,4 @@
-"""``radarsim check``: what a map contains, or its errors."""
+"""``radarsim check``: print the contents of a map, or its errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from radarsim.scene.material import Material
     from radarsim.scene.scene import Part, Scene, StartPose, Trial
 
-LEAST_GROUP: Final = 3  # objects of one material that are listed in one line
+LEAST_GROUP: Final = 3  # least number of numbered objects that share a line
 
 
 def summarise(scene: Scene) -> list[str]:
@@ -73,11 +73,11 @@ def _properties(material: Material) -> str:
 
 
 def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
-    """Return the losses per metre; dB only if there are any."""
+    """Return the losses of a material per metre as text; dB only if there are any."""
     from radarsim.presets.sensor_settings import BANDS_GHZ
 
     losses = []
-    # A material that takes nothing at all still says so, by a density of 0.
+    # A material without any loss is listed with a density of 0.
     if density or not any(decibels):
         losses.append(
             title + (f"{density:g} per m" if math.isfinite(density) else "opaque")
@@ -92,7 +92,7 @@ def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
 
 
 def _objects(scene: Scene) -> list[str]:
-    """Return a line for each object, or for many that differ in their number only."""
+    """Return a line for each object, or for each group of numbered objects."""
     lines = []
     for name, parts in _listed(scene.parts):
         triangles = sum(len(part.faces) for part in parts)
@@ -101,7 +101,7 @@ def _objects(scene: Scene) -> list[str]:
 
 
 def _listed(every: Iterable[Part]) -> Iterator[tuple[str, list[Part]]]:
-    """Yield names and parts: of each object, or of many that differ by number only."""
+    """Yield name and parts of each object, or of objects that differ only by number."""
     groups: dict[tuple[str, str], list[Part]] = {}
     for part in every:
         stem = part.object_name.rstrip("0123456789")
@@ -115,7 +115,7 @@ def _listed(every: Iterable[Part]) -> Iterator[tuple[str, list[Part]]]:
 
 
 def _mirrors(scene: Scene) -> list[str]:
-    """Return a title and a line for each mirror; nothing if there is none."""
+    """Return a title and a line for each mirror; an empty list if there is none."""
     lines = []
     for name, (part, *_) in _listed(scene.parts):
         waves = _mirrored(part.material)
@@ -126,13 +126,13 @@ def _mirrors(scene: Scene) -> list[str]:
 
 
 def _mirrored(material: Material) -> list[str]:
-    """Return the waves to which a material is a mirror."""
+    """Return the sensor types, radar or laser, that a material reflects as a mirror."""
     waves = {"radar": material.radar_mirror, "laser": material.laser_mirror}
     return [wave for wave, mirrors in waves.items() if mirrors]
 
 
 def _crates(scene: Scene) -> list[str]:
-    """Return a title and a line for each crate; nothing if there is none."""
+    """Return a title and a line for each crate; an empty list if there is none."""
     lines = []
     for crate in scene.crates:
         x, y, z = crate.position
@@ -166,8 +166,7 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
     Returns:
         The exit code.
     """
-    # Before the map is read and drawn, which may take long: a wrong name is an error at
-    # once.
+    # The file name is checked first, since reading and drawing a map may take long.
     form = check_picture(plot)
     from radarsim.scene.map_file import load_variants
     from radarsim.simulation.map_warnings import occupied_starts, trial_warnings
@@ -180,7 +179,7 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
             "doubts of the trial": trial_warnings(scene),
         }
     except MapError as error:
-        # On stdout, and all of them: for this command errors are what was asked for.
+        # Errors of the map are the result of this command, so all are on stdout.
         print_lines(error.problems)
         return 1
     print_lines(summary)

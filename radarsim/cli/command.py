@@ -1,7 +1,7 @@
-"""Commands made of functions, whose parameters are plans, options and arguments.
+"""Commands made from functions: parameters become options and arguments.
 
-A parameter whose type is a dataclass stands for all fields of it, so that a command's
-options are what Python users pass, and its help is their documentation::
+If the type of a parameter is a dataclass, each of its fields becomes an option, so
+command line and Python users have the same options with the same documentation::
 
     def scan(map_: MapName, plan: PlacedSensor, *, count: Annotated[int, Ge(1)] = 1):
         '''Scan a map without a server.
@@ -11,10 +11,10 @@ Args:
         '''
 
 A function returns its exit code, or None for 0. A parameter that is marked with
-``PlansOf`` gets the plans of all parts of the program that hand in one.
+``PlansOf`` receives the plans that the parts of the program have registered.
 
-Values of options come from words, from variables of the environment, and, of a command
-with an option for it, from a YAML file: ``serve --config FILE``.
+Values of options come from the command line, from environment variables, and, if a
+command has an option for it such as ``serve --config FILE``, from a YAML file.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ from radarsim.plans import (
 if TYPE_CHECKING:
     from radarsim.yaml_reader import YamlFile
 
-NAMES_WIDTH: Final = 26  # columns of names of options in help
-_CONFIG: Final = "radarsim.config_file"  # in what click keeps for a command
+NAMES_WIDTH: Final = 26  # columns for the names of options in help
+_CONFIG: Final = "radarsim.config_file"  # key in ``click.Context.meta``
 _METAVARS: Final = {int: "N", float: "NUMBER", Path: "FILE"}
 
 
 @dataclass(frozen=True, slots=True)
 class PlansOf:
-    """Marks the parameter of a function for plans that parts of the program hand in.
+    """Marks a parameter that receives the plans which parts of the program register.
 
     Attributes:
-        group: Group of the entries of these plans; see ``radarsim.plugins``.
+        group: Group under which the plans are registered; see ``radarsim.plugins``.
     """
 
     group: str
 
 
 class FieldType(click.ParamType[Any]):
-    """Reads the value of a field from a text, or from a file of options."""
+    """Reads the value of a field from a text or from a file of options."""
 
     name = "text"
 
@@ -74,10 +74,10 @@ class FieldType(click.ParamType[Any]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> Any:
-        """Return the value of a text.
+        """Parse and validate a value.
 
         Raises:
-            click.BadParameter: If it has another form, or is not in the range.
+            click.BadParameter: If the value has a wrong form or is out of range.
         """
         field, form = self._field, self._field.marker(Form)
         if field.choices and value not in field.choices:
@@ -91,7 +91,7 @@ class FieldType(click.ParamType[Any]):
 
     @property
     def metavar(self) -> str:
-        """What stands for the value in help."""
+        """The placeholder for the value in help."""
         field = self._field
         unit, form = field.marker(Unit), field.marker(Form)
         if field.option.metavar or field.option.is_argument:
@@ -105,7 +105,7 @@ class FieldType(click.ParamType[Any]):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Return the words that a shell offers."""
+        """Return the completions that a shell offers."""
         field = self._field
         if field.option.words:
             words = complete_words(field.option.words, incomplete)
@@ -118,14 +118,14 @@ class FieldType(click.ParamType[Any]):
     def _validate(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> Any:
-        # Imported late: neither help nor completion needs pydantic, and both should be
-        # quick.
+        # Help and completion should be quick and do not need pydantic, so it is
+        # imported here.
         from pydantic import ConfigDict, TypeAdapter, ValidationError
 
         from radarsim.validation import describe_invalid
 
         field = self._field
-        # YAML makes a number of a text such as a port that a name may follow.
+        # YAML reads a text of digits only, such as a port, as a number.
         if field.type is str and type(value) in (int, float):
             value = str(value)
         config = ConfigDict(allow_inf_nan=field.option.may_be_infinite)
@@ -138,12 +138,12 @@ class FieldType(click.ParamType[Any]):
 
 
 class _FlagType(click.types.BoolParamType):
-    """Reads a flag from the environment, or from a file of options."""
+    """Reads a flag from an environment variable or from a file of options."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> bool:
-        """Return whether it is set.
+        """Return whether the flag is set.
 
         Raises:
             click.BadParameter: If the value is neither true nor false.
@@ -155,28 +155,28 @@ class _FlagType(click.types.BoolParamType):
 
 
 class PlanCommand(click.Command):
-    """A command that builds the plans of a function, and calls it.
+    """A command that builds the plans of a function and calls the function.
 
     Attributes:
-        fields: Fields by the names of click's parameters.
+        fields: Fields of all plans and parameters, by the names of click's parameters.
     """
 
     def __init__(self, name: str, function: Callable[..., object]) -> None:
-        """Make a command.
+        """Create a command.
 
         Args:
             name: Name on the command line.
-            function: What it does.
+            function: Function that runs the command.
 
         Raises:
             ValueError: If two fields have the same option.
         """
         self.fields: dict[str, PlanField] = {}
         self._function = function
-        # Parameters with their plans, click's keys by fields, and whether others share
-        # the parameter.
+        # For each plan: the parameter, the class, click's keys by field, and whether
+        # the parameter receives several plans.
         self._plans: list[tuple[str, type, dict[str, str], bool]] = []
-        self._values: dict[str, str] = {}  # parameters by the keys of their own options
+        self._values: dict[str, str] = {}  # click's keys to parameters without plans
         params: list[click.Parameter] = []
 
         def add(field: PlanField) -> str:
@@ -207,12 +207,12 @@ class PlanCommand(click.Command):
         super().__init__(name, params=params, help=text.partition("\n\nArgs:\n")[0])
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the words of a command line.
+        """Parse the arguments of a command line.
 
         Raises:
-            click.UsageError: If something is wrong, missing, or too much.
+            click.UsageError: If an option is wrong, missing, or not allowed.
         """
-        # No parameter is required by click, which would name only the first missing.
+        # Click names only the first missing parameter, so ``missing`` checks them.
         rest = super().parse_args(ctx, args)
         if ctx.resilient_parsing:  # a shell asks for completions
             return rest
@@ -239,7 +239,7 @@ class PlanCommand(click.Command):
         return rest
 
     def missing(self, ctx: click.Context) -> list[str]:
-        """Return the names of all that has to be given and is not."""
+        """Return the names of all required options and arguments that are not given."""
         given = self._given(ctx)
         required = {k for k, each in self.fields.items() if each.default is REQUIRED}
         names = [self._shown(key) for key in self.fields if key in required - given]
@@ -247,25 +247,25 @@ class PlanCommand(click.Command):
         return [*names, *(f"one of {self._listed(keys)}" for keys in sets)]
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Call the function with its plans."""
+        """Build the plans from the given options, and call the function."""
         given = self._given(ctx)
         values = {
             name: ctx.params[key] for key, name in self._values.items() if key in given
         }
         for name, plan, keys, is_one_of_many in self._plans:
-            # Others are left out, so that defaults stand in the plans alone.
+            # Only given options are passed, so only the plans define defaults.
             found = {f: ctx.params[key] for f, key in keys.items() if key in given}
             made = plan(**found)
             values[name] = (*values.get(name, ()), made) if is_one_of_many else made
         return self._function(**values)
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
-        """Return the words of the line of usage."""
+        """Return the parts of the usage line."""
         arguments = (each for each in self.fields.values() if each.option.is_argument)
         return ["[OPTIONS]", *map(_argument_usage, arguments)]
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the help: arguments, then options by their groups."""
+        """Write the help: arguments first, then options by group."""
         shows_all = bool(ctx.meta.get("radarsim.help_all"))
         self.format_usage(ctx, formatter)
         self.format_help_text(ctx, formatter)
@@ -274,19 +274,19 @@ class PlanCommand(click.Command):
             field = self.fields.get(str(param.name))
             if field is None:
                 record = param.get_help_record(ctx)
-                if record is not None:  # --help-all, where nothing is rare
+                if record is not None:  # hidden if the command has no rare options
                     groups.setdefault("Options", []).append(record)
             elif shows_all or not field.option.is_rare:
                 title = "Arguments" if field.option.is_argument else field.group
                 record = _names(param, field), _help(field)
                 groups.setdefault(title or "Options", []).append(record)
-        # Arguments come first, whatever plan they are of.
+        # Arguments of all plans come first.
         for title in sorted(groups, key=lambda each: each != "Arguments"):
             with formatter.section(title):
                 formatter.write_dl(groups[title], col_max=NAMES_WIDTH)
 
     def _warn_of_unknown_variables(self, ctx: click.Context) -> None:
-        """Name the variables of the environment that are for no option of it."""
+        """Warn of environment variables with the prefix that match no option."""
         prefix = f"{ctx.auto_envvar_prefix}_"
         known = [
             f"{prefix}{str(param.name).upper()}"
@@ -299,16 +299,16 @@ class PlanCommand(click.Command):
                 print_message(f"warning: {name}{meant} is ignored, it is no option's")
 
     def _given(self, ctx: click.Context) -> set[str]:
-        """Return the fields that the command, the environment or a file gives."""
-        # By where a value comes from, not by what it is: who types a default has given
-        # it.
+        """Return the fields set by the command line, the environment or a file."""
+        # A value that equals the default counts as given if the user typed it, so the
+        # source of each value decides.
         absent = (None, ParameterSource.DEFAULT)
         return {
             key for key in self.fields if ctx.get_parameter_source(key) not in absent
         }
 
     def _sets(self, *names: str) -> Iterator[tuple[str, ...]]:
-        """Yield the sets of fields that exclude each other, as keys."""
+        """Yield the keys of the fields in each set of mutually exclusive fields."""
         for _, plan, keys, _ in self._plans:
             for name in names:
                 for each in getattr(plan, name, ()):
@@ -346,8 +346,8 @@ def _make_param(field: PlanField) -> click.Parameter:
         names,
         type=kind,
         multiple=field.is_repeated,
-        # Eager options are read first: the file has to be there when others look for
-        # values.
+        # Click processes eager options first, so the values of the file are there when
+        # it processes the other options.
         is_eager=option.is_config_file,
         callback=callback,
     )
@@ -356,12 +356,12 @@ def _make_param(field: PlanField) -> click.Parameter:
 def _read_config(
     ctx: click.Context, param: click.Parameter, path: Path | None
 ) -> Path | None:
-    """Use the keys of a file as values of options that are not given.
+    """Read values from a file for the options that are not given.
 
     Keys are the long names of options, with underscores; the argument is ``map``.
 
     Raises:
-        click.BadParameter: If it cannot be read, or has a key that is no option.
+        click.BadParameter: If the file cannot be read, or has an unknown key.
     """
     if path is None:
         return None
@@ -383,18 +383,18 @@ def _read_config(
             expected = f"unknown key, expected one of {sorted(known)}"
             raise click.BadParameter(file.problem([key], expected, of_key=True))
     given = {known[key]: value for key, value in data.items()}
-    for each in ctx.command.params:  # a single value of those that can be repeated
+    for each in ctx.command.params:  # repeatable options may have a single value
         if getattr(each, "multiple", False) and isinstance(given.get(each.name), str):
             given[str(each.name)] = [given[str(each.name)]]
-    # To click a default map ranks below words and variables of the environment, as a
-    # file should.
+    # Click prefers the command line and environment variables to a default map, so the
+    # file has the lowest precedence.
     ctx.default_map = {**(ctx.default_map or {}), **given}
     ctx.meta[_CONFIG] = file
     return path
 
 
 def describe_place(error: click.BadParameter) -> str:
-    """Return the message of a wrong value in a file with its place; else nothing."""
+    """Return the message for a wrong value in a file, with its line; else ""."""
     ctx, param = error.ctx, error.param
     file: YamlFile | None = None if ctx is None else ctx.meta.get(_CONFIG)
     if file is None or ctx is None or param is None:
@@ -413,7 +413,7 @@ def _is_typed(ctx: click.Context, key: str) -> bool:
 
 
 def help_all_option(*, is_listed: bool) -> click.Option:
-    """Return the option that shows all of the help; all commands and groups have it."""
+    """Return the option ``--help-all``, which all commands and groups have."""
 
     def show(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
         if wanted and not ctx.resilient_parsing:
@@ -439,7 +439,7 @@ def _argument_usage(field: PlanField) -> str:
 
 
 def _names(param: click.Parameter, field: PlanField) -> str:
-    """Return the names of a parameter for help, with what stands for its value."""
+    """Return the names of a parameter for help, with the placeholder for its value."""
     if field.option.is_argument:
         return _argument_usage(field)
     names = ", ".join((*param.opts, *param.secondary_opts))
@@ -455,6 +455,6 @@ def _help(field: PlanField) -> str:
         return field.help
     text = default.value if isinstance(default, Enum) else default
     shown = f"{text:g}" if isinstance(text, float) else str(text)
-    if type(default) is tuple:  # not an address, which knows how it is written
+    if type(default) is tuple:  # ``ServerAddress`` has its own text form
         shown = ",".join(map(str, default))
     return f"{field.help} [default: {shown}]"

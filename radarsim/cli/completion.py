@@ -1,6 +1,7 @@
-"""Completion of names of maps, sensors and robot classes in a shell.
+"""Shell completion for names of maps, sensors and robot classes.
 
-Nothing heavy is imported, since a shell calls the program whenever Tab is pressed.
+A shell runs the program whenever Tab is pressed, so this module imports no large
+packages.
 """
 
 from collections.abc import Iterable, Iterator
@@ -9,7 +10,7 @@ from typing import Literal
 
 
 def complete_map(incomplete: str) -> Iterator[str]:
-    """Yield names of shipped maps, and map files."""
+    """Yield names of shipped maps, folders and map files that begin with a text."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "maps", package.parent / "maps"):
         yield from _beginning(incomplete, (p.stem for p in folder.glob("*.yaml")))

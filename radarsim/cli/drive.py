@@ -41,7 +41,8 @@ def drive(
     from radarsim.client.teleop import TeleopSettings
     from radarsim.client.teleop import drive as drive_robot
 
-    # Keys come from stdin and the view goes to stdout, so either alone is no use.
+    # Keys are read from stdin and the view is drawn on stdout, so both must be
+    # terminals.
     problem = ""
     for name, stream in (("stdout", sys.stdout), ("stdin", sys.stdin)):
         if not stream.isatty():
@@ -54,9 +55,8 @@ def drive(
         return 2
     check_robot(robot, served=None)
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit)
-    # Driving has no end of its own: whoever stops it ends it as it should end.
     start_log(logging.WARNING, MESSAGE_FORM)
-    # Only from the first key on: before, SIGTERM ends a command that has done nothing
-    # yet.
+    # Driving ends only when it is stopped, so after SIGTERM the exit code is 0 once the
+    # robot is there, and 143 before.
     on_start = partial(set_exit_code_of_sigterm, 0)
     return asyncio.run(drive_robot(*server.connect, settings, on_start))

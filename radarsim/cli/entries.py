@@ -1,8 +1,8 @@
-"""Entries of commands: what ``radarsim --help`` shows without importing them.
+"""Entries of commands: ``radarsim --help`` lists them without importing the commands.
 
-Those of the core are here.
-A package hands in its commands by an entry point of the group ``radarsim.commands``,
-which names a list of entries in a module that imports nothing heavy::
+This module has the entries of the core. A package registers its commands by an entry
+point of the group ``radarsim.commands``, which names a list of entries in a module that
+imports no large packages::
 
     [project.entry-points."radarsim.commands"]
     my_package = "my_package.entries:COMMANDS"
@@ -18,14 +18,15 @@ from radarsim import plugins
 from radarsim.cli.command import PlanCommand
 from radarsim.errors import MissingPackage
 
-GROUP: Final = "radarsim.commands"  # of entries
+GROUP: Final = "radarsim.commands"  # group of the entry points
 # Headings of commands in ``radarsim --help``.
 SERVING: Final = "Serve and drive"
 MAPS: Final = "Maps and sensors"
 AUTONOMY: Final = "Autonomous robots"
 RESULTS: Final = "Results"
 PROGRAM: Final = "Program"
-# Commands of parts that can be absent: whoever asks for one hears what it needs.
+# Commands of optional parts of the program; the error for a command of a missing part
+# names that part.
 BEYOND_THE_CORE: Final = {
     "autonomy": ("navigate", "map", "trials"),
     "addons": ("commander", "ros", "replay", "recording", "import", "spectrum"),
@@ -38,10 +39,10 @@ class CommandEntry:
     """A command that is imported when it is used.
 
     Attributes:
-        name: Its name; of two words for a command of a group, as ``recording info``.
-        target: ``module:function``; the function is as in ``radarsim.cli.command``.
-        help: What it does, in a line.
-        group: Heading of commands in ``radarsim --help``.
+        name: Name; two words for a command of a group, such as ``recording info``.
+        target: ``module:function``; ``radarsim.cli.command`` describes the function.
+        help: Summary of the command, one line.
+        group: Heading above the command in ``radarsim --help``.
     """
 
     name: str
@@ -53,7 +54,7 @@ class CommandEntry:
         """Import the command.
 
         Raises:
-            MissingPackage: If its part of the program is absent.
+            MissingPackage: If the command's part of the program is not installed.
         """
         module, _, name = self.target.partition(":")
         found = getattr(plugins.import_part(module, f"{self.name}: "), name)
@@ -63,10 +64,10 @@ class CommandEntry:
 
 
 def check_part_of(command: str) -> None:
-    """Check that the part of the program that a command is in is there.
+    """Check that the part of the program with a command is installed.
 
     Raises:
-        MissingPackage: If it is not.
+        MissingPackage: If the part is not installed.
     """
     for part, names in BEYOND_THE_CORE.items():
         if command in names and not plugins.has(GROUP, part):
@@ -74,7 +75,7 @@ def check_part_of(command: str) -> None:
 
 
 def load_entries() -> Iterator[CommandEntry]:
-    """Yield the entries of the parts that are there, then of other packages."""
+    """Yield the entries of the installed parts of radarsim, then of other packages."""
     own = plugins.OWN[GROUP]
     order = list(own)
     for name in sorted(
@@ -85,11 +86,11 @@ def load_entries() -> Iterator[CommandEntry]:
 
 
 def own_entries(groups: Mapping[str, Mapping[str, str]]) -> tuple[CommandEntry, ...]:
-    """Return entries of commands of this package, which are named as their functions.
+    """Return entries of commands of this package; functions give the names.
 
     Args:
-        groups: By headings, what the function of each target does. Targets lack the
-            name of the package, ``radarsim``.
+        groups: For each heading the summaries of its commands by target,
+            ``module:function`` without the prefix ``radarsim.``.
     """
     return tuple(
         CommandEntry(

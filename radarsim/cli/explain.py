@@ -1,4 +1,4 @@
-"""``radarsim explain``: everything that one beam meets."""
+"""``radarsim explain``: the volumes, mirrors and surfaces that one beam meets."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def explain(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        plan: The sensor and its place.
+        plan: The sensor and its pose.
         beam: Number of the beam, from 0 at the right.
         format_: Output format.
         budget: Print the link budget of an FMCW radar in dB; --beam is its azimuth,
@@ -69,12 +69,12 @@ def explain(
 def explain_beam(
     scene: Scene, scanner: RangeScanner, scan: Scan, beam: int
 ) -> dict[str, Any]:
-    """Return everything that a ray of a scan met, for JSON.
+    """Return all volumes, mirrors and surfaces that a beam met, as data for JSON.
 
     Args:
         scene: The scene that was scanned.
         scanner: The scanner.
-        scan: Its scan.
+        scan: A scan by this scanner.
         beam: Number of the beam.
     """
     from radarsim.raycast.rays import EventKind
@@ -84,7 +84,7 @@ def explain_beam(
     cast = scan.cast.take(np.array([beam]))
     events = tracer.explain(cast)[0]
     one, power = 1.0, settings.penetration_power
-    if scan.targets is not None:  # its power is in decibels
+    if scan.targets is not None:  # rays of a detector have power in decibels
         one = cast.ray_classes[0].power_per_db
         power = float(cast.power[0]) / one
         events = [
@@ -105,7 +105,7 @@ def explain_beam(
         ]
     rain = (echoes.beams == beam) & (echoes.kinds == EventKind.RAIN)
     cloud = echoes.answers_in_clouds().get(beam)
-    # What a detector reads is of all rays of a beam, whether or not they are combined.
+    # A detector always reads the spectrum of all rays of a beam.
     together = echoes.settings.combines_rays and scan.targets is None
     return {
         "sensor": scanner.name,
@@ -116,7 +116,7 @@ def explain_beam(
         "origin": cast.origins[0].tolist(),
         "direction": cast.directions[0].tolist(),
         **_explain_events(events, tracer.parts, power),
-        # The reading need not be the distance at which this ray ends.
+        # The reading may differ from the distance at which this ray ends.
         "range": _finite(float(scan.ranges[beam])),
         "rain": float(echoes.ranges[rain][0]) if rain.any() else None,
         "cloud": cloud.name if cloud else None,
@@ -134,7 +134,7 @@ def _explain_events(
     from radarsim.raycast.rays import EventKind
 
     crossings: list[dict[str, Any]] = []
-    entered: dict[int, dict[str, Any]] = {}  # volumes that it is in, by their parts
+    entered: dict[int, dict[str, Any]] = {}  # volumes that the ray is in, by part
     mirrors: list[dict[str, Any]] = []
     for event in events[:-1]:
         part, before = parts[event.part], _finite(event.power)
@@ -160,11 +160,11 @@ def _explain_events(
             if not is_sheet:
                 entered[event.part] = row
     end = events[-1]
-    # The ray ended inside of these volumes, so no event of leaving them has their
-    # power.
+    # The ray ended inside these volumes, so there is no event with the power at their
+    # exit.
     for row in entered.values():
         row["power_after"] = _finite(end.power)
-    # Behind the end of the ray, without the power that is absorbed there.
+    # The power behind the end of the ray, after the absorption there.
     left = _finite(end.power - end.absorbed)
     if end.kind is EventKind.ABSORBED:
         left = 0.0
@@ -181,18 +181,18 @@ def _explain_events(
 
 
 def _finite(value: float) -> float | None:
-    """Return a number as JSON can hold it: None for an infinite one."""
+    """Return a finite number, or None, since JSON has no infinite numbers."""
     return value if math.isfinite(value) else None
 
 
 def as_text(report: dict[str, Any]) -> list[str]:
-    """Return an explanation as sentences, one a line."""
+    """Return an explanation as sentences, one per line."""
     names = {None: "", -1: ", right ray", 0: ", centre ray", 1: ", left ray"}
     ray = names[report["ray"]]
     degrees = math.degrees(report["angle"])
     if report["one_of"] > 1:
         ray += f", one of {report['one_of']} that answer together"
-    # What a detector reads from a spectrum has lost decibels; None for other scans.
+    # The maximum one-way loss of a ray in dB, for scans with a detector; else None.
     full = report["power"] if report["targets"] is not None else None
     lines = [f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}"]
     if full is None:
@@ -233,7 +233,7 @@ def as_text(report: dict[str, Any]) -> list[str]:
 
 
 def _reading_text(report: dict[str, Any]) -> str:
-    """Return what a beam reads, as a sentence."""
+    """Return the reading of a beam as a sentence."""
     if report["range"] is None:
         return "reads nothing"
     mirrored = any(row["at"] < report["range"] for row in report["mirrors"])
@@ -260,7 +260,7 @@ def _mirror_text(row: dict[str, Any], full: float | None) -> str:
 
 
 def _change_text(row: dict[str, Any], full: float | None) -> str:
-    """Return how power falls; or, with a number of decibels, how the loss grows."""
+    """Return the power before and after; as losses if ``full`` is a maximum in dB."""
     before, after = row["power_before"], row["power_after"]
     if full is None:
         return f"power {_power_text(before)} to {_power_text(after)}"

@@ -1,4 +1,4 @@
-"""Types of fields that several commands have."""
+"""Types of fields, and plans, that several commands share."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from radarsim.protocol.dialect import DriveUnit
     from radarsim.server.host import Host
 
-DEFAULT_PORT: Final = 3000  # of USARSim
+DEFAULT_PORT: Final = 3000  # the port of USARSim
 
 
 def read_setting(text: str) -> tuple[str, Any]:
-    """Read ``KEY=VALUE`` into the key and the value.
+    """Parse ``KEY=VALUE`` into the key and the value.
 
     Raises:
-        ValueError: If it has another form.
+        ValueError: If the text has another form.
     """
     from radarsim.presets.sensors import parse_setting
 
@@ -35,10 +35,10 @@ def read_setting(text: str) -> tuple[str, Any]:
 
 
 def read_item_setting(text: str) -> tuple[str, str, Any]:
-    """Read ``ITEM.KEY=VALUE`` into the item, the key and the value.
+    """Parse ``ITEM.KEY=VALUE`` into the item, the key and the value.
 
     Raises:
-        ValueError: If it has another form.
+        ValueError: If the text has another form.
     """
     path, value = read_setting(text)
     item, _, key = path.partition(".")
@@ -50,7 +50,7 @@ def read_item_setting(text: str) -> tuple[str, str, Any]:
 def group_settings(
     settings: Iterable[tuple[str, str, Any]],
 ) -> dict[str, dict[str, Any]]:
-    """Return settings of items by the items.
+    """Group settings by item.
 
     >>> group_settings([("lms200", "max_range", 20), ("lms200", "fov_deg", 90)])
     {'lms200': {'max_range': 20, 'fov_deg': 90}}
@@ -69,10 +69,10 @@ class ServerAddress(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Read ``HOST:PORT``; a host of numbers with colons is in brackets.
+        """Parse ``HOST:PORT``; an IPv6 address is in brackets.
 
         Raises:
-            ValueError: If it has another form.
+            ValueError: If the text has another form.
         """
         host, _, port = text.rpartition(":")
         address = cls(host.strip("[]"), int(port))
@@ -99,7 +99,7 @@ Json = Annotated[bool, Option(names=("--json",))]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Server:
-    """A server that runs already.
+    """The address of a server that is already running.
 
     Attributes:
         connect: The server to connect to.
@@ -110,7 +110,7 @@ class Server:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """Where a robot drives: in a simulation in this process, or on a server.
+    """The world of a robot: a simulation in this process, or a server.
 
     Attributes:
         map: A map to simulate here, as fast as possible: its file, or the name of a
@@ -131,7 +131,10 @@ class Simulation:
     ] = ()
 
     def load_host(self, drive_unit: DriveUnit) -> Host | None:
-        """Create the host of the map, if one is given, whose robots take such speeds.
+        """Create the host of the map; None if no map is given.
+
+        Args:
+            drive_unit: Unit in which the robots accept wheel speeds.
 
         Raises:
             MapError: If the map is wrong.
@@ -150,7 +153,7 @@ class Simulation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunFiles:
-    """Files that a run is written into.
+    """Files to which a run is written.
 
     Attributes:
         record: Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'
@@ -168,12 +171,13 @@ class RunFiles:
 
 
 def check_robot(robot: str, served: object | None) -> None:
-    """Check the class of a robot: no simulation here has another than the shipped ones.
+    """Check that a robot class exists.
 
     Args:
         robot: Name of the class; a package may precede it.
-        served: The simulation in this process; None for a server, which may know more
-            classes, so that only a probable error in a name without package counts.
+        served: The simulation in this process, which has only the shipped classes; None
+            for a server, which may have others, so only probable typos in names without
+            package are refused.
 
     Raises:
         click.BadParameter: If the class is unknown, or probably misspelt.

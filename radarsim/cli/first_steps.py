@@ -1,6 +1,7 @@
 """First steps: ``radarsim demo``, ``radarsim new`` and ``radarsim docs``.
 
-A picture of what radar and laser see, a map to start one's own from, and the manual.
+They draw a picture of a radar and a laser scan, write a starter map, and show pages of
+the manual.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def demo(
     hint = "OUT" if output is None else "-o"
     out = output or out or Path("radarsim_demo.png")
     form = check_picture(out, hint)
-    # It has a default, so that a file of somebody's own could be replaced unawares.
+    # The name has a default, so the command must not replace a file of the user.
     if out.exists() and not is_by_radarsim(out):
         text = f"{out} is not by radarsim, expected another file"
         raise click.BadParameter(text, param_hint=hint)
@@ -73,7 +74,7 @@ def demo(
     figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
     write_file(out, render(figure, form), hint)
     print_lines([out])
-    # On stderr, so that scripts read nothing but the name of the file on stdout.
+    # Hints go to stderr, so scripts read only the name of the file on stdout.
     click.echo(_NEXT.format(program_name()), err=True, nl=False)
 
 
@@ -121,15 +122,16 @@ def docs(topic: Annotated[str, Option(is_argument=True)] = "index") -> None:
     from rich.console import Console
     from rich.markdown import Markdown
 
-    # a terminal shows no pictures and comments, and its links are commands
+    # A terminal shows neither pictures nor comments, and links become commands.
     text = _COMMENT.sub("", _PICTURE.sub("", text))
     text = _LINK_TO_PAGE.sub(r"\1 (`radarsim docs \2`)", text)
-    text = _LINK_TO_FILE.sub(r"\1", text)  # next to the manual, or on the same page
-    # As git does: colours pass, and a page that fits on the screen is just printed.
+    text = _LINK_TO_FILE.sub(r"\1", text)  # links to files and to the same page
+    # The options that git uses: less passes colours through, and exits at once if the
+    # page fits on the screen.
     os.environ.setdefault("LESS", "-FRX")
     console = Console()
     width = min(console.width, 100)
-    # Ctrl-C is the pager's matter: pydoc waits for it on KeyboardInterrupt.
+    # The pager handles Ctrl-C; on KeyboardInterrupt pydoc waits until the pager ends.
     interrupts = signal_handlers({signal.SIGINT: signal.default_int_handler})
     with interrupts, console.pager(styles=True):
         console.print(Markdown(text, hyperlinks=False), width=width)

@@ -1,7 +1,7 @@
-"""What commands print and write: lines on stdout, messages and logs on stderr, files.
+"""Output of commands: lines on stdout, messages and logs on stderr, and files.
 
-Names from maps, clients and command lines are in what they print, so all is made
-printable.
+Printed text may have names from maps, clients and command lines, so unprintable
+characters are escaped.
 """
 
 import json
@@ -21,8 +21,8 @@ import click
 from radarsim.errors import describe_os_error, escape_lines, escape_unprintable
 from radarsim.processes import raise_on_signals
 
-MESSAGE_FORM: Final = "radarsim: %(message)s"  # of logs that look like messages
-PICTURE_FORMS: Final = ("png", "svg", "pdf")  # endings of files that plots go into
+MESSAGE_FORM: Final = "radarsim: %(message)s"  # log lines like those of print_message
+PICTURE_FORMS: Final = ("png", "svg", "pdf")  # file name endings of plots
 
 
 def print_lines(lines: Iterable[object]) -> None:
@@ -31,34 +31,34 @@ def print_lines(lines: Iterable[object]) -> None:
 
 
 def print_bytes(data: bytes) -> None:
-    """Print bytes on stdout, all of them also where Python does not buffer it."""
+    """Write all bytes to stdout; one write may be partial if stdout is unbuffered."""
     left = memoryview(data)
     while left:
         left = left[sys.stdout.buffer.write(left) :]
 
 
 def print_now(line: str) -> None:
-    """Print a line on stdout at once, for programs that wait for it."""
+    """Print a line on stdout and flush, for programs that wait for the line."""
     click.echo(line)
     sys.stdout.flush()
 
 
 def print_message(text: str) -> None:
-    """Print a message with the name of the program on stderr, at once."""
+    """Print a message with the name of the program on stderr, and flush."""
     sys.stderr.write(f"radarsim: {escape_lines(text)}\n")
     sys.stderr.flush()
 
 
 def program_name() -> str:
-    """Return how this program was called, for commands that can be copied.
+    """Return the command that started this program, for hints that can be copied.
 
-    Where it is not on the path, as in an environment that is not active, that is its
-    file.
+    If the program is not on PATH, as in a virtual environment that is not active, the
+    command is the path of its file.
     """
     called = Path(sys.argv[0])
     if called.name == "__main__.py":
         return "python -m radarsim"
-    # Another program, such as pytest, may run a command: its name would help nobody.
+    # If another program such as pytest runs the command, its name is not the answer.
     if called.stem != "radarsim" or shutil.which(called.name) is not None:
         return "radarsim"
     return shlex.quote(sys.argv[0])
@@ -69,7 +69,7 @@ def start_log(level: int, form: str, *, as_json: bool = False) -> None:
 
     Args:
         level: Lowest level that is written.
-        form: Format of a line, as ``logging.Formatter`` takes it.
+        form: Format string of a line, for ``logging.Formatter``.
         as_json: Whether each line is a JSON object instead.
     """
     handler = logging.StreamHandler()
@@ -88,12 +88,13 @@ class _JsonFormatter(logging.Formatter):
 class _PrintableFormatter(logging.Formatter):
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
         """Return the line of a record, without its traceback."""
-        # Not in format(), which appends tracebacks: their line breaks have to stay.
+        # format() appends tracebacks, whose line breaks must stay, so only the message
+        # is escaped.
         return escape_unprintable(super().formatMessage(record))
 
 
 def list_endings(known: Sequence[str]) -> str:
-    """Return the kinds of files that there are, in words.
+    """Return the endings of file names as words for an error message.
 
     >>> list_endings(["json", "csv", "png"])
     'a .json, .csv or .png file'
@@ -107,11 +108,11 @@ def check_ending(path: Path, known: Sequence[str], hint: str) -> str:
 
     Args:
         path: The file to be written.
-        known: The endings that are possible.
-        hint: Name of the option that asks for it.
+        known: The allowed endings.
+        hint: Name of the option with the file name.
 
     Raises:
-        click.BadParameter: If it is none of them.
+        click.BadParameter: If the ending is not allowed.
     """
     ending = path.suffix.lower().removeprefix(".")
     if ending not in known:
@@ -125,10 +126,11 @@ def check_writable(path: Path, hint: str) -> None:
 
     Args:
         path: The file to be written.
-        hint: Name of the option that asks for it.
+        hint: Name of the option with the file name.
 
     Raises:
-        click.BadParameter: If its folder is missing or not writable, or it is a folder.
+        click.BadParameter: If the folder of the file is missing or not writable, or the
+            path is a folder.
     """
     if reason := _obstacle_to_writing(path):
         text = f"cannot write {path}: {reason}"
@@ -136,14 +138,14 @@ def check_writable(path: Path, hint: str) -> None:
 
 
 def check_new_map(path: Path, hint: str) -> None:
-    """Check, as far as possible, that a map file can be written that is not there yet.
+    """Check, as far as possible, that a new map file can be written.
 
     Args:
         path: The file to be written.
-        hint: Name of the option that asks for it.
+        hint: Name of the option with the file name.
 
     Raises:
-        click.BadParameter: If it has another ending, exists or cannot be written.
+        click.BadParameter: If the file has another ending, exists or cannot be written.
     """
     check_ending(path, ["yaml", "yml"], hint)
     check_writable(path, hint)
@@ -153,14 +155,15 @@ def check_new_map(path: Path, hint: str) -> None:
 
 
 def check_picture(path: Path | None, hint: str = "--plot") -> str:
-    """Return the format of a picture that is to be written later; empty for None.
+    """Check the file name of a picture, and return its format; empty for None.
 
     Args:
         path: The file to be written; None for no picture.
-        hint: Name of the option that asks for it.
+        hint: Name of the option with the file name.
 
     Raises:
-        click.BadParameter: If it is no ``PICTURE_FORMS``, or cannot be written.
+        click.BadParameter: If the format is not one of ``PICTURE_FORMS``, or the file
+            cannot be written.
     """
     if path is None:
         return ""
@@ -169,7 +172,7 @@ def check_picture(path: Path | None, hint: str = "--plot") -> str:
 
 
 def write_picture(path: Path, data: bytes) -> None:
-    """Write the picture of ``--plot``, and say so on stderr."""
+    """Write the picture of ``--plot``, and report it on stderr."""
     write_file(path, data, "--plot")
     print_message(f"wrote {path}")
 
@@ -180,15 +183,15 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
     Args:
         path: The file to be written.
         data: Contents of the file.
-        hint: Name of the option that asks for it.
+        hint: Name of the option with the file name.
 
     Raises:
-        click.BadParameter: If it cannot be written.
+        click.BadParameter: If the file cannot be written.
     """
     from radarsim.files import write_atomically
 
     try:
-        with raise_on_signals():  # which leaves no temporary file
+        with raise_on_signals():  # so that a signal leaves no temporary file
             write_atomically({path: data})
     except OSError as error:
         reason = _obstacle_to_writing(path) or describe_os_error(error)
@@ -198,19 +201,19 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
 
 @contextmanager
 def without_empty_folder(folder: Path) -> Iterator[None]:
-    """Remove a folder in the end that was not there before, if nothing is in it."""
-    is_new = not os.path.lexists(folder)  # which raises nothing
+    """At exit, remove a folder that the context has created if it is empty."""
+    is_new = not os.path.lexists(folder)  # unlike ``Path.exists``, raises no errors
     try:
         yield
     finally:
         if is_new:
-            # Usually because the folder is not empty, which is as it should be.
+            # The usual error is that the folder is not empty; then it stays.
             with suppress(OSError):
                 folder.rmdir()
 
 
 def _obstacle_to_writing(path: Path) -> str:
-    # Through links: the file that a link leads to is the one that is replaced.
+    # For a symbolic link the file that it points to is replaced.
     target = Path(os.path.realpath(path))
     try:
         if not path.parent.is_dir() or not target.parent.is_dir():
@@ -219,6 +222,6 @@ def _obstacle_to_writing(path: Path) -> str:
             return "a folder of that name"
     except OSError as error:  # the folder may not be entered
         return describe_os_error(error)
-    # A new file is renamed over the old one, so the folder's permissions count, not
-    # those of the file.
+    # A temporary file is renamed to the path, so the permissions of the folder count,
+    # not those of an existing file.
     return "" if os.access(path.parent, os.W_OK | os.X_OK) else "no permission"

@@ -83,7 +83,7 @@ def _print(
     details: Callable[[str, _Preset], Iterable[Table]],
     as_json: bool,
 ) -> None:
-    """Print presets as JSON or as tables, with an overview of all of them.
+    """Print presets as JSON or as tables; without names, print an overview first.
 
     Raises:
         click.BadParameter: If there is no preset of a name.
@@ -92,7 +92,7 @@ def _print(
         if name not in presets:
             raise click.BadParameter(f"{noun} {expected_one_of(name, presets)}")
     chosen = {name: presets[name] for name in names or presets}
-    if as_json:  # in which infinite numbers are null
+    if as_json:  # infinite numbers become null
         plain = {n: json.loads(each.model_dump_json()) for n, each in chosen.items()}
         click.echo(json.dumps(plain, indent=2, allow_nan=False))
         return
@@ -107,7 +107,7 @@ def _print(
 
 
 def _overview(*columns: str, numbers: Collection[str] = ()) -> Table:
-    """Return an empty table; columns of numbers are on the right."""
+    """Return a table without rows; columns of numbers are aligned right."""
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for column in columns:
         is_short = column in ("name", "amount", "size m")
@@ -117,14 +117,14 @@ def _overview(*columns: str, numbers: Collection[str] = ()) -> Table:
 
 
 def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
-    """Return a row for each sensor, with the first sentence about it."""
+    """Return a table with a row for each sensor and its first sentence."""
     from radarsim.presets.sensors import load_settings, sensor_presets
 
     numeric = ("beams", "fov °", "step °", "range m")
     table = _overview("name", "medium", *numeric, "about", numbers=numeric)
     for name, preset in presets.items():
         sentence = preset.about.partition(". ")[0].rstrip(".")
-        if name not in sensor_presets():  # no scanner
+        if name not in sensor_presets():  # the sensor is not a scanner
             table.add_row(name, *[""] * 5, sentence)
             continue
         it = load_settings(name)
@@ -134,7 +134,7 @@ def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
 
 
 def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
-    """Return a row for each material, with the loss of beams in it."""
+    """Return a table with a row for each material and its losses in dB/m."""
     from radarsim.presets.sensor_settings import BANDS_GHZ
     from radarsim.scene.material import library_material
 
@@ -152,7 +152,7 @@ def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
 
 
 def _robot_overview(models: Mapping[str, RobotModel]) -> Table:
-    """Return a row for each robot class, with what it carries."""
+    """Return a table with a row for each robot class and its items."""
     table = _overview("name", "steering", "size m", "items", "about")
     for name, model in models.items():
         types = list(dict.fromkeys(item.type for item in model.items))
@@ -177,7 +177,7 @@ def _robot_details(name: str, model: RobotModel) -> Iterator[Table]:
 
 
 def _value_text(value: Any) -> str:
-    """Return a value of a robot class as a text; of an item, its type and name."""
+    """Return a value of a robot class as text; for an item its type and name."""
     if isinstance(value, dict):
         if "type" in value:
             return f"{value['type']} {value['name']}"
@@ -205,7 +205,7 @@ def _material_details(name: str, entry: LibraryEntry) -> Iterator[Table]:
 
 
 def _numbers(title: str, noun: str, numbers: Mapping[Any, SourcedValue]) -> Table:
-    """Return a row for each number of a preset, with its source."""
+    """Return a table with a row for each number of a preset and its source."""
     rows = []
     for name, number in numbers.items():
         value = number.value

@@ -1,4 +1,4 @@
-"""Progress on stderr while a run lasts."""
+"""Progress display on stderr during a run: a status line or a progress bar."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,18 +18,18 @@ _Result = TypeVar("_Result")
 
 @contextmanager
 def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
-    """Show the status in one line that is kept up to date, if stderr is a terminal.
+    """Show a status line that is refreshed regularly, if stderr is a terminal.
 
     Args:
         describe: Returns the status; called only when the line is drawn.
 
     Yields:
-        A function that prints a line if stderr is not a terminal, and nothing if it is.
+        A function that prints a line if stderr is not a terminal, else does nothing.
     """
     console = Console(stderr=True)
     if not console.is_terminal or console.is_dumb_terminal:
-        # A file has no width: rich would break lines at 80 columns, and read brackets
-        # in names as markup.
+        # By default rich would wrap lines of a file at 80 columns, and read brackets in
+        # names as markup.
         yield lambda line: console.print(
             escape_unprintable(line), highlight=False, markup=False, soft_wrap=True
         )
@@ -49,7 +49,7 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
 
 
 def with_bar(results: Iterator[_Result], name: str, total: int) -> Iterator[_Result]:
-    """Yield results, and show on stderr how many there are, and the time left."""
+    """Yield results, and show their number and the remaining time on stderr."""
     from rich.progress import MofNCompleteColumn, Progress
 
     console = Console(stderr=True)

@@ -49,7 +49,7 @@ class ScanFormat(StrEnum):
 
 
 def _read_pose(text: str) -> tuple[float, ...]:
-    """Read ``X,Y,YAW_DEG`` or ``X,Y,Z,ROLL,PITCH,YAW_DEG`` into m and rad."""
+    """Parse ``X,Y,YAW_DEG`` or ``X,Y,Z,ROLL,PITCH,YAW_DEG`` into m and rad."""
     numbers = read_numbers(text)
     if len(numbers) not in (3, 6):
         raise ValueError(f"{text!r}, expected 3 or 6 numbers")
@@ -66,7 +66,7 @@ SensorPose = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedSensor:
-    """A sensor at a place in a map.
+    """A sensor at a pose in a map.
 
     Attributes:
         sensor: Preset of the sensor; see 'radarsim sensors'.
@@ -134,7 +134,7 @@ def scan(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        plan: The sensor and its place.
+        plan: The sensor and its pose.
         count: Number of scans; more than 1 make a list.
         format_: Output format; by default the suffix of -o, or json.
         output: Write to this file instead of stdout.
@@ -158,12 +158,12 @@ def scan(
     elif is_terminal and format_ is None:
         print_lines(_summary(scans))
     else:
-        # Bytes, as a pipe may be given a picture.
+        # Bytes are written, since the format may be a picture.
         print_bytes(_as_bytes(scans, scene, plan.start, chosen))
 
 
 def _summary(scans: list[Scan]) -> list[str]:
-    """Return what a person wants to know of scans, and how to get their numbers."""
+    """Return lines that summarise scans for a terminal, and a hint at output files."""
     lines = []
     for each in scans:
         ranges, pose = each.ranges[np.isfinite(each.ranges)], each.pose
@@ -182,14 +182,14 @@ def _summary(scans: list[Scan]) -> list[str]:
 
 
 def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanFormat:
-    """Return the format of an option, or of the ending of a file.
+    """Return the output format, from ``--format`` or the ending of the file name.
 
     Raises:
-        click.BadParameter: If the ending is that of no format, or of another one.
+        click.BadParameter: If the ending is unknown, or contradicts ``--format``.
     """
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
     found = ScanFormat(ending) if ending in list(ScanFormat) else None
-    # With --format any ending is fine, except that of a picture of another format.
+    # With --format any ending is allowed, except those of other picture formats.
     if ending and found is None and (format_ is None or ending in _OTHER_PICTURES):
         text = f"{output}, expected {list_endings(list(ScanFormat))}"
         if ending not in _OTHER_PICTURES:
@@ -204,8 +204,8 @@ def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanForma
 def _as_bytes(
     scans: list[Scan], scene: Scene, start: str | None, form: ScanFormat
 ) -> bytes:
-    """Return scans in a format; a picture shows the robot that stands at a start."""
-    if form is ScanFormat.JSON:  # one scan as an object, several as a list
+    """Return scans in a format; a picture also shows the robot at the start pose."""
+    if form is ScanFormat.JSON:  # an object for one scan, a list for several
         plain = [each.to_dict() for each in scans]
         data = plain if len(plain) > 1 else plain[0]
         return f"{json.dumps(data, allow_nan=False)}\n".encode()
@@ -222,7 +222,7 @@ def _as_bytes(
 
 
 def _as_csv(scans: list[Scan]) -> str:
-    """Return a row for each beam; the range is empty where no echo came back."""
+    """Return CSV with a row for each beam; the range is empty without an echo."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["scan", "beam", "angle", "range", "ray"])

@@ -33,8 +33,8 @@ from radarsim.plans import RARE, Option
 log = logging.getLogger("radarsim.server")
 
 DEFAULT_MAX_CLIENTS: Final = 1024
-OTHER_FILES: Final = 128  # that the server opens besides those of its clients
-FEWEST_CLIENTS: Final = 32  # even if that leaves fewer for the rest
+OTHER_FILES: Final = 128  # open files of the server in addition to client sockets
+FEWEST_CLIENTS: Final = 32  # minimum, even if fewer files remain for other purposes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class LogOptions:
     log_format: Annotated[Literal["text", "json"], RARE] = "text"
 
     def start(self) -> None:
-        """Write the log to stderr; ``--log-level`` counts before ``--verbose``."""
+        """Write the log to stderr; ``--log-level`` takes precedence over -v."""
         level = self.log_level or ("info" if self.verbose else "warning")
         start_log(
             logging.getLevelNamesMapping()[level.upper()],
@@ -79,13 +79,13 @@ def serve(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        listener: Where to listen.
-        options: How the server speaks.
+        listener: Addresses and port to listen on.
+        options: Protocol and settings of the robots' items.
         seed: Seed of all random numbers.
         speed: Simulated seconds per second of real time.
         max_clients: Refuse clients when this many are connected.
         config: YAML file with values of options that are not given, and the map.
-        log_options: The log.
+        log_options: Level and format of the log.
         extensions: Options of extensions of the server.
 
     Returns:
@@ -95,11 +95,11 @@ def serve(
     served = ServedMap(map_, options, seed)
     planned = [each.extension(served) for each in extensions]
     others = [each for each in planned if each is not None]
-    _check_ports(host, port, others)  # before imports that take long
+    _check_ports(host, port, others)  # before the slow imports
     with ExitStack() as until_end:
         for each in others:
-            # Before it opens, so that what it began is ended even if opening fails
-            # half-way.
+            # ``close`` is registered before ``open``, so it also runs if ``open``
+            # fails.
             until_end.callback(each.close)
             each.open()
         log_options.start()
@@ -127,16 +127,16 @@ def serve(
 
 
 def _check_ports(host: str, port: int, others: Iterable[ServeExtension]) -> None:
-    """Check that all ports differ, and are free.
+    """Check that all ports differ and are free.
 
     Args:
         host: Address to listen on.
-        port: Port of the robots; 0 where any will do.
-        others: Extensions, which may have ports.
+        port: Port of the robots; 0 for any free port.
+        others: Extensions, which may listen on further ports.
 
     Raises:
         click.BadParameter: If two ports are the same.
-        ServerError: If a port is in use, or reserved.
+        ServerError: If a port is in use or reserved.
     """
     from radarsim.listening import check_port
 
@@ -155,7 +155,7 @@ def _check_ports(host: str, port: int, others: Iterable[ServeExtension]) -> None
 
 
 def _permitted_clients(wanted: int) -> int:
-    """Return the number of clients for which the system permits enough sockets."""
+    """Return the number of clients that the system's limit of open files permits."""
     from radarsim.listening import raise_file_limit
 
     expected = wanted + OTHER_FILES

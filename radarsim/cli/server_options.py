@@ -1,8 +1,8 @@
-"""Serving a map: the options of all commands that do, and extensions of a server.
+"""Options of all commands that serve a map, and extensions of a server.
 
-A part of the program adds to ``radarsim serve`` by a plan in the group
-``radarsim.serve``; see ``radarsim.plugins``. Its fields become options of the command.
-With their values, it makes an extension of the server.
+A part of the program extends ``radarsim serve`` by a plan that it registers in the
+group ``radarsim.serve``; see ``radarsim.plugins``. The fields of the plan become
+options of the command, and the plan creates an extension of the server from them.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from radarsim.server.tcp_server import Pace
     from radarsim.simulation.config import SimulationConfig
 
-EXTENSIONS: Final = "radarsim.serve"  # group of entries
-SERVED: Final = {  # words for messages, by the options of the ports
+EXTENSIONS: Final = "radarsim.serve"  # group of plugins
+SERVED: Final = {  # names of the services in messages, by the options of their ports
     "--image-port": "images",
     "--truth-port": "truth",
     "--wireless-port": "wireless",
@@ -50,7 +50,7 @@ SERVED: Final = {  # words for messages, by the options of the ports
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listener:
-    """Where a server listens.
+    """The addresses and the port on which a server listens.
 
     Attributes:
         host: Address to listen on; repeat it, as for IPv4 and IPv6.
@@ -64,13 +64,13 @@ class Listener:
 
     @property
     def addresses(self) -> str:
-        """All addresses, as ``listening.listen`` takes them."""
+        """All addresses, separated by commas, for ``listening.listen``."""
         return ",".join(self.host)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerOptions:
-    """How a server speaks, and how its robots' items differ from their presets.
+    """The protocol of a server, and changed settings of its robots' items.
 
     Attributes:
         dialect: Form of the lines: as today's clients need it, or the original's.
@@ -87,11 +87,11 @@ class ServerOptions:
     robots: Annotated[tuple[Path, ...], RARE] = ()
 
     def config(self) -> SimulationConfig:
-        """Return them as the configuration of a simulation.
+        """Return the options as the configuration of a simulation.
 
         Raises:
-            click.BadParameter: If the file of a class cannot be read.
-            PresetError: If the file of a class is wrong.
+            click.BadParameter: If the file of a robot class cannot be read.
+            PresetError: If the file of a robot class is wrong.
         """
         from radarsim.protocol.dialect import get_dialect
         from radarsim.simulation.config import SimulationConfig
@@ -104,12 +104,12 @@ class ServerOptions:
         )
 
     def words(self) -> list[str]:
-        """Return them as words of a command line."""
+        """Return the options as arguments of a command line."""
         words = ["--dialect", self.dialect]
         if self.drive_unit is not None:
             words += ["--drive-unit", self.drive_unit]
         for item, key, value in self.settings:
-            # JSON is YAML, as which settings are read, except for this number.
+            # Settings are read as YAML, which includes JSON except for infinity.
             text = json.dumps(value).replace("Infinity", ".inf")
             words += ["--set", f"{item}.{key}={text}"]
         return [*words, *(word for p in self.robots for word in ("--robots", str(p)))]
@@ -127,11 +127,11 @@ def _read_robot(path: Path) -> RobotModel:
 
 @dataclass(frozen=True, slots=True)
 class ServedMap:
-    """What a server serves.
+    """The map, the options and the seed of a server.
 
     Attributes:
         map: Name of the map, or path of its file; @VARIANT may follow.
-        options: How the server speaks.
+        options: Protocol and settings of the robots' items.
         seed: Seed of all random numbers.
     """
 
@@ -141,53 +141,53 @@ class ServedMap:
 
 
 class ServeExtension:
-    """An extension of a server, which runs with it.
+    """An extension that runs together with a server.
 
-    Its methods are called in the order in which they stand here, and ``close`` in any
-    case. Each does nothing unless a subclass overrides it.
+    The server calls the methods in the order in which they are defined, and ``close``
+    even after an error. A method does nothing unless a subclass overrides it.
 
     Attributes:
-        ports: Ports that it listens on, by the options that set them.
-        address: Address of these ports; None for that of the server.
+        ports: Ports that the extension listens on, by the options that set them.
+        address: Address of these ports; None for the address of the server.
     """
 
     ports: Mapping[str, int] = {}
     address: str | None = None
 
     def open(self) -> None:
-        """Prepare before the map is read, which may take long."""
+        """Prepare the extension before the map is loaded, which may take long."""
 
     def attach(self, host: Host) -> None:
-        """Use the host, whose simulated time does not pass yet."""
+        """Receive the host of the simulation, before simulated time advances."""
 
     def follow_pace(self, pace: Pace) -> None:
-        """Use what paces simulated time; only in the event loop, once that runs."""
+        """Receive the pace of simulated time; to be used only in the event loop."""
 
     async def start(self, address: str) -> None:
-        """Listen.
+        """Start to listen.
 
         Args:
             address: Address that the server listens on.
 
         Raises:
-            ServerError: If that is not possible.
+            ServerError: If the extension cannot listen.
         """
 
     def announce(self, address: tuple[str, int]) -> None:
-        """Report that clients can connect; to the server, at host and port."""
+        """Report that clients can connect to the server at this host and port."""
 
     async def stop(self) -> None:
-        """End what ``start`` has begun; never raises."""
+        """Undo ``start``; raises no errors."""
 
     def close(self) -> None:
-        """End what ``open`` has begun."""
+        """Undo ``open``."""
 
 
 class ExtensionOptions(Protocol):
-    """Options of a part: a plan."""
+    """Options with which a part of the program extends ``radarsim serve``: a plan."""
 
     def extension(self, served: ServedMap) -> ServeExtension | None:
-        """Return the extension of a server; None for none.
+        """Create the extension of a server; None if the options ask for none.
 
         Raises:
             click.BadParameter: If the options are wrong.
@@ -196,7 +196,7 @@ class ExtensionOptions(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SidePorts:
-    """Other ports than that of the robots.
+    """Ports in addition to the port of the robots.
 
     Attributes:
         image_port: Serve pictures of the first robot's camera on this port as well; the
@@ -223,10 +223,10 @@ class SidePorts:
 
 
 class SideServers(ServeExtension):
-    """The servers at other ports than that of the robots."""
+    """The servers on ports other than the port of the robots."""
 
     def __init__(self, ports: Mapping[str, int]) -> None:
-        """Plan servers; the ports are those of ``SidePorts`` by their options."""
+        """Store the ports, by the options of ``SidePorts``; no server starts yet."""
         self.ports = ports
         self._servers: dict[str, ImageServer | QuestionServer] = {}
 
@@ -262,7 +262,7 @@ class SideServers(ServeExtension):
             await server.start(address)
 
     def announce(self, _: tuple[str, int]) -> None:
-        """Print on stdout where each of them listens."""
+        """Print on stdout the address on which each server listens."""
         for option, server in self._servers.items():
             for host in server.addresses:
                 place = join_address(host, server.address[1])
@@ -276,13 +276,13 @@ class SideServers(ServeExtension):
 
 @contextmanager
 def hint_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
-    """Say in the error of a port which option takes a free one.
+    """Add to a port's error the option with which the system chooses a free port.
 
     Args:
-        options: Ports by their options; any other is that of ``--port``.
+        options: Ports by their options; any other port belongs to ``--port``.
 
     Raises:
-        ServerError: If a port is in use, or reserved.
+        ServerError: If a port is in use or reserved.
     """
     try:
         yield
@@ -302,12 +302,13 @@ def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
 
     Raises:
         MapError: If the map is wrong.
-        click.BadParameter: If a setting of an item does not fit.
+        click.BadParameter: If a setting of an item is invalid.
     """
     from radarsim.scene.map_file import load_map
     from radarsim.server.host import Host
 
-    # Before the map: a large one takes long to read, and settings do not depend on it.
+    # Settings are checked first, since they do not depend on the map and a large map
+    # takes long to load.
     check_item_settings(config)
     scene = load_map(map_)
     return Host(scene, config=config, seed=seed)
@@ -317,7 +318,7 @@ def check_item_settings(config: SimulationConfig) -> None:
     """Check the settings of ``--set``.
 
     Raises:
-        click.BadParameter: If one does not fit.
+        click.BadParameter: If a setting is invalid.
     """
     try:
         config.check()
@@ -326,13 +327,13 @@ def check_item_settings(config: SimulationConfig) -> None:
 
 
 def announce(address: tuple[str, int]) -> None:
-    """Print on stdout that clients can connect, and for a person the next command."""
-    set_exit_code_of_sigterm(0)  # it runs, and has no end of its own
+    """Print on stdout that clients can connect; on a terminal also the next command."""
+    set_exit_code_of_sigterm(0)  # a running server ends only when it is stopped
     host, port = address
     print_now(f"radarsim: listening on {join_address(host, port)}")
-    if sys.stderr.isatty():  # a person reads it; logs of services stay as they are
+    if sys.stderr.isatty():  # logs of services do not get this line
         command = f"{program_name()} drive"
-        # 0.0.0.0 stands for all addresses of this machine; a client needs one of them.
+        # 0.0.0.0 means all addresses of this machine; a client needs one of them.
         near = "127.0.0.1" if host == "0.0.0.0" else host
         if (near, port) != ("127.0.0.1", DEFAULT_PORT):
             command += f" --connect {near}:{port}"

@@ -1,4 +1,4 @@
-"""The engine, a library in C++ that is compiled when radarsim is installed."""
+"""The engine: a C++ library that is compiled when radarsim is installed."""
 
 from radarsim.engine.library import Packed, address, engine
 

@@ -1,32 +1,33 @@
-// The penetration model: events along rays, the power that a ray loses, and where it ends.
+// The penetration model: the events along a ray, the power that the ray loses, and the point at which it ends.
 //
-// A ray starts with a penetration power. Inside volumes it loses, per metre, the sum of the densities of all volumes
-// that enclose the point, and of the air. It ends at the first opaque surface, where its power runs out, or at its
-// maximum range. An opaque surface absorbs power of its own; a ray that arrives with less returns nothing.
+// A ray starts with a penetration power. Per metre it loses the sum of the densities of all volumes that enclose the
+// point, and of the air. It ends at the first opaque surface, when its power is depleted, or at its maximum range. An
+// opaque surface absorbs a certain power; a ray that arrives with less returns nothing.
 //
-// A reflected ray consists of several straight segments. Each is followed separately and starts with the power left by
-// the one before. This header knows neither the scene nor Embree: it follows one segment through its sorted list of
-// crossings, in float64.
+// A reflected ray consists of several straight segments. Each segment is traced separately and starts with the power
+// that is left from the previous segment. This header does not depend on the scene or on Embree: it follows a segment
+// through its sorted list of crossings, in float64.
 //
-// A part encloses the ray where its winding number is positive: the winding number at the start, plus one for each
-// triangle that the ray enters by its front, minus one for each that it leaves by its back. Hence overlapping shells
-// of a part count once, cavities are outside, and two crossings on a grazed edge cancel in either order.
+// A part encloses a point of the ray if its winding number there is positive. The winding number is its value at the
+// start, plus one for each triangle that the ray enters through the front, minus one for each triangle that it leaves
+// through the back. So overlapping shells of a part count once, cavities are outside, and two crossings on a grazed
+// edge cancel in either order.
 //
-// Rule 1: the list of crossings is complete and without duplicates; intersect.hpp ensures that.
+// Rule 1: the list of crossings is complete and without duplicates; intersect.hpp ensures this.
 //
-// Rule 2: the density is summed again after each crossing. Adding and subtracting would leave a rounding error: a ray
-// that has left all volumes loses exactly nothing.
+// Rule 2: the density is summed again after each crossing, since adding and subtracting would leave a rounding error. A
+// ray that has left all volumes loses exactly nothing.
 //
-// Rule 3: a remaining power that is due to rounding alone counts as zero.
+// Rule 3: a remaining power that is only a rounding error counts as zero.
 //
 // Source: the recursion in a thesis on a radar for USARSim, written as a loop. There a penetrable object costs density
-// times length, and the range that is measured is that of the point where the power runs out.
+// times length, and the measured range is the range of the point at which the power is depleted.
 #pragma once
 #include "intersect.hpp"
 
 namespace radarsim {
 
-// An EventKind.
+// The kinds of events, the same as EventKind in Python.
 enum class Kind : int32_t {
     START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT, OUT_OF_RANGE, MIRRORED, ABSORBED, RAIN, NONE = -1
 };
@@ -40,33 +41,33 @@ struct Event { // a row of EVENT
 };
 ROW(Event, ray, t, part, kind, power, absorbed, x, y, z)
 
-constexpr double ROUNDING = 1e-12; // share of the initial power that may be left by rounding
+constexpr double ROUNDING = 1e-12; // share of the initial power that counts as a rounding error
 
 enum Outcome : uint8_t { NOTHING, HIT, SPENT, ABSORBED };
 
 struct RayCosts {
-    const double *density, *sheet_loss; // of each part
+    const double *density, *sheet_loss; // per part
     double air;
     int64_t air_part;
 };
 
-// A straight piece of a ray's way.
+// A straight segment of a ray's path.
 struct Segment {
-    Vector start, direction; // in the map
-    double before;           // m that the ray has travelled before
+    Vector start, direction; // map frame
+    double before;           // m, length of the previous segments
 };
 
-// A ray at one point; one object serves many rays.
+// The state of a ray at a point; one object is reused for many rays.
 struct RayState {
-    Buffer<Crossing> room;           // of the crossings
-    Array<Crossing> crossings;     // of the segment
-    Buffer<int32_t> winding;         // of each part
+    Buffer<Crossing> room;           // memory for the crossings
+    Array<Crossing> crossings;     // crossings of the segment
+    Buffer<int32_t> winding;         // winding number of each part
     List<int32_t> touched;         // parts whose winding number was changed
-    Buffer<uint8_t> seen;            // whether a part is among them
-    List<int32_t> enclosing;       // the parts around the point, last entered last
+    Buffer<uint8_t> seen;            // whether a part is in the list touched
+    List<int32_t> enclosing;       // the parts that enclose the point, the last entered part last
     Segment segment = {};
-    Array<Event> events;           // empty if none are wanted
-    int64_t event_count = 0;       // also of those for which there is no room
+    Array<Event> events;           // empty if events are not recorded
+    int64_t event_count = 0;       // number of events, including events that did not fit into the array
 
     RayState(int64_t parts, int64_t max_crossings, Array<Event> events)
         : room(max_crossings), crossings{room.data(), {max_crossings}}, winding(parts), touched(parts), seen(parts),
@@ -75,12 +76,12 @@ struct RayState {
 
 struct Progress {
     double t, power, min_power; // m from the start of the segment
-    int64_t spent_in;           // the part that took the last of the power; -1 while there is some
+    int64_t spent_in;           // the part in which the power was depleted; -1 if power is left
 };
 struct SegmentEnd {
-    int64_t crossed; // surfaces before
+    int64_t crossed; // number of surfaces crossed before the end
     double t;        // m from the start of the segment
-    int64_t part;    // the opaque part there; -1 for the maximum range
+    int64_t part;    // the opaque part at the end; -1 for the maximum range
 };
 struct RayEnd {
     double t; // m from the ray's origin
@@ -89,7 +90,7 @@ struct RayEnd {
     double power;
 };
 
-// Add to a part's winding number. Returns 1 if the ray enters the part by that, -1 if it leaves it.
+// Add to a part's winding number. Returns 1 if the ray thereby enters the part, -1 if it leaves it, otherwise 0.
 inline int update_winding(RayState& state, int32_t part, int32_t sign) {
     if (!state.seen[part]) {
         state.seen[part] = 1;
@@ -103,12 +104,12 @@ inline int update_winding(RayState& state, int32_t part, int32_t sign) {
         state.enclosing.append(part);
         return 1;
     }
-    state.enclosing.remove(part); // the last in the list remains the last entered
+    state.enclosing.remove(part); // keeps the order, so the last part in the list is still the last entered
     return -1;
 }
 
 inline void reset_winding(RayState& state) {
-    // Only the parts that this ray has touched: a scene can have thousands.
+    // Only parts that this ray has touched are reset, since a scene can have thousands of parts.
     for (int32_t part : state.touched) state.winding[part] = state.seen[part] = 0;
     state.touched.clear();
     state.enclosing.clear();
@@ -127,33 +128,33 @@ inline void record_event(RayState& state, int64_t ray, double t, Kind kind, int6
 
 inline void start_ray(int64_t ray, Progress& progress, RayState& state) {
     for (int32_t part : state.enclosing) record_event(state, ray, 0.0, Kind::START_INSIDE, part, progress.power, 0.0);
-    // A share of an infinite power is infinite: the ray would be depleted at once.
+    // A share of an infinite power is infinite, so the ray would be depleted immediately.
     progress.min_power = isfinite(progress.power) ? progress.power * ROUNDING : 0.0;
 }
 
-// The density is summed again after each crossing: a ray that has left all volumes loses exactly nothing.
+// Sum the densities of the air and of all volumes around the point (rule 2).
 inline double density_around(const RayState& state, const RayCosts& costs) {
     double total = costs.air;
     for (int32_t part : state.enclosing) total += costs.density[part];
     return total;
 }
 
-// Go from crossing to crossing as far as the power lasts.
+// Advance the ray from crossing to crossing until the limit, or until its power is depleted.
 inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& costs, RayState& state,
                         Progress& progress) {
     double at = progress.t, power = progress.power, min_power = progress.min_power;
-    // Fields one by one, here and elsewhere: a structure that was just written to is slow to copy.
+    // Fields are written one by one, since copying a structure that was just written is slow.
     auto note = [&](double left, int64_t spent_in) {
         progress.t = at, progress.power = left, progress.spent_in = spent_in;
     };
     double density = density_around(state, costs);
-    // There is one stretch more than surfaces: the last one ends at the limit.
+    // There is one interval more than surfaces: the last interval ends at the limit.
     for (int64_t i = 0; i <= limit.crossed; i++) {
         double t = i < limit.crossed ? state.crossings[i].t : limit.t;
         if (density > 0.0) {
             double left = power - density * (t - at);
             if (left <= min_power) {
-                // Rounding must not carry the end past the next surface.
+                // Rounding errors must not move the end beyond the next surface.
                 at = minimum(at + power / density, t);
                 int64_t innermost = state.enclosing.size() ? state.enclosing.end()[-1] : costs.air_part;
                 return note(0.0, innermost);
@@ -204,7 +205,7 @@ inline RayEnd end_ray(int64_t ray, const Progress& progress, const SegmentEnd& e
         record_event(state, ray, at, Kind::ABSORBED, end.part, power, absorption);
         return {t, ABSORBED, end.part, 0.0};
     }
-    double absorbed = minimum(absorption, power); // rounding can make it greater
+    double absorbed = minimum(absorption, power); // the absorption may be greater by a rounding error
     record_event(state, ray, at, Kind::HIT, end.part, power, absorbed);
     return {t, HIT, end.part, power - absorbed};
 }

@@ -1,10 +1,10 @@
-// What Python may call, and with which arguments. See library.py, which reads the descriptions.
+// Descriptions of the functions that Python can call, and of their arguments; library.py reads them.
 //
-// A function is called with one block of 8-byte words: a table that Arguments describes, and a word for each argument.
-// That is a number, the address of an object of Python that has to be an array of numpy, or that of a structure that
-// Python has packed. The descriptions are made from the types of C++, so that both sides cannot differ; only the names
-// of lengths, which have to agree, are written by hand, a letter for each axis of an array and a digit for a length
-// that is fixed:
+// A function is called with a block of 8-byte words: a table that the class Arguments describes, and a word for each
+// argument. This word is a number, the address of a Python object that must be a numpy array, or the address of a
+// structure that Python has packed. The descriptions are generated from C++ types, so both sides cannot differ. Only
+// the names of the lengths of arrays are written by hand: a letter for each axis, where equal letters are equal
+// lengths, or a digit for a fixed length:
 //
 //     int64_t count_near(Array<const Vector> points, Array<uint8_t> is_near, double radius);
 //     BIND(count_near, "n n")
@@ -15,8 +15,8 @@
 //     struct Robot { double x, y; };
 //     ROW(Robot, x, y)
 //
-// A function that returns bool returns whether its arguments belong together; if not, Python raises an EngineError.
-// Structures are packed and passed by reference, or they are the rows of structured arrays, Array<const Robot>.
+// A function of type bool returns whether its arguments match each other; if not, Python raises an EngineError.
+// Structures are either packed and passed by reference, or rows of structured arrays such as Array<const Robot>.
 #pragma once
 #include "numbers.hpp"
 #include <stdarg.h>
@@ -25,8 +25,8 @@
 
 namespace radarsim::bindings {
 
-// Returned where a function was not called: plus the number of the argument that is not as described. No function
-// returns these numbers, nor does arithmetic such a NaN.
+// Result if a function was not called: REFUSED plus the number of the invalid argument. No function returns these
+// numbers, and no arithmetic gives a NaN with these bits.
 constexpr int64_t REFUSED = -(int64_t(1) << 50), NO_MEMORY = REFUSED + 127;
 
 union Word {
@@ -35,7 +35,7 @@ union Word {
     const void* address;
 };
 
-// Text of a limited length; what does not fit makes the description invalid, and no library with such a one opens.
+// Text of limited length. If a description is longer, it is truncated, and the library cannot be opened.
 class Text {
   public:
     __attribute__((format(printf, 2, 3))) void add(const char* format, ...) {
@@ -52,8 +52,8 @@ class Text {
     size_t used_ = 0;
 };
 
-// An array of numpy, in memory behind the head of all objects. Compiled packages depend on it: it is the same in all
-// versions.
+// The memory layout of a numpy array behind the object head. It is the same in all versions, since compiled packages
+// depend on it.
 struct NumpyArray {
     void* data;
     int axes;
@@ -63,21 +63,21 @@ struct NumpyArray {
     static constexpr int CONTIGUOUS = 1, ALIGNED = 0x100, WRITEABLE = 0x400;
 };
 
-// The arguments of a call, read from the first to the last.
+// Reads the arguments of a call, from the first to the last.
 class Arguments {
   public:
-    // Words begin with a table: the size of the head of objects, which ends with their type; the type of arrays, and
-    // for each argument that is one the object that describes its numbers.
+    // The first word is the address of a table: the size of the object head, which ends with the pointer to the type;
+    // the type of numpy arrays; and the dtype object of each array argument.
     Arguments(const Word* words, const char* lengths)
         : table_(static_cast<const Word*>(words->address)), dtype_(table_ + 2), word_(words), length_(lengths) {
         for (int64_t& length : known_) length = -1;
     }
 
     Word next() { return count_++, *++word_; }
-    // Read an array whose first axes have names, and whose others have given lengths.
+    // Read an array. The lengths of the first axes have names; the lengths of the others are given.
     NumpyArray next_array(bool is_written, int named, const int64_t* others, int axes) {
         auto head = static_cast<const char*>(next().address) + table_[0].integer;
-        // Other objects are shorter: nothing behind their heads is read.
+        // Other objects may be shorter, so nothing behind their heads is read.
         bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address;
         NumpyArray array = fits ? *reinterpret_cast<const NumpyArray*>(head) : NumpyArray{};
         int flags = NumpyArray::CONTIGUOUS | NumpyArray::ALIGNED | (is_written ? NumpyArray::WRITEABLE : 0);
@@ -91,11 +91,11 @@ class Arguments {
         if (!fits && !refused_) refused_ = REFUSED + count_;
         return array;
     }
-    // 0, or what Python gets instead of a result.
+    // 0, or the code that Python receives instead of a result.
     int64_t refused() const { return refused_; }
 
   private:
-    // The length of axes of a name: that of the first one, or the name itself.
+    // The expected length of an axis: the length of the first axis of that name, or the digit.
     int64_t length_named(char name, int64_t length) {
         if (name <= '9') return name - '0';
         int64_t& known = known_[name - 'a'];
@@ -107,7 +107,7 @@ class Arguments {
     int64_t known_[26], count_ = 0, refused_ = 0;
 };
 
-// The code of a type in numpy, or the name of a structure.
+// The numpy code of a type, such as f8, or the name of a structure.
 template <typename T> struct Code { static constexpr const char* name = structure_name(static_cast<T*>(nullptr)); };
 template <typename T> struct Code<const T> : Code<T> {};
 template <typename T> requires(__is_enum(T)) struct Code<T> : Code<__underlying_type(T)> {};
@@ -116,7 +116,7 @@ template <typename T> requires(!__is_class(T) && !__is_enum(T)) struct Code<T> {
     static constexpr char name[3] = {kind, char('0' + sizeof(T))};
 };
 
-// A number, or a row of numbers.
+// The element of an array: a number, or a fixed number of numbers.
 template <typename T> struct Element {
     static constexpr const char* name = Code<T>::name;
     static constexpr int axes = 0;
@@ -137,7 +137,7 @@ template <> struct Element<const Vector> : Element<Vector> {};
 template <typename T> struct IsConst { static constexpr bool value = false; };
 template <typename T> struct IsConst<const T> { static constexpr bool value = true; };
 
-// A parameter of a function, or a field of a structure. Names are those of the lengths of arrays.
+// A parameter of a function, or a field of a structure: how it is read and described.
 template <typename T> struct Parameter { // a number
     static T read(Arguments& arguments) {
         if constexpr (__is_same(T, double)) return arguments.next().number;
@@ -145,7 +145,7 @@ template <typename T> struct Parameter { // a number
     }
     static void describe(Text& text, const char*&) { text.add("%s", Code<T>::name); }
 };
-template <typename T, size_t N> struct Parameter<T[N]> { // numbers within a row
+template <typename T, size_t N> struct Parameter<T[N]> { // several numbers in a row of an array
     static void describe(Text& text, const char*&) { text.add("%s[%zu]", Code<T>::name, N); }
 };
 template <typename T, int D> struct Parameter<Array<T, D>> {
@@ -170,7 +170,7 @@ template <typename T, int D> struct Parameter<Array<T, D>> {
         if (*names == ' ') names++;
     }
 };
-template <typename T> struct Parameter<const T*> { // a structure in another
+template <typename T> struct Parameter<const T*> { // a structure in another structure
     static const T* read(Arguments& arguments) { return static_cast<const T*>(arguments.next().address); }
     static void describe(Text& text, const char*&) { text.add("&%s", Code<T>::name); }
 };
@@ -182,7 +182,7 @@ template <> struct Parameter<void*> {
     static void describe(Text& text, const char*&) { text.add("u8"); }
 };
 
-// Reads arguments from the first to the last, which only braces guarantee, and calls the function if they are right.
+// Calls a function if its arguments are valid. Only initialisation by braces evaluates arguments from first to last.
 template <typename R, typename... A> struct Call {
     int64_t result;
     Call(const Arguments& arguments, R (*function)(A...), A... values) : result(arguments.refused()) {
@@ -207,11 +207,11 @@ template <typename R, typename... A, R (*F)(A...)> struct Function<F> {
     }
 };
 
-// One function or structure, in the list of all.
+// A function or structure in the linked list of all functions and structures.
 struct Entry {
     const char *name, *kind, *lengths;
-    int64_t size;                       // of a structure
-    int64_t (*call)(const Word* words); // of a function, or what fills a structure
+    int64_t size;                       // size of a structure in bytes
+    int64_t (*call)(const Word* words); // calls the function, or fills the structure
     void (*describe)(Text&, const char* lengths);
     const Entry* next;
 
@@ -223,7 +223,7 @@ struct Entry {
     }
 };
 
-// Write a line for each function and structure.
+// Write the description: a line for each function and structure.
 inline void describe_all(Text& text) {
     for (const Entry* entry = Entry::first; entry; entry = entry->next) {
         auto address = reinterpret_cast<uintptr_t>(entry->call);
@@ -243,13 +243,13 @@ inline void describe_all(Text& text) {
         #function, " function ", lengths, 0, &call_##function,                                                        \
         &::radarsim::bindings::Function<&function>::describe};
 
-// An enumeration that Python has as well, under the same names.
+// An enumeration that is also available in Python, with the same names.
 #define ENUMERATION(type, number, ...)                                                                                \
     enum class type : number { __VA_ARGS__ };                                                                         \
     inline void describe_##type(::radarsim::bindings::Text& text, const char*) { text.add(#__VA_ARGS__); }            \
     static const ::radarsim::bindings::Entry type##_entry{#type, " enumeration ", "", 0, nullptr, &describe_##type};
 
-// A macro for each of some names; C++20 has no other way to list the fields of a structure.
+// Apply a macro to each name in a list; C++20 has no other way to list the fields of a structure.
 #define RADARSIM_EXPAND(...) RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(__VA_ARGS__)))
 #define RADARSIM_EXPAND_3(...) RADARSIM_EXPAND_2(RADARSIM_EXPAND_2(RADARSIM_EXPAND_2(__VA_ARGS__)))
 #define RADARSIM_EXPAND_2(...) RADARSIM_EXPAND_1(RADARSIM_EXPAND_1(RADARSIM_EXPAND_1(__VA_ARGS__)))

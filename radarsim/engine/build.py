@@ -1,7 +1,7 @@
-"""Compile the engine with the compiler in the package ``ziglang``, a wheel of PyPI.
+"""Compile the engine with the compiler from the PyPI package ``ziglang``.
 
-``hatch_build.py`` does so when the package is built or installed; in a checkout, this
-file can be run: ``python radarsim/engine/build.py [COMPILER]``. It imports nothing of
+``hatch_build.py`` compiles the engine when the package is built or installed. In a
+checkout run ``python radarsim/engine/build.py [COMPILER]``. This file does not import
 radarsim.
 """
 
@@ -20,24 +20,24 @@ LIBRARY: Final = FOLDER / "libradarsim.so"
 FLAGS: Final = (
     "-std=c++20 -O3 -shared -fPIC -Wall -Wextra -Werror -fvisibility=hidden"
     " -fno-exceptions -fno-rtti -fno-threadsafe-statics"
-    # The same bits on each processor: a product and a sum stay two operations.
+    # Products and sums are not fused, so all processors compute the same bits.
     " -ffp-contract=off"
-    # Square roots set no errno, so that loops with them are computed in vectors.
+    # Square roots do not set errno, so loops with square roots can be vectorised.
     " -fno-math-errno"
 )
-# "zig cc" reads C++ as well; "zig c++" would build its standard library first. Old
-# enough a glibc for manylinux_2_17.
+# "zig cc" also compiles C++; "zig c++" would first build its standard library. The
+# version of glibc is that of manylinux_2_17.
 ZIG: Final = (
     *("-m", "ziglang", "cc", "-s", "-target", "x86_64-linux-gnu.2.17"),
-    # A ray passes through a dozen functions, whose calls take a tenth of its time.
+    # A ray passes through a dozen functions; inlining them saves a tenth of the time.
     *("-mllvm", "-inline-threshold=4000", "-fomit-frame-pointer"),
-    # Coordinates that were just written one by one are slow to read in pairs.
+    # Reading coordinates in pairs is slow just after they were written one by one.
     "-fno-slp-vectorize",
 )
 
 
 def source_digest() -> str:
-    """Return a digest of the engine's sources; they have to be there."""
+    """Return a digest of the engine's source files, which must exist."""
     digest = hashlib.sha256(" ".join((FLAGS, *ZIG)).encode())
     for path in sorted(FOLDER.glob("*.[ch]pp")):
         digest.update(path.name.encode() + path.read_bytes())
@@ -48,11 +48,11 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
     """Compile the engine.
 
     Args:
-        target: The library to be written; it is replaced once it is complete.
-        compiler: A command, with options of its own; by default that of ``ziglang``.
+        target: The library to be written; it is replaced when the new one is complete.
+        compiler: Compiler command with its options; by default ``zig cc``.
 
     Raises:
-        SystemExit: If there is no compiler, or it reports an error.
+        SystemExit: If the compiler is missing or reports an error.
     """
     if platform.machine() != "x86_64" or sys.platform != "linux":
         sys.exit(
@@ -60,11 +60,11 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
             f" tested, not on {sys.platform} on {platform.machine()}"
         )
     command = compiler or (sys.executable, *ZIG, "-mcpu=x86_64_v2")
-    new = target.with_suffix(f".{os.getpid()}")  # another process may compile it, too
+    new = target.with_suffix(f".{os.getpid()}")  # other processes may also compile
     digest = f'-DRADARSIM_SOURCES="{source_digest()}"'
     source = str(FOLDER / "engine.cpp")
     arguments = (*FLAGS.split(), digest, source, "-o", str(new), "-lm", "-lpthread")
-    with tempfile.TemporaryDirectory() as cache:  # else 40 MB stay in the home
+    with tempfile.TemporaryDirectory() as cache:  # 40 MB, by default in the home folder
         environment = os.environ | {
             "ZIG_GLOBAL_CACHE_DIR": cache,
             "ZIG_LOCAL_CACHE_DIR": cache,
@@ -79,5 +79,5 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
     new.replace(target)
 
 
-if __name__ == "__main__":  # another compiler can be given, for example for sanitizers
+if __name__ == "__main__":  # arguments are another compiler, such as for sanitizers
     compile_engine(LIBRARY, *sys.argv[1:])

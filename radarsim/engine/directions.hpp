@@ -1,10 +1,10 @@
-// The directions of rays: in the frame of their sensor, aimed in the map frame, and those of a fan (see ray_fan.py).
+// Directions of rays: in the sensor frame, in the map frame, and for the ray fan of an FMCW radar (see ray_fan.py).
 #pragma once
 #include "bindings.hpp"
 
 namespace radarsim {
 
-struct Place { // of a sensor: map frame, and the id of the box that carries it
+struct Place { // pose of a sensor in the map frame, and the id of the robot box that carries it
     double x, y, z, roll, pitch, yaw, carrier;
 };
 
@@ -13,13 +13,13 @@ inline const Place& place_of(Array<const double[7]> places, int64_t scan) {
 }
 
 struct NodeTable {
-    Array<const Vector, 2> directions, starts; // of each node and beam; one row of starts if all nodes share them
-    Array<const double> edges;                 // random numbers from which on the next node is drawn
-    Array<const int8_t> sides;                 // of each node
+    Array<const Vector, 2> directions, starts; // by node and beam; starts have a single row if all nodes share them
+    Array<const double> edges;                 // ascending random numbers at which the next node begins
+    Array<const int8_t> sides;                 // side of each node: -1 right, 0 centre, 1 left
 
     int64_t nodes() const { return sides.size() < directions.shape[0] ? sides.size() : directions.shape[0]; }
     int64_t beams() const { return directions.shape[1]; }
-    // Whether there are starts for all nodes, and numbers of nodes fit into 16 bits.
+    // Whether all nodes have starts, and the indices of nodes fit into 16 bits.
     bool is_valid() const {
         return (starts.shape[0] == 1 || starts.shape[0] == directions.shape[0]) && directions.shape[0] <= INT16_MAX;
     }
@@ -28,20 +28,20 @@ LAYOUT(NodeTable, "kn sn e m", directions, starts, edges, sides)
 
 struct Frame {
     Vector position;
-    Vector rotation[3]; // its rows
+    Vector rotation[3]; // rows of the rotation matrix
 };
 
-// The node that a random number selects: how many edges it has reached.
+// Return the node that a random number selects: the number of edges that are not greater.
 inline int64_t node_of(Array<const double> edges, double chance) {
-    // An edge itself belongs to the node after it, as in numpy.searchsorted from the right. Without branches, since no
-    // processor can predict random numbers.
+    // A number equal to an edge selects the node after it, as numpy.searchsorted does with side="right". The search has
+    // no branches, since processors cannot predict branches on random numbers.
     const double* edge = edges.data;
     int64_t left = edges.size();
     for (; left > 1; left -= left / 2) edge += left / 2 * (edge[left / 2 - 1] <= chance);
     return edge - edges.data + (left && *edge <= chance);
 }
 
-// Equals geometry.rotation_matrix: scans in batches and alone agree bit by bit.
+// The rotation is the same as in geometry.rotation_matrix, so single scans and batches of scans are equal bit by bit.
 inline Frame frame_of(const Place& place) {
     double cr = cos(place.roll), sr = sin(place.roll);
     double cp = cos(place.pitch), sp = sin(place.pitch);
@@ -52,7 +52,7 @@ inline Frame frame_of(const Place& place) {
              {-sp, cp * sr, cp * cr}}};
 }
 
-// Fill the rotation matrices of roll, pitch and yaw, rad.
+// Compute the rotation matrices for roll, pitch and yaw in rad.
 inline void fill_rotations(Array<const Vector> angles, Array<Vector[3]> rotations) {
     for (int64_t i = 0; i < angles.size(); i++) {
         auto [roll, pitch, yaw] = angles[i].numbers;
@@ -67,13 +67,14 @@ inline void aim_ray(const NodeTable& table, const Frame& frame, int64_t beam, in
     const Vector& start = table.starts(table.starts.shape[0] > 1 ? node : 0, beam);
     const Vector& ahead = table.directions(node, beam);
     for (int i = 0; i < 3; i++) {
-        // None of the sums is -0.0.
+        // Adding 0.0 turns -0.0 into 0.0.
         origin[i] = frame.position[i] + (dot(frame.rotation[i], start) + 0.0);
         direction[i] = dot(frame.rotation[i], ahead) + 0.0;
     }
 }
 
-// Offsets are angles to the left and up, rad, of each node of each beam.
+// Compute the directions of nodes in the sensor frame. Offsets are angles to the left and up from the beam, rad, by
+// node and beam.
 inline void node_directions(Array<const double> angles, Array<const double[2], 2> offsets,
                             Array<Vector, 2> directions) {
     for (int64_t k = 0; k < offsets.size(); k++)
@@ -88,7 +89,8 @@ inline void node_directions(Array<const double> angles, Array<const double[2], 2
 }
 BIND(node_directions, "n kn kn")
 
-// Measure what directions bounding boxes take up, by lower and upper corners; see ray_fan.py.
+// Compute the ranges of azimuth and elevation that bounding boxes cover as seen from the antenna; see ray_fan.py. A box
+// is given by its lower and upper corner.
 inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> position,
                             Array<const Vector> rotation, Array<double, 2> extents) {
     double *azimuth = &extents(0, 0), *width = &extents(1, 0), *low = &extents(2, 0), *high = &extents(3, 0);
@@ -102,7 +104,7 @@ inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> p
             middle = middle + seen[corner];
         }
         middle = middle / 8.0;
-        // Angles from the middle are in the order of their tangents, but for a box around the antenna.
+        // Angles from the middle have the same order as their tangents, except for a box around the antenna.
         double first = INFINITE, last = -INFINITE, bottom = INFINITE, top = -INFINITE;
         auto ahead = [&](const Vector& corner) { return middle[0] * corner[0] + middle[1] * corner[1]; };
         auto right = [&](const Vector& corner) { return middle[1] * corner[0] - middle[0] * corner[1]; };
@@ -121,14 +123,15 @@ inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> p
 }
 BIND(measure_extents, "n 3 3 4n")
 
-// Turn unit vectors of a sensor to the map frame, each by one of some rotations. Returns whether all of these exist.
+// Rotate unit vectors from the sensor frame to the map frame; which has the index of the rotation for each vector.
+// Returns whether all indices are valid.
 inline bool turn_directions(Array<const Vector> directions, Array<const Vector[3]> rotations,
                             Array<const int64_t> which, Array<Vector> turned) {
     for (int64_t ray = 0; ray < directions.size(); ray++) {
         if (which[ray] < 0 || which[ray] >= rotations.size()) return false;
         const auto& [x, y, z] = rotations[which[ray]];
         Vector product = {dot(directions[ray], x), dot(directions[ray], y), dot(directions[ray], z)};
-        turned[ray] = product / length_of(product); // rounding must not make it longer
+        turned[ray] = product / length_of(product); // corrects rounding errors of the length
     }
     return true;
 }

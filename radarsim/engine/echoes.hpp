@@ -1,4 +1,4 @@
-// The echoes of the events along rays, and those of rain; see echo_extraction.py and rain_and_clouds.py for the theory.
+// Computes echoes from the events along rays, and echoes of rain; see echo_extraction.py and rain_and_clouds.py.
 #pragma once
 #include "attenuation.hpp"
 
@@ -7,16 +7,16 @@ namespace radarsim {
 constexpr double NOTHING_LEFT = 1e-12; // share of a ray's power; as in echo_extraction.py
 
 struct Densities {
-    Array<const double> parts; // power lost per metre in each
+    Array<const double> parts; // power lost per metre in each part
     double air;
-    Array<const double> scattering; // of each part, relative to foliage
+    Array<const double> scattering; // backscatter of each part relative to foliage
 };
 
 struct ReturnLaw {
     double full, nepers;
-    bool spreads; // whether the echo of a volume has the range of half its power
+    bool spreads; // whether the range of a volume's echo is the range at which half of its power has returned
 
-    // What comes back of a ray that has a share of its power left.
+    // The returned power, as a share, of a ray that has this share of its power left.
     double returned(double share) const { return share <= NOTHING_LEFT ? 0.0 : exp(nepers * (share - 1.0)); }
     double share_left(const Event& event, double power) const {
         if (event.kind == Kind::SPENT) return 0.0;
@@ -26,21 +26,21 @@ struct ReturnLaw {
     double share_behind(const Event& event) const { return share_left(event, event.power - event.absorbed); }
 };
 
-// What comes back of an event.
+// The echo of an event.
 struct Return {
-    double strength; // of its echo, had its ray the whole beam
-    double range;    // m, of its echo
-    double loss;     // what does not come back from behind the stretch before it, of what would from before that
-    double missing;  // to half of the strength
+    double strength; // strength of the echo if the ray were the whole beam
+    double range;    // m, range of the echo
+    double loss;     // decrease of the returned power over the interval before the event
+    double missing;  // power that is missing to half of the strength
 };
 
-// A volume around a point of a ray.
+// A volume that encloses a point of a ray.
 struct Volume {
     int32_t part;
     int64_t entry; // the event at which the ray entered it; -1 if it started inside
 };
 
-// Whether an event is of one of so many rays and, unless its ray ends there, parts.
+// Whether the ray of an event is valid and, unless the ray ends there, its part too.
 inline bool is_known(const Event& event, int64_t rays, int64_t parts) {
     if (event.ray < 0 || event.ray >= rays) return false;
     return event.kind > Kind::SHEET || (event.part >= 0 && event.part < parts);
@@ -58,15 +58,15 @@ inline void update_volumes(List<Volume>& volumes, const Event& event, int64_t i)
     if (event.kind != Kind::LEAVE) return;
     for (Volume& volume : volumes)
         if (volume.part == event.part) {
-            volume = volumes.end()[-1]; // their order does not matter
+            volume = volumes.end()[-1]; // the order of volumes does not matter
             volumes.shorten(volumes.size() - 1);
             return;
         }
 }
 
-// Call a function with the entry of each volume around a stretch, and the share of the loss there that its echo gets,
-// in proportion to density. The echo of a volume is that of its near side. One around the start has none: its share,
-// like the air's, returns no echo.
+// Distribute the loss in an interval to the volumes around it, in proportion to density: call a function with the
+// entry event and the share of each volume. The echo of a volume belongs to its entry. A volume around the start of the
+// ray has no entry, so its share, like the share of the air, gives no echo.
 template <typename F>
 void share_loss(double loss, const Densities& densities, const List<Volume>& volumes, F add) {
     double total = loss > 0.0 ? total_density(densities, volumes) : 0.0;
@@ -75,7 +75,7 @@ void share_loss(double loss, const Densities& densities, const List<Volume>& vol
         if (entry >= 0) add(entry, densities.parts[part] / total * densities.scattering[part]);
 }
 
-// Compute strengths and losses.
+// Compute the strengths and losses of all events.
 inline void compute_strengths(Array<const Event> events, const Densities& densities, const ReturnLaw& law,
                               List<Volume>& volumes, Buffer<Return>& returns) {
     int64_t ray = -1;
@@ -91,7 +91,7 @@ inline void compute_strengths(Array<const Event> events, const Densities& densit
         double loss = returns[i].loss = left - arriving;
         share_loss(loss, densities, volumes,
                    [&](int64_t entry, double part) { returns[entry].strength += loss * part; });
-        // Only sheets and surfaces take power at one point.
+        // Only sheets and surfaces absorb power at a point.
         left = behind == share ? arriving : law.returned(behind);
         if (event.kind == Kind::HIT) returns[i].strength = left;
         if (event.kind == Kind::SHEET) returns[i].strength = (arriving - left) * densities.scattering[event.part];
@@ -99,11 +99,12 @@ inline void compute_strengths(Array<const Event> events, const Densities& densit
     }
 }
 
-// Find the ranges, when strengths and losses are known: of volumes those up to which half of their power has come back.
+// Compute the ranges of echoes from strengths and losses. The range of a volume's echo is the range up to which half of
+// its power has returned.
 inline void find_ranges(Array<const Event> events, const Densities& densities, const ReturnLaw& law,
                         List<Volume>& volumes, Buffer<Return>& returns) {
     int64_t ray = -1;
-    double near = 0.0, before = 1.0; // m, of the event before; and the share of its power that the ray has behind it
+    double near = 0.0, before = 1.0; // range of the previous event, m, and the share of the power behind it
     for (int64_t i = 0; i < events.size(); i++) {
         const Event& event = events[i];
         returns[i].range = event.t;
@@ -131,27 +132,27 @@ inline void find_ranges(Array<const Event> events, const Densities& densities, c
 }
 
 constexpr double LEAF_BACKSCATTER = 2.0 / 3.0; // as in echo_extraction.py
-constexpr double EQUAL_STRENGTHS = 1e-12;      // relative difference below which they are
+constexpr double EQUAL_STRENGTHS = 1e-12;      // relative difference below which strengths are equal
 
 struct Echo {
     int64_t beam;
-    int64_t row;     // the ray, counted over all beams
-    double t;        // m from the start of the ray; of a volume, that up to which half of its power came back
-    double front;    // m, where the echo begins: of a volume, where the ray enters it
-    int64_t part;    // as in Traces
-    double power;    // left on arrival, for a hit without what the surface absorbs
-    double strength; // share of what a rough wall ahead returns of the whole beam
-    uint8_t kind;    // an EventKind
-    bool ends;       // whether a ray ends there
+    int64_t row;     // index of the ray among the rays of all beams
+    double t;        // range, m from the start of the ray; for a volume up to half of its returned power
+    double front;    // range at which the echo begins, m; for a volume its entry
+    int64_t part;    // the part, as in Traces
+    double power;    // power left on arrival; for a hit after absorption by the surface
+    double strength; // share of the power that a rough wall returns at normal incidence of the whole beam
+    uint8_t kind;    // the EventKind
+    bool ends;       // whether the ray ends at this echo
 };
 ROW(Echo, beam, row, t, front, part, power, strength, kind, ends)
 
-struct Placed { // an event among those of a beam, to be sorted by range
+struct Placed { // an event of a beam with its range, for sorting
     double range;
     int64_t event;
 };
 
-// Merge two sorted runs; of equal ranges those of the first run come first.
+// Merge two sorted runs; elements of the first run come first if ranges are equal.
 inline void merge_runs(Placed* run, int64_t middle, int64_t end, Placed* spare) {
     memcpy(spare, run, middle * sizeof(Placed));
     int64_t first = 0, second = middle;
@@ -159,8 +160,8 @@ inline void merge_runs(Placed* run, int64_t middle, int64_t end, Placed* spare) 
         run[k] = second < end && run[second].range < spare[first].range ? run[second++] : spare[first++];
 }
 
-// Sort by range; those of equal range keep their order. Most lists are short, and those of each ray are almost
-// sorted: insertion is the fastest. Longer lists are merged from runs that were sorted so.
+// Sort by range; the sort is stable. Most lists are short and almost sorted for each ray, so insertion sort is fastest.
+// Longer lists are split into short runs, which are sorted by insertion and merged.
 inline void sort_by_range(Placed* echoes, int64_t count, Placed* spare) {
     constexpr int64_t SHORT = 16;
     for (int64_t k = 1; k < count; k++) {
@@ -176,8 +177,8 @@ inline void sort_by_range(Placed* echoes, int64_t count, Placed* spare) {
         }
 }
 
-// Fill the echoes of all events, beam by beam, sorted by range; return how many there are, or -1 if an event is of
-// another ray or part. Incidence is empty, or the cosine of each ray's angle.
+// Compute the echoes of all events, beam by beam, sorted by range. Returns the number of echoes, or -1 if an event has
+// an unknown ray or part. Incidence is empty, or has the cosine of the angle of incidence of each ray.
 inline int64_t extract_echoes(Array<const Event> events, Array<const double> weights, Array<const double> incidence,
                               int64_t rays_per_beam, Array<const double> parts, double air,
                               Array<const double> scattering, double full, double nepers, bool spreads,
@@ -208,7 +209,7 @@ inline int64_t extract_echoes(Array<const Event> events, Array<const double> wei
             bool hit = kind == Kind::HIT;
             double strength = returns[row].strength;
             if (has_incidence) strength *= hit ? incidence[ray] : LEAF_BACKSCATTER;
-            // Rounding can add up to a little more than the whole power.
+            // Rounding errors can add up to slightly more than the full power.
             strength = minimum(weights[ray] * strength, 1.0);
             echoes[total++] = {beam, ray, range, t, part, power - (hit ? absorbed : 0.0), strength, uint8_t(kind),
                                hit || kind == Kind::SPENT};
@@ -218,25 +219,25 @@ inline int64_t extract_echoes(Array<const Event> events, Array<const double> wei
 }
 BIND(extract_echoes, "e r i p p e")
 
-// Whether one echo rather than another gives a merged echo its kind.
+// Whether an echo has precedence over another when a merged echo takes its kind from one of them.
 inline bool represents(const Echo& one, const Echo& other) {
     if (one.ends != other.ends) return one.ends;
     return one.strength > other.strength * (1.0 + EQUAL_STRENGTHS);
 }
 
-// The first echo of a beam from i on that has strength or is an end; the number of all if there is none.
+// Return the first echo from i on, in the same beam, that has strength or ends the ray; the number of echoes if none.
 inline int64_t first_with_power(Array<const Echo> echoes, int64_t i) {
     for (int64_t beam = echoes[i].beam; i < echoes.size() && echoes[i].beam == beam; i++)
         if (echoes[i].strength > 0.0 || echoes[i].ends) return i;
     return echoes.size();
 }
 
-// Merge the echoes of each beam that are closer together than a resolution; return how many are left.
+// Merge echoes of the same beam that are closer together than a resolution; return the number of remaining echoes.
 inline int64_t merge_echoes(Array<const Echo> echoes, double resolution, Array<Echo> merged) {
     int64_t left = 0, n = echoes.size();
     for (int64_t i = 0, j; i < n; i = j) {
         int64_t first = first_with_power(echoes, i), best = i;
-        double end = echoes[i].t; // nothing to merge with
+        double end = echoes[i].t; // by default there is no echo to merge with
         if (first < n && echoes[first].t - echoes[i].t < resolution) end = echoes[first].t + resolution;
         else first = i;
         double nearest = echoes[first].t, total = 0.0, mean = 0.0;
@@ -256,8 +257,8 @@ BIND(merge_echoes, "e e")
 
 enum Mode { LAST, FIRST, STRONGEST };
 
-// Select the echo that gives each beam its range, and set its range and ray; see echo_extraction.py. Return how many
-// beams read one; their rows come first in selected.
+// Select the echo that determines the range of each beam, and set range and ray; see echo_extraction.py. Returns the
+// number of beams with an echo; the rows of these echoes come first in selected.
 inline int64_t select_echoes(Array<const Echo> echoes, int64_t mode, double threshold, bool reads_spent,
                              Array<int64_t> selected, Array<double> ranges, Array<int64_t> rays) {
     auto is_above = [&](const Echo& echo) { return mode != LAST && echo.strength > threshold; };
@@ -281,29 +282,30 @@ inline int64_t select_echoes(Array<const Echo> echoes, int64_t mode, double thre
 }
 BIND(select_echoes, "e b b b")
 
-constexpr double MOST_CELLS = 1e7; // between two events; a search farther on would not end
+constexpr double MOST_CELLS = 1e7; // maximum number of cells between two events; a search of more would not end
 
-// The rest of a search from cell to cell.
+// The state of a search for rain, range cell by range cell.
 struct Search {
-    double t;      // m, the first cell that was not searched, or that shows rain
-    double budget; // each cell takes its -log(probability that nothing shows); at most 0 if rain shows
+    double t;      // m, range of the next cell, or of the cell in which rain is detected
+    double budget; // falls in each cell by -log(probability of no detection); at most 0 if rain is detected
 };
 
-// Search cells of constant contrast up to a distance; one exponential random number, the budget, decides it all.
+// Search cells of constant contrast up to a distance. A single exponential random number, the budget, decides in which
+// cell rain is detected.
 inline Search search_rain(Search from, double end, double cell, double contrast) {
     auto [t, budget] = from;
-    // Where it does not rain, skip the cells, but stay at multiples of their depth.
+    // Without rain all cells are skipped, and the range stays a multiple of their depth.
     if (contrast <= 0.0) return {t + cell * maximum(ceil((end - t) / cell), 0.0), budget};
     for (; t < end; t += cell) {
-        // log1p stays exact where the probability of a detection is tiny.
+        // log1p is exact even if the probability of a detection is tiny.
         budget += log1p(-exp(-t * t / contrast));
         if (budget <= 0.0) break;
     }
     return {t, budget};
 }
 
-// Find the nearest cell of each beam in which rain is detected; return how many beams have one. Contrasts are those
-// of each part at 1 m; other arguments as in rain_and_clouds.py.
+// Find the nearest cell of each beam in which rain is detected; return the number of beams with such a cell. Contrasts
+// are the contrasts of the parts at 1 m; see rain_and_clouds.py for the other arguments.
 inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, Array<const double, 2> random,
                          int64_t air_part, Array<const double> contrasts, double cell, double margin_db,
                          double nearest, double full_power, Array<Echo> found) {
@@ -327,8 +329,8 @@ inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, A
                 // Power falls linearly between events; unlimited power does not fall.
                 double lost = power < INFINITE ? (power - event.power) * (t - before) : 0.0;
                 lost /= event.t - before;
-                // The exponential distribution has no memory: what a detected cell has above the detection limit
-                // is distributed as without the limit.
+                // The exponential distribution is memoryless: the excess of a detected cell over the detection limit
+                // has the same distribution as the contrast itself.
                 double level = 10.0 * log10(1.0 + contrast / (t * t) * random(1, beam));
                 bool is_limited = 0.0 < full_power && full_power < INFINITE;
                 double share = is_limited ? (power - lost) / full_power : 1.0;

@@ -1,4 +1,4 @@
-// The engine: all that is too slow in Python. One library, as C headers compile in seconds.
+// The engine: all computations that are too slow in Python. The headers are compiled together, which takes seconds.
 #include "directions.hpp"
 #include "echoes.hpp"
 #include "lines.hpp"
@@ -16,12 +16,12 @@
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
-// A description of all functions and structures, as library.py reads it.
+// Return the description of all functions and structures, which library.py reads.
 EXPORT const char* radarsim_describe() {
     static radarsim::bindings::Text text;
     if (!text.memory()[0]) radarsim::bindings::describe_all(text);
     return text.memory();
 }
 
-// The digest of the sources that this was compiled from.
+// Return the digest of the source files from which this library was compiled.
 EXPORT const char* radarsim_sources() { return RADARSIM_SOURCES; }

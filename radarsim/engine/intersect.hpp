@@ -1,50 +1,50 @@
-// Where a line crosses triangles, in float64, and queries to Embree: what a ray intersects, what is near a point (see
-// embree.py).
+// Intersections of lines and triangles in float64, and Embree queries for the surfaces along a ray and near a point
+// (see embree.py).
 //
-// The triangle is seen along the line: points are sheared so that the line becomes the third axis. The line crosses
-// the triangle if the origin is inside the triangle's projection onto the first two axes, which is so where it is on
-// the same side of all three edges. The depth of the crossing is interpolated from the depths of the corners.
+// The intersection test is watertight. Points are sheared so that the line becomes the third axis. The line crosses the
+// triangle if the origin is inside the triangle's projection onto the first two axes, that is, on the same side of all
+// three edges. The depth of the crossing is interpolated from the depths of the corners.
 //
-// Rule 1: each corner is sheared on its own by the same operations, so that it has one projection, whichever triangle
-// it is taken from.
+// Rule 1: each corner is sheared independently by the same operations, so its projection is the same for all triangles
+// that share the corner.
 //
 // Rule 2: the side of an edge is the sign of a difference of two products. Rounding can make this difference zero, but
-// never reverses its sign; computed for the triangle on the other side of the edge, it is the exact opposite.
+// never reverses its sign. For the triangle on the other side of the edge the difference is exactly the negative.
 //
-// Rule 3: where it is zero, the line goes through the edge. It is treated as passing beside the edge, displaced by an
-// infinitesimal step along the first axis and a still smaller one along the second, the same for all triangles
-// (simulation of simplicity). Hence a line through an edge or a corner crosses exactly one triangle of a surface, and
-// along any line a closed surface is entered as often as it is left.
+// Rule 3: if the difference is zero, the line goes through the edge. Then the line is displaced by an infinitesimal
+// step along the first axis and a still smaller step along the second, the same for all triangles (simulation of
+// simplicity). Hence a line through an edge or a corner crosses exactly one triangle of a surface, and any line enters
+// a closed surface as often as it leaves it.
 //
-// Rule 4: the depth is a mean of the corners' depths with weights of one sign, so that no grazing line is given a
-// crossing outside the triangle.
+// Rule 4: the depth is a mean of the corners' depths with weights of equal sign, so a grazing line has no crossing
+// outside of the triangle.
 #pragma once
 #include "bindings.hpp"
 
 namespace radarsim {
 
-constexpr double INFINITESIMAL = 1e-290; // by which a line is displaced from an edge
-constexpr double TINY = 1e-30;           // coordinates below are set to zero
+constexpr double INFINITESIMAL = 1e-290; // displacement of a line from an edge
+constexpr double TINY = 1e-30;           // smaller coordinates are set to zero
 
-// One surface that a ray crosses.
+// A crossing of a ray and a surface.
 struct Crossing {
-    double t;     // m
+    double t;     // m along the ray
     int32_t part;
     int32_t sign; // added to the part's winding number: 1 on entering, -1 on leaving
 };
 
-// The shear that makes a line the third axis.
+// The shear that maps a line to the third axis.
 struct Line {
-    int first, second, third; // the axes of space in the order of projection
-    double origin[3];         // m, in that order
+    int first, second, third; // permutation of the axes x, y, z
+    double origin[3];         // m, in the permuted order
     double shear_first, shear_second;
-    double scale;             // of depths
+    double scale;             // scale of depths
 };
 
 inline double flush_to_zero(double number) { return fabs(number) < TINY ? 0.0 : number; }
 
 inline Line project_line(const Vector& origin, const Vector& direction) {
-    int third = 0; // the line's steepest axis: no factor below is greater than 1
+    int third = 0; // the axis with the largest component, so that no factor of the shear is greater than 1
     if (fabs(direction[1]) > fabs(direction[third])) third = 1;
     if (fabs(direction[2]) > fabs(direction[third])) third = 2;
     Line line;
@@ -58,8 +58,8 @@ inline Line project_line(const Vector& origin, const Vector& direction) {
     return line;
 }
 
-// Twice the signed area of the origin and an edge from a to b: its sign is the side of the edge on
-// which the line passes; it is 0 only for an edge that is seen as a point.
+// Twice the signed area of the triangle of the origin and an edge from a to b. Its sign is the side on which the line
+// passes the edge; it is 0 only if the edge is projected to a point.
 inline double edge_side(double ax, double ay, double bx, double by) {
     double area = ax * by - ay * bx;
     if (area != 0.0) return area;
@@ -68,8 +68,8 @@ inline double edge_side(double ax, double ay, double bx, double by) {
     return end > start ? INFINITESIMAL : -INFINITESIMAL;
 }
 
-// Intersect a line with one triangle. Returns 1 if the line enters by the front face, -1 if it
-// leaves by the back face, 0 if it misses; t is the distance along the line.
+// Intersect a line with a triangle. Returns 1 if the line enters through the front face, -1 if it leaves through the
+// back face, 0 if it misses the triangle; t is the distance along the line.
 inline int cross_triangle(const Line& line, const Triangle& corners, double& t) {
     const double* p = corners;
     int i = line.first, j = line.second, k = line.third;
@@ -81,20 +81,20 @@ inline int cross_triangle(const Line& line, const Triangle& corners, double& t) 
     double by = p[j + 3] - line.origin[1] - line.shear_second * bz;
     double cy = p[j + 6] - line.origin[1] - line.shear_second * cz;
     double a = edge_side(bx, by, cx, cy), b = edge_side(cx, cy, ax, ay), c = edge_side(ax, ay, bx, by);
-    double area = a + b + c; // of one sign if the line passes all edges on the same side
+    double area = a + b + c; // the terms have equal signs if the line passes all edges on the same side
     if (area == 0.0 || (minimum(a, b, c) < 0.0 && maximum(a, b, c) > 0.0)) return 0;
     t = line.scale * ((a * az + b * bz + c * cz) / area);
     return (area > 0.0) == (line.scale > 0.0) ? -1 : 1;
 }
 
-// Order by distance; at equal distances by part, and entering before leaving.
+// Order of crossings: by distance, then by part, then entering before leaving.
 inline bool comes_after(const Crossing& one, const Crossing& other) {
     if (one.t != other.t) return one.t > other.t;
     if (one.part != other.part) return one.part > other.part;
     return one.sign < other.sign;
 }
 
-// Shell's sort with gaps of 3k + 1: most rays have a few crossings.
+// Shellsort with gaps of 3k + 1, which is fast for the few crossings that most rays have.
 inline void sort_crossings(Crossing* crossings, int64_t count) {
     int64_t gap = 1;
     while (gap < count / 3) gap = 3 * gap + 1;
@@ -154,7 +154,7 @@ struct alignas(16) PointQuery {
 };
 struct alignas(16) PointQueryContext {
     float world2inst[16], inst2world[16];
-    uint32_t room[64]; // zeros: no instances
+    uint32_t room[64]; // zero, since there are no instances
 };
 struct PointQueryCall { // RTCPointQueryFunctionArguments
     PointQuery* query;
@@ -172,31 +172,31 @@ namespace radarsim {
 
 constexpr double BEHIND = -5e-324; // m, the greatest number below 0
 
-enum Role : uint8_t { IGNORE, COLLECT, OPAQUE }; // what a ray does with a part
+enum Role : uint8_t { IGNORE, COLLECT, OPAQUE }; // a ray ignores a part, collects its crossings, or ends at it
 
-// Triangles, and Embree's hierarchy of boxes around them.
+// Triangles, and Embree's bounding volume hierarchy of them.
 struct Hierarchy {
     void* scene;
     Array<const Triangle> triangles;
     Array<const uint32_t> owners; // the part of each triangle
-    int64_t first_sliced;         // where its triangles begin in SceneHandle::sliced
+    int64_t first_sliced;         // index of the first triangle of this slice in SceneHandle::sliced
 };
 LAYOUT(Hierarchy, "t t", scene, triangles, owners, first_sliced)
 
-// Embree's functions, and the hierarchies of a scene: the first is the whole scene, the others are its slices for
-// level rays.
+// Embree's functions, and the hierarchies of a scene: the first is the whole scene, the others are horizontal slices
+// for level rays.
 struct SceneHandle {
     void *intersect, *point_query; // rtcIntersect1, rtcPointQuery
-    Array<const uint64_t> addresses; // of the hierarchies
+    Array<const uint64_t> addresses; // addresses of the hierarchies
     Array<const double> heights;     // m, z of each slice; nan for the whole scene
-    Array<const int64_t> sliced;     // indices in the whole scene of the slices' triangles
-    double radius, margin;           // m: of a sphere around everything; by which boxes are wider than triangles
+    Array<const int64_t> sliced;     // index of each triangle of a slice in the whole scene
+    double radius, margin;           // m: radius of a sphere around the scene; margin of boxes around triangles
 
     const Hierarchy& operator[](int64_t row) const { return *reinterpret_cast<const Hierarchy*>(addresses[row]); }
 };
 LAYOUT(SceneHandle, "h h s", intersect, point_query, addresses, heights, sliced, radius, margin)
 
-// One query. Embree hands its context to the callback, which finds the rest behind it.
+// The state of a query. Embree passes the context to the callback, which finds the other fields next to it.
 struct Query {
     embree::RayHit hit;
     embree::Arguments arguments;
@@ -206,14 +206,14 @@ struct Query {
     const uint32_t* owners;
     const uint8_t* roles;
     Array<Crossing> crossings;
-    int64_t count; // of crossings, also of those that do not fit
+    int64_t count; // number of crossings, including crossings that did not fit into the array
     Line line;
     double near, far, window, stop_t, skipped, margin;
     uint32_t stop_part, stop_triangle;
 };
 
-// Intersect a triangle whose box the ray meets; Embree calls this. Embree is told nothing of the hit, so that it goes
-// on to all boxes up to tfar.
+// Intersect a triangle whose bounding box the ray meets; Embree calls this function. The hit is not reported to Embree,
+// so Embree continues to visit all boxes up to tfar.
 inline void on_primitive(embree::IntersectCall* call) {
     Query& query = *reinterpret_cast<Query*>(reinterpret_cast<char*>(call->context) - offsetof(Query, context));
     uint32_t triangle = call->prim;
@@ -224,8 +224,8 @@ inline void on_primitive(embree::IntersectCall* call) {
     double far = query.far;
     switch (query.roles[part]) {
     case OPAQUE: {
-        // The order of the calls must not matter: where two opaque surfaces coincide, the part with
-        // the lower index is hit, and of its triangles the lower one.
+        // The result must not depend on the order of calls. If opaque surfaces coincide, the ray hits the part, and
+        // then the triangle, with the lower index.
         bool nearer = t < query.stop_t || part < query.stop_part;
         if (nearer || (part == query.stop_part && triangle < query.stop_triangle))
             query.stop_part = part, query.stop_triangle = triangle;
@@ -233,28 +233,28 @@ inline void on_primitive(embree::IntersectCall* call) {
         break;
     }
     case COLLECT:
-        // The window begins at the nearest surface, which need not be found first.
+        // The window begins at the nearest surface, which is not always found first.
         far = minimum(far, t + query.window);
         if (query.count < query.crossings.size()) query.crossings[query.count] = {t, int32_t(part), sign};
-        query.count++; // also what does not fit: the caller allocates a longer list
+        query.count++; // counted even without room, so that the caller allocates a longer array
         break;
     default:
         break;
     }
     if (far < query.far) {
         query.far = far;
-        // Embree skips all boxes beyond. It counts from the skipped start, and in float32, for which
-        // the margin makes up.
+        // Embree skips all boxes beyond tfar. It measures distances from the start after skipping, in float32; the
+        // margin compensates for the rounding.
         call->ray_hit->ray.tfar = float(far - query.skipped + query.margin);
     }
 }
 
 struct BoundedTriangles {
     const Triangle* triangles;
-    double margin; // m by which boxes are wider
+    double margin; // m, margin of the boxes
 };
 
-// Write the bounding box of a triangle; Embree calls this.
+// Write the bounding box of a triangle; Embree calls this function.
 inline void on_bounds(embree::BoundsCall* call) {
     const auto& [triangles, margin] = *static_cast<const BoundedTriangles*>(call->user_data);
     const double* p = triangles[call->prim];
@@ -264,7 +264,7 @@ inline void on_bounds(embree::BoundsCall* call) {
     }
 }
 
-// The addresses of these callbacks, for Embree.
+// Write the addresses of these callbacks, for Embree.
 inline void get_callbacks(Array<int64_t> addresses) {
     addresses[0] = reinterpret_cast<int64_t>(&on_bounds);
     addresses[1] = reinterpret_cast<int64_t>(&on_primitive);
@@ -286,12 +286,12 @@ inline void prepare_query(const SceneHandle& handle, Query& query, Array<Crossin
     select_hierarchy(handle, query, 0);
 }
 
-// Level rays that found no slice.
+// Level rays for which there is no slice: the height of the last one, m, and their number.
 struct Unsliced {
     double height, rays;
 };
 
-// Choose the hierarchy of the next queries: a slice if the ray is level and one fits.
+// Choose the hierarchy for the next queries: a slice if the ray is level and there is a slice at its height.
 inline void select_scene(const SceneHandle& handle, Query& query, const Vector& origin, const Vector& direction,
                          Unsliced& unsliced) {
     int64_t row = 0;
@@ -306,26 +306,26 @@ inline void select_scene(const SceneHandle& handle, Query& query, const Vector& 
     select_hierarchy(handle, query, row);
 }
 
-// The index, in the whole scene, of the last opaque triangle found.
+// Return the index in the whole scene of the last opaque triangle that was found.
 inline int64_t opaque_triangle(const SceneHandle& handle, const Query& query) {
     if (query.hierarchy == 0) return query.stop_triangle;
     return handle.sliced[handle[query.hierarchy].first_sliced + query.stop_triangle];
 }
 
-// Let Embree traverse the scene along the direction or, with -1, against it, from near to far, m; no farther behind the
-// first collected surface than the window.
+// Let Embree traverse the scene along the direction, or against it if orientation is -1, from near to far, m, but at
+// most a window beyond the first collected surface.
 inline void run_query(const SceneHandle& handle, Query& query, uint32_t parts, const uint8_t* roles,
                       const Vector& origin, const Vector& direction, double orientation, double near, double far,
                       double window) {
     query.roles = roles;
     query.count = 0;
-    query.stop_part = parts; // no part has this number
+    query.stop_part = parts; // an index that no part has
     query.near = near, query.far = far, query.window = window;
     query.stop_t = INFINITE;
     query.line = project_line(origin, direction);
-    // Embree counts distances from the start and forwards.
+    // Embree's distances are not negative, so a backward query searches the whole line behind the start.
     if (orientation < 0.0) near = 0.0, far = INFINITE;
-    // A start far away would be rounded to float32 too coarsely: skip to the sphere around the scene.
+    // Rounding a distant start to float32 would be too coarse, so the ray skips to the sphere around the scene.
     double skipped = maximum(-orientation * dot(origin, direction) - handle.radius, 0.0);
     if (skipped > far) return;
     embree::Ray& ray = query.hit.ray;
@@ -343,7 +343,7 @@ inline void run_query(const SceneHandle& handle, Query& query, uint32_t parts, c
     intersect(handle[query.hierarchy].scene, &query.hit, &query.arguments);
 }
 
-// Whether something opaque may be within a radius around a point; false is certain.
+// A search for opaque triangles near a point.
 struct NearbySearch {
     const uint32_t* owners;
     const uint8_t* roles;
@@ -354,10 +354,11 @@ inline bool on_nearby_primitive(embree::PointQueryCall* call) {
     auto& search = *static_cast<NearbySearch*>(call->user_data);
     if (search.roles[search.owners[call->prim]] != OPAQUE) return false;
     search.found = true;
-    call->query->radius = 0.0f; // one is enough: end the traversal
+    call->query->radius = 0.0f; // ends the traversal, since one triangle is enough
     return true;
 }
 
+// Whether an opaque surface may be within a radius around a point; there is certainly none if the result is false.
 inline bool is_opaque_nearby(const SceneHandle& handle, const uint8_t* roles, const Vector& point, double radius) {
     embree::PointQuery query = {{float(point[0]), float(point[1]), float(point[2])}, 0.0f, float(radius)};
     embree::PointQueryContext context = {};

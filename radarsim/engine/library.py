@@ -1,13 +1,13 @@
-"""Calls into the engine, a library in C++, by ctypes.
+"""Calls of the engine, a C++ library, by ctypes.
 
-The library uses neither Python nor numpy, so that one file serves all versions of both;
-it knows how an array is laid out in memory, which no version changes. It describes its
-functions and structures itself, see ``bindings.hpp``. These descriptions are read when
-it is opened, and it checks each call against them: the type of each array, its order,
-its number of axes, and lengths that have to agree. What else has to hold, functions
-check themselves, but for indices that this package has made.
+The library links neither Python nor numpy, so the same file works with all versions of
+both. It relies on the memory layout of numpy arrays, which is the same in all versions.
+The library contains descriptions of its functions and structures, see ``bindings.hpp``,
+which are read when it is opened. It checks each call against them: the type and the
+memory order of each array, the number of axes, and lengths that must agree. Functions
+check all other conditions themselves, except for indices made by this package.
 
-Python's lock is released during calls.
+The global interpreter lock (GIL) is released during calls.
 """
 
 import ctypes
@@ -25,12 +25,12 @@ from radarsim.engine.build import FOLDER, LIBRARY, source_digest
 from radarsim.errors import EngineError
 
 _Bytes = ctypes.c_char * 0
-# Behind the head of the object numpy has the address of its numbers, in all versions.
-# To ask for it takes up to five times as long.
+# In all versions of numpy the pointer to the data follows the head of the array object.
+# Reading it directly is up to five times as fast as ``array.ctypes.data``.
 _HEAD: Final = object.__basicsize__
 _pointer_at = ctypes.c_size_t.from_address
-# Results of a call that was refused, as in ``bindings.hpp``: plus the number of the
-# argument that is not as described; 0 if lengths do not belong together.
+# Result of a refused call, as in ``bindings.hpp``, plus the number of the invalid
+# argument; plus 0 if lengths do not match.
 _REFUSED: Final = -(2**50)
 _NO_MEMORY: Final = _REFUSED + 127
 
@@ -40,19 +40,19 @@ def _as_float(bits: int) -> float:
 
 
 def address(array: NDArray[Any]) -> int:
-    """Return the address of a contiguous array; it is valid as long as the array is."""
+    """Return the address of a contiguous array, valid during the array's lifetime."""
     return _pointer_at(id(array) + _HEAD).value
 
 
 class Packed:
-    """A structure in memory, with the arrays and structures that it refers to.
+    """A C++ structure in memory, with the arrays and structures that it refers to.
 
-    Its fields are attributes of their names.
+    The fields of the structure are also attributes of this object.
 
     Attributes:
-        structure: Its type.
-        fields: The value of each field.
-        address: Where it is.
+        structure: Type of the structure.
+        fields: Values of the fields, by name.
+        address: Address of the structure in memory.
     """
 
     def __init__(self, structure: "Structure", fields: dict[str, Any]) -> None:
@@ -84,13 +84,13 @@ class Function:
     def __init__(
         self, name: str, start: int, codes: Sequence[str], labels: Sequence[str] = ()
     ) -> None:
-        """Read a description.
+        """Create a function from its description in the library.
 
         Args:
-            name: Its name in C++.
-            start: Its address.
-            codes: The codes of its parameters, an arrow, and the code of its result.
-            labels: Names of its parameters, in errors.
+            name: Name of the function in C++.
+            start: Address of the function.
+            codes: The codes of the parameters, an arrow, and the code of the result.
+            labels: Names of the parameters for error messages.
         """
         self._name, self.codes = name, codes[:-2]
         numbers = range(1, len(codes))
@@ -100,13 +100,12 @@ class Function:
 
     @functools.cached_property
     def call(self) -> Callable[..., Any]:
-        """What calls the function, with arguments in the order of its parameters.
+        """A callable that calls the function with arguments in order.
 
-        It raises an EngineError if one is not as the description says, or the function
-        finds that they do not belong together, and a MemoryError if there is too little
-        memory.
+        It raises an EngineError if an argument does not match its description or
+        arguments do not match each other, and a MemoryError if memory is exhausted.
         """
-        # Many calls are short: what each needs is at hand.
+        # Many calls are short, so everything that a call needs is prepared here.
         call, is_float, codes = self._call, self._is_float, list(enumerate(self.codes))
         arrays = list(self._dtypes)
         references = [(i, engine.structures[c[1:]]) for i, c in codes if c[0] == "&"]
@@ -119,7 +118,7 @@ class Function:
             words = [*arguments]
             try:
                 for place in arrays:
-                    words[place] = id(words[place])  # which the library checks
+                    words[place] = id(words[place])  # the library checks the object
                 for place, structure in references:
                     value = words[place]
                     words[place] = value.address if value.structure is structure else ""
@@ -135,13 +134,16 @@ class Function:
 
     @functools.cached_property
     def _dtypes(self) -> dict[int, np.dtype[Any]]:
-        """The types of arguments that are arrays, by place."""
+        """The types of array arguments, by the index of the argument."""
         codes = {i: code for i, code in enumerate(self.codes) if code[0] in "*="}
         kinds = {i: code[1:].partition("[")[0] for i, code in codes.items()}
         return {i: engine.rows.get(k) or np.dtype(k) for i, k in kinds.items()}
 
     def _call_again(self, arguments: Sequence[Any], result: int) -> Any:
-        """Call the function with what it refused, if another view of that is right."""
+        """Repeat a refused call with a view of the array, if that has the right type.
+
+        Otherwise raise the error for the refused argument.
+        """
         if result == _NO_MEMORY:
             raise MemoryError(f"there is too little memory for {self._name}")
         if result == _REFUSED:
@@ -156,7 +158,7 @@ class Function:
         raise self._unexpected_array(arguments, place)
 
     def _unexpected(self, arguments: Sequence[Any]) -> EngineError | TypeError:
-        """Return the error for arguments that are no arrays."""
+        """Return the error for arguments that are numbers or structures."""
         for label, code, value in zip(
             self._labels, self.codes, arguments, strict=False
         ):
@@ -195,22 +197,22 @@ class Function:
 
 
 class Structure:
-    """A structure that holds arrays.
+    """The description of a C++ structure that refers to arrays.
 
     Attributes:
-        name: Its name in C++.
-        size: bytes.
-        codes: The code of each field, by its name.
+        name: Name of the structure in C++.
+        size: Size of the structure in bytes.
+        codes: The code of each field, by name.
     """
 
     def __init__(self, name: str, size: int, start: int, fields: Sequence[str]) -> None:
-        """Read a description.
+        """Create a structure from its description in the library.
 
         Args:
-            name: Its name in C++.
-            size: bytes.
-            start: The address of the function that fills one.
-            fields: Of each field its name, its offset in bytes, and its code.
+            name: Name of the structure in C++.
+            size: Size of the structure in bytes.
+            start: Address of the function that fills the structure.
+            fields: Name, offset in bytes, and code of each field, one after the other.
         """
         self.name, self.size = name, size
         self.codes = dict(zip(fields[::3], fields[2::3], strict=True))
@@ -219,13 +221,13 @@ class Structure:
         self._fill = Function(name, start, codes, labels)
 
     def pack(self, **values: Any) -> Packed:
-        """Pack a structure; its arrays are not copied.
+        """Pack values into a structure without copying arrays.
 
         Args:
             values: A value for each field.
 
         Raises:
-            EngineError: If a value is not as the description says, or a field has none.
+            EngineError: If a value does not match its description, or is missing.
         """
         if values.keys() != self.codes.keys():
             unknown = sorted(values.keys() ^ self.codes.keys())
@@ -236,11 +238,11 @@ class Structure:
 
 
 def _row_type(size: int, fields: Sequence[str]) -> np.dtype[np.void]:
-    """Return the type of a structure of numbers, as the row of an array.
+    """Return the numpy type of a structure of numbers, for structured arrays.
 
     Args:
-        size: bytes.
-        fields: Of each field its name, its offset in bytes, and its code.
+        size: Size of the structure in bytes.
+        fields: Name, offset in bytes, and code of each field, one after the other.
     """
     kinds = [code.removesuffix("]").partition("[") for code in fields[2::3]]
     formats = [(kind, (int(count),)) if count else kind for kind, _, count in kinds]
@@ -256,22 +258,21 @@ def _row_type(size: int, fields: Sequence[str]) -> np.dtype[np.void]:
 
 
 class Engine:
-    """The library.
-
-    Its functions are attributes of their names.
+    """The engine's library, with its functions as attributes.
 
     Attributes:
-        functions: The descriptions of its functions, by their names in C++.
-        rows: The types of structures that are rows of arrays, by their names in C++.
-        structures: Those that are packed.
-        enumerations: Its enumerations.
+        functions: Descriptions of the functions, by their names in C++.
+        rows: Numpy types of structures that are rows of arrays, by their names in C++.
+        structures: Descriptions of structures that are packed, by their names in C++.
+        enumerations: Enumerations, by their names in C++.
     """
 
     def __init__(self, path: Path) -> None:
         """Open the library.
 
         Raises:
-            EngineError: If it cannot be opened, or was compiled from another source.
+            EngineError: If the library cannot be opened, or was compiled from other
+                sources.
         """
         try:
             library = ctypes.CDLL(str(path))
@@ -281,7 +282,7 @@ class Engine:
             ) from error
         for name in ("describe", "sources"):
             getattr(library, f"radarsim_{name}").restype = ctypes.c_char_p
-        # Only a checkout has the sources.
+        # Only a checkout has the source files.
         if (FOLDER / "engine.cpp").exists():
             built = library.radarsim_sources().decode()
             if built != source_digest():
@@ -312,7 +313,7 @@ class Engine:
         if name not in self.functions:
             raise AttributeError(f"the engine has no function {name!r}")
         call = self.functions[name].call
-        setattr(self, name, call)  # next time it is found at once
+        setattr(self, name, call)  # so that ``__getattr__`` is not called again
         return call
 
 

@@ -1,8 +1,8 @@
-// Sorts the echoes of a scan into lines, and writes numbers into templates of lines; line_template.py describes the
-// marks of these.
+// Sorts the echoes of a scan into lines of the protocol, and writes numbers into templates of lines; line_template.py
+// describes the marks in the templates.
 //
-// Numbers below 2^31 with up to six decimals are below 2^52 when they are scaled to whole numbers, so that their
-// halves are exact: the digits are those of NumberFormat.
+// Numbers below 2^31 with up to six decimals are below 2^52 when they are scaled to integers, so halves are exact and
+// the digits are the same as those of NumberFormat.
 #pragma once
 #include "bindings.hpp"
 
@@ -11,15 +11,15 @@ namespace radarsim {
 constexpr uint8_t FIRST_MARK = 0xC0, IN_SERIES = 0x20, LINE_END = 0xDA, TRUTH = 0xDB, FLIPPED = 0xDC, WRAPPED = 0xDD,
                   POSITIVE = 0xDE, BLOCK_END = 0xF9;
 enum Rounding { NEAREST, FLOAT32, TRUNCATED, WHOLE };
-constexpr int64_t MISFIT = -2, TOO_LARGE = -1; // instead of a number of bytes
+constexpr int64_t MISFIT = -2, TOO_LARGE = -1; // error codes, returned instead of a number of bytes
 
 constexpr double LARGEST_WRITTEN = 2147483648.0;
-constexpr int64_t LONGEST_NUMBER = 19; // sign, ten digits, point, seven decimals; a truth value is less
+constexpr int64_t LONGEST_NUMBER = 19; // sign, ten digits, point, seven decimals; "False" is shorter
 constexpr int64_t POWERS[] = {1, 10, 100, 1000, 10000, 100000, 1000000, 10000000, 100000000, 1000000000, 10000000000,
                               100000000000, 1000000000000, 10000000000000, 100000000000000, 1000000000000000,
                               10000000000000000, 100000000000000000};
 
-// A number as the marks before its own change it; bits of their places from FLIPPED on are set.
+// Apply the changes that marks before a number demand: bit 0 for FLIPPED, bit 1 for WRAPPED, bit 2 for POSITIVE.
 inline double change_number(double value, int changes) {
     if (changes & 1) value = 0.0 - value;
     if (changes & 2) value = wrap_angle(value);
@@ -27,12 +27,12 @@ inline double change_number(double value, int changes) {
     return value;
 }
 
-// A product as a whole number, rounded once; exact halves become even.
+// Multiply and round to an integer, with a single rounding; exact halves are rounded to even.
 inline int64_t scale_number(double size, double scale) {
     double product = size * scale, whole = rint(product);
     if (fabs(product - whole) == 0.5) {
-        // The product may have been rounded to the half. Its error is exact: the upper half of the digits times a
-        // scale of 20 bits is, and so is the lower half.
+        // The product itself may have been rounded to the half. Its error is computed exactly, since the upper and the
+        // lower half of the digits times a scale of 20 bits are exact.
         double split = size * 134217729.0, upper = split - (split - size); // 2^27 + 1
         double error = (upper * scale - product) + (size - upper) * scale;
         if (error != 0.0) whole = error > 0.0 ? product + 0.5 : product - 0.5;
@@ -40,7 +40,7 @@ inline int64_t scale_number(double size, double scale) {
     return int64_t(whole);
 }
 
-// The digits of the numbers below 100.
+// The two digits of each number below 100.
 struct Pairs {
     uint8_t digits[100][2];
     constexpr Pairs() : digits() {
@@ -49,7 +49,7 @@ struct Pairs {
 };
 constexpr Pairs PAIRS;
 
-// Write the last digits of a number before a place; returns the number without them.
+// Write the last digits of a number before the position end; returns the number without these digits.
 inline uint64_t write_last_digits(uint64_t number, int count, uint8_t* end) {
     for (; count > 1; count -= 2, number /= 100) memcpy(end -= 2, PAIRS.digits[number % 100], 2);
     if (!count) return number;
@@ -57,12 +57,12 @@ inline uint64_t write_last_digits(uint64_t number, int count, uint8_t* end) {
     return number / 10;
 }
 
-// Write a scaled number with its point at a place; returns the place behind.
+// Write a scaled number with its decimal point; returns the position after it.
 inline uint8_t* write_digits(int64_t scaled, int decimals, uint8_t* at) {
     int whole = 1; // digits before the point
     while (scaled >= POWERS[whole + decimals]) whole++;
     uint8_t *point = at + whole, *end = point + (decimals ? 1 + decimals : 0);
-    uint64_t rest = write_last_digits(uint64_t(scaled), decimals, end); // from the last to the first, by divisions
+    uint64_t rest = write_last_digits(uint64_t(scaled), decimals, end); // from the last digit to the first
     if (decimals) *point = '.';
     write_last_digits(rest, whole, point);
     return end;
@@ -70,12 +70,12 @@ inline uint8_t* write_digits(int64_t scaled, int decimals, uint8_t* at) {
 
 inline uint8_t* write_number(double value, uint8_t mark, uint8_t* at) {
     int rounding = mark >> 3 & 3, decimals = mark & 7;
-    int64_t scale = POWERS[decimals], scaled; // with signs, since those without are slow to convert
+    int64_t scale = POWERS[decimals], scaled; // signed, since unsigned integers are slow to convert
     float single = float(value), size = fabsf(single), whole = truncf(size);
     bool is_negative;
     if (rounding == TRUNCATED) {
-        // Never as much as the scale: the largest fraction of single precision times a power of ten is nearer to
-        // the number below that power.
+        // The fraction never rounds up to the scale: the largest fraction in single precision times a power of ten is
+        // closer to the next lower number.
         scaled = int64_t(whole) * scale + int64_t((size - whole) * float(scale));
         is_negative = single < 0.0f;
     } else if (rounding == FLOAT32) {
@@ -94,8 +94,8 @@ inline uint8_t* write_truth(bool value, uint8_t* at) {
     return at;
 }
 
-// Write lines after each other; returns their bytes. Numbers and entries of series are in the order of their marks. One
-// pass over the templates of all robots, as a tick can have hundreds of lines.
+// Write lines from templates; returns the number of bytes, MISFIT or TOO_LARGE. Numbers and entries of series are in
+// the order of their marks. A single call writes the lines of all robots, since a tick can have hundreds of lines.
 inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> numbers, Array<const double> series,
                            Array<uint8_t> out) {
     if (out.size() < 2 * templates.size() + LONGEST_NUMBER * (numbers.size() + series.size())) return MISFIT;
@@ -110,7 +110,7 @@ inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> n
             bool in_series = code & IN_SERIES;
             if (in_series ? entry == series.end() : number == numbers.end()) return MISFIT;
             double value = in_series ? *entry++ : *number++;
-            if (!(fabs(value) < LARGEST_WRITTEN)) return TOO_LARGE; // NaN too
+            if (!(fabs(value) < LARGEST_WRITTEN)) return TOO_LARGE; // also for NaN
             if (changes) value = change_number(value, changes);
             changes = 0;
             at = code == TRUTH ? write_truth(value != 0.0, at) : write_number(value, code, at);
@@ -121,31 +121,31 @@ inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> n
 BIND(write_lines, "t n s o")
 
 struct WrittenEcho {
-    double beam, range, power, strength; // m; shares from 0 to 1
+    double beam, range, power, strength; // range in m; power and strength are shares from 0 to 1
 };
 ROW(WrittenEcho, beam, range, power, strength)
 
 struct EchoRows {
-    int64_t part, start, end; // of a line: the echoes of a part from a row to that before the end
-    int64_t before;           // of a row: where the echo was before
+    int64_t part, start, end; // per line: the part, and the rows of its echoes from start to before end
+    int64_t before;           // per row: the row of the echo before sorting
 };
 ROW(EchoRows, part, start, end, before)
 
-struct PartEchoes { // the echoes of a part
-    int64_t part, beam;   // the beam of the first
-    int64_t count, start; // how many, and the row of the first
-    int64_t place;        // of the next one that comes
+struct PartEchoes { // the echoes that belong to a part of the scene
+    int64_t part, beam;   // the part, and the beam of the first echo
+    int64_t count, start; // number of echoes, and row of the first echo
+    int64_t place;        // row for the next echo
 };
 
-// Group echoes by part, in the order of the first of each.
+// Group echoes by part, in the order of the first echo of each part.
 inline void group_echoes(Array<const int64_t> parts, Array<const int64_t> beams, List<PartEchoes>& groups,
                          Buffer<int64_t>& group_of) {
-    // A power of two, so that a mask replaces the division; at most half full, so that probes stay short.
+    // The size is a power of two, so a mask replaces the division. The table is at most half full, so probes are short.
     int64_t size = 16;
     while (size < 2 * parts.size()) size *= 2;
-    Buffer<int64_t> table(size); // groups by the hash of their part, from 1
+    Buffer<int64_t> table(size); // number of the group, from 1, by the hash of its part
     for (int64_t row = 0; row < parts.size(); row++) {
-        uint64_t slot = (uint64_t(parts[row]) * 2654435761 >> 8) & (size - 1); // the upper bits are spread
+        uint64_t slot = (uint64_t(parts[row]) * 2654435761 >> 8) & (size - 1); // upper bits are better distributed
         while (table[slot] && groups[table[slot] - 1].part != parts[row]) slot = (slot + 1) & (size - 1);
         if (!table[slot]) {
             groups.append({parts[row], beams[row], 0, 0, 0});
@@ -156,10 +156,10 @@ inline void group_echoes(Array<const int64_t> parts, Array<const int64_t> beams,
     }
 }
 
-// Write the lines of groups by their first beam, and for the same beam by their part; returns how many.
+// Write the lines of all groups, sorted by the first beam, then by part; returns the number of lines.
 inline int64_t share_lines(List<PartEchoes>& groups, int64_t echoes_a_line, Array<EchoRows> rows) {
     Buffer<int64_t> ranks(groups.size());
-    for (int64_t group = 0; group < groups.size(); group++) { // by beam they are sorted already
+    for (int64_t group = 0; group < groups.size(); group++) { // groups are already sorted by beam
         const auto& [part, beam, count, start, place] = groups[group];
         int64_t at = group;
         for (; at && groups[ranks[at - 1]].beam == beam && groups[ranks[at - 1]].part > part; at--)
@@ -176,7 +176,7 @@ inline int64_t share_lines(List<PartEchoes>& groups, int64_t echoes_a_line, Arra
     return line;
 }
 
-// A share without rounding errors, and zero without a sign.
+// Clip a share to the range from 0 to 1; -0.0 becomes 0.0.
 inline double clip_to_unit(double share) { return share <= 0.0 ? 0.0 : minimum(share, 1.0); }
 
 inline double power_share(double power, double full_power) {
@@ -184,8 +184,8 @@ inline double power_share(double power, double full_power) {
     return full_power > 0.0 ? clip_to_unit(power / full_power) : 0.0;
 }
 
-// Sort echoes into lines of one part each, as many as fit into a line: the echoes of a part by beam and range. They
-// come sorted by beam. Returns the number of lines.
+// Sort echoes into lines; each line has echoes of a single part, sorted by beam and range, up to a maximum number. The
+// input is sorted by beam. Returns the number of lines.
 inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beams, Array<const double> ranges,
                            Array<const double> power, Array<const double> strength, double full_power,
                            int64_t echoes_a_line, Array<WrittenEcho> echoes, Array<EchoRows> rows) {
@@ -198,7 +198,7 @@ inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beam
         PartEchoes& group = groups[group_of[row]];
         int64_t place = group.place++;
         double beam = double(beams[row]);
-        // Insertion, as a beam has few echoes of one part.
+        // Insertion sort, since a beam has few echoes of the same part.
         auto follows = [&](const WrittenEcho& echo) { return echo.beam == beam && echo.range > ranges[row]; };
         for (; place > group.start && follows(echoes[place - 1]); place--) {
             echoes[place] = echoes[place - 1];

@@ -1,56 +1,55 @@
-// Drive all robots for a step: wheels, arcs, and moves among walls and other robots without collision.
+// Moves all robots for a time step: wheel motion, circular arcs, and collisions with walls and other robots.
 //
-// A move that is free is made as it is. One that would penetrate something is pushed out along the shortest
-// direction, so that the robot slides; where that fails the robot turns on the spot, and where that is blocked too it
-// stays. Every pose that is taken is free, so a robot can always back out of a contact.
+// A move without collision is executed unchanged. If the new pose penetrates a wall or a robot, it is pushed out along
+// the shortest direction, so the robot slides. If that fails, the robot turns on the spot, and if that is blocked too,
+// it stays. Every pose of a robot is free of collisions, so a robot can always back out of a contact.
 //
-// Rule 1: no point of the robot travels farther in a move than its sweep. So once the gap to the nearest wall is
-// known, walls need not be checked again before the sweeps add up to it; that makes moves on the open floor cheap.
+// Rule 1: in a move no point of the robot travels farther than its sweep. So once the gap to the nearest wall is known,
+// walls need not be checked until the sum of sweeps reaches it. This makes moves on open floor cheap.
 // Rule 2: a move displaces the centre by at most max_displacement_ratio sweeps, so the same holds for the gap to the
-// other robots, which move as well.
+// other robots, which also move.
 //
-// The robots near a place are found by a grid of square cells. Cells are found by a hash of their place, so that the
-// floor may be of any size. Robots are entered once in each step, and cells are searched a little farther than asked
-// for, as robots move within the step.
+// Robots near a position are found by a spatial hash of square cells, so the floor may have any size. Robots are
+// entered once per step, and the search radius includes the distance that robots can move during the step.
 //
-// Robots move one after the other, in the order of spawning, so that a robot meets those before it where they have
-// gone and those after it where they still are.
+// Robots move one after the other in the order of spawning. A robot collides with the new poses of the robots before
+// it, and with the old poses of the robots after it.
 //
-// The kinematics are those of skid steering, from the speeds of the left and right wheels, and an angle between
-// heading and motion that robots with a steering axle have. Wheels reach their set-points at once: the set-point of a
+// The kinematics are skid steering with the speeds of the left and right wheels, plus the sideslip angle between
+// heading and motion for robots with a steering axle. Wheels reach their set-points immediately: the set-point of a
 // tick is the speed during that tick.
 #pragma once
 #include "walls.hpp"
 
 namespace radarsim::robots {
 
-constexpr double ROBOT_RANGE = 4.0; // m between the circles of two robots that find each other
+constexpr double ROBOT_RANGE = 4.0; // m, maximum gap between the circles of two robots that find each other
 constexpr double MIN_CELL = 2.0;    // m
 constexpr double CELLS_IN_REACH = 3.0;
 constexpr double FARTHEST_CELL = 1e15;
-constexpr double CONTACT_GAP = 1e-3;   // m left between the robot and what it runs into
-constexpr double TOUCH_RANGE = 2e-3;   // m; anything closer touches the robot
-constexpr double OUTLINE_RANGE = 0.1;  // m between the circles below which outlines matter
-constexpr int MAX_PUSHES = 8;          // out of two walls in turn; more would not get out of a wedge
+constexpr double CONTACT_GAP = 1e-3;   // m, remaining gap between a robot and an obstacle after a collision
+constexpr double TOUCH_RANGE = 2e-3;   // m; closer obstacles touch the robot
+constexpr double OUTLINE_RANGE = 0.1;  // m; gap between the circles of robots below which outlines are compared
+constexpr int MAX_PUSHES = 8;          // alternately out of two walls; more pushes would not leave a wedge either
 
-struct Surroundings { // what robots may run into
+struct Surroundings { // the robots and the walls with which they can collide
     Array<Robot> robots;
     Array<const int64_t> order; // slots of all robots, in the order in which they move
     Array<Odometry> odometry;
     const Walls* walls;
-    Array<LineSegment> lines;             // room for those near a robot: all walls, and four for each robot
+    Array<LineSegment> lines;             // memory for the lines near a robot: all walls, and four for each robot
     double margin;                 // m; a smaller gap counts as contact
-    double wall_range;             // m beyond the robot's circle within which walls are found
-    double max_displacement_ratio; // of a centre, by the sweep of a move
+    double wall_range;             // m; walls up to this distance from the robot's circle are found
+    double max_displacement_ratio; // maximum displacement of the centre in a move, divided by the sweep
 };
 LAYOUT(Surroundings, "t r o l", robots, order, odometry, walls, lines, margin, wall_range, max_displacement_ratio)
 
-// The number of a cell on an axis; that of the farthest one beyond it.
+// Return the index of a cell along an axis, limited to the farthest cell.
 inline int64_t cell_at(double place, double cell) {
     return int64_t(floor(minimum(maximum(-FARTHEST_CELL, place / cell), FARTHEST_CELL)));
 }
 
-// Some of the robots, by cells.
+// A spatial hash of robots by cell.
 class RobotGrid {
   public:
     RobotGrid(Array<Robot> robots, Array<const int64_t> order)
@@ -58,14 +57,14 @@ class RobotGrid {
         while (buckets_ <= order.size()) buckets_ *= 2;
     }
 
-    // Enter all where they are, for robots that drive up to dt s before they are entered again.
+    // Enter all robots at their poses; the entries are valid while robots move for up to dt s.
     void enter(double dt) {
         double radius = 0.0, speed = 0.0;
         for (int64_t slot : order_) {
             radius = maximum(radius, robots_[slot].radius);
             speed = maximum(speed, robots_[slot].top_speed);
         }
-        reach_ = ROBOT_RANGE + radius + speed * dt; // they move before they are searched
+        reach_ = ROBOT_RANGE + radius + speed * dt; // robots may move before they are searched
         cell_ = maximum(MIN_CELL, reach_ / CELLS_IN_REACH);
         max_speed_ = speed;
         memset(heads_.data(), 0, sizeof(int64_t) * buckets_);
@@ -78,7 +77,7 @@ class RobotGrid {
         }
     }
 
-    // Call a function with each robot whose circle may be in range of that around a place.
+    // Call a function with each robot whose circle may be within ROBOT_RANGE of a circle around a pose.
     template <typename F> void visit_near(const Pose2& pose, double radius, F visit) const {
         double reach = radius + reach_;
         int64_t left = cell_at(pose.x - reach, cell_), right = cell_at(pose.x + reach, cell_);
@@ -97,10 +96,10 @@ class RobotGrid {
   private:
     struct Place {
         int64_t column, row;
-        int64_t next; // number in the order of the next robot in the same bucket, plus 1; 0 for none
+        int64_t next; // index in the order of the next robot in the same bucket, plus 1; 0 for none
     };
 
-    // Two large primes spread neighbours.
+    // Hash a cell; two large primes distribute neighbouring cells.
     int64_t bucket_of(int64_t column, int64_t row) const {
         return (uint64_t(column) * 73856093 ^ uint64_t(row) * 19349663) & (buckets_ - 1);
     }
@@ -109,18 +108,18 @@ class RobotGrid {
     Array<const int64_t> order_;
     int64_t buckets_; // a power of two
     Buffer<Place> places_;
-    Buffer<int64_t> heads_; // of each bucket, as Place::next
+    Buffer<int64_t> heads_; // first robot of each bucket, as in Place::next
     double cell_ = MIN_CELL, reach_ = 0.0, max_speed_ = 0.0;
 };
 
-// A robot and the walls and robots near it.
+// Moves a robot without collision with the walls and robots near it.
 class Mover {
   public:
     Mover(const Surroundings& around, const RobotGrid& grid, Robot& robot)
         : around_(around), grid_(grid), robot_(robot) {}
 
-    // The pose that the robot reaches when it moves towards another. No point of it travels farther than sweep, which
-    // is at most a fraction of its width, or it could pass through obstacles.
+    // Return the pose that the robot reaches when it moves towards a wanted pose. No point of the robot travels farther
+    // than the sweep, which must be a fraction of its width, so that it cannot pass through obstacles.
     Pose2 avoid_collision(const Pose2& wanted, double sweep) {
         find_lines(wanted);
         double gap = contact(wanted).gap;
@@ -129,20 +128,20 @@ class Mover {
         if (gap > around_.margin) return wanted;
         Pose2 start = robot_.pose(), reached = avoid(wanted, sweep);
         if (fabs(reached.x - start.x) + fabs(reached.y - start.y) + fabs(reached.yaw - start.yaw) < 1e-9) {
-            reached = start; // the same but for rounding
-            // Noted only if walls forbade it: a robot in the way may be gone next time.
+            reached = start; // equal except for rounding errors
+            // The move is stored only if walls blocked it, since a robot in the way may move on.
             bool by_walls = lines_.size() == walls_;
             const double moves[6] = {by_walls ? start.x : NOT_A_NUMBER, by_walls ? start.y : NOT_A_NUMBER,
                                      by_walls ? start.yaw : NOT_A_NUMBER, wanted.x, wanted.y, wanted.yaw};
             memcpy(robot_.rejected, moves, sizeof(moves));
         }
-        // Lines were searched around the wanted pose: around the one that was reached, less is known by the distance
+        // Lines were searched around the wanted pose, so the range around the reached pose is smaller by the distance
         // between both.
         note_gaps(contact(reached).gap, hypot(reached.x - wanted.x, reached.y - wanted.y));
         return reached;
     }
 
-    // Whether something solid is as close as after a contact.
+    // Whether a wall or robot is within TOUCH_RANGE.
     bool is_touching() {
         if (minimum(robot_.wall_gap, robot_.robot_gap) > TOUCH_RANGE) return false;
         find_lines(robot_.pose());
@@ -156,13 +155,13 @@ class Mover {
         return find_contact({lines_.data, {lines_.size()}}, pose, robot_.half_length, robot_.half_width);
     }
 
-    // Update the known gaps by that to lines found offset m away.
+    // Update the known gaps with the gap to the lines that were found around a pose offset m away.
     void note_gaps(double gap, double offset) {
         robot_.wall_gap = minimum(gap, around_.wall_range - offset);
         if (lines_.size() > walls_) robot_.robot_gap = minimum(gap, robot_.robot_gap);
     }
 
-    // Find the lines near a pose, walls first; robots farther away set the gap to robots.
+    // Find the lines near a pose, walls first, then outlines of robots. More distant robots limit the gap to robots.
     void find_lines(const Pose2& pose) {
         const Walls& walls = *around_.walls;
         double radius = robot_.radius, nearest = ROBOT_RANGE;
@@ -171,7 +170,7 @@ class Mover {
         grid_.visit_near(pose, radius, [&](const Robot& other) {
             if (&other == &robot_) return;
             double gap = hypot(other.x - pose.x, other.y - pose.y) - (other.radius + radius);
-            // One may fly over the other, and come down next to it later.
+            // A robot may fly over another robot, and descend next to it later.
             bool is_level = other.bottom < robot_.top && robot_.bottom < other.top;
             if (gap < OUTLINE_RANGE && is_level) add_outline(other, double(walls.lines.size()) + 4 * other.number);
             else nearest = minimum(nearest, gap);
@@ -179,9 +178,9 @@ class Mover {
         robot_.robot_gap = nearest;
     }
 
-    // Add the four sides of another robot, which rank after all walls.
+    // Add the four sides of another robot, with ranks above the ranks of all walls.
     void add_outline(const Robot& other, double rank) {
-        // The sides are computed here from the pose, not kept: most robots are near nobody.
+        // The sides are computed from the pose only when needed, since most robots are far from others.
         double length = other.half_length, width = other.half_width, c = cos(other.yaw), s = sin(other.yaw);
         double x = length * c - width * s + other.x, y = length * s + width * c + other.y;
         for (int side = 0; side < 4; side++) {
@@ -194,13 +193,13 @@ class Mover {
         }
     }
 
-    // The pose to take instead of a wanted pose that is not free.
+    // Return the pose that replaces a wanted pose with a collision.
     Pose2 avoid(const Pose2& wanted, double sweep) const {
         Pose2 start = robot_.pose();
         double start_gap = contact(start).gap;
-        // A robot nearer than CONTACT_GAP slides on; it is not pushed back first.
+        // A robot closer than CONTACT_GAP keeps sliding and is not pushed back.
         double clearance = maximum(2 * around_.margin, minimum(CONTACT_GAP, start_gap));
-        // Without the turn second: next to a wall it may be the turn that is blocked.
+        // The second attempt is without rotation, since next to a wall the rotation may be the cause.
         const double yaws[2] = {wanted.yaw, start.yaw};
         for (double yaw : yaws) {
             Pose2 freed = {wanted.x, wanted.y, yaw};
@@ -210,11 +209,11 @@ class Mover {
         }
         Pose2 turned = {start.x, start.y, wanted.yaw};
         if (contact(turned).gap > around_.margin) return turned;
-        // A robot that was placed inside an obstacle may leave it.
+        // A robot that was spawned inside an obstacle may leave it.
         return contact(wanted).gap > start_gap ? wanted : start;
     }
 
-    // Push a pose out of all lines; returns whether that succeeds.
+    // Push a pose out of all lines; returns whether the pose is free then.
     bool push_out(Pose2& pose, double clearance) const {
         for (int i = 0; i < MAX_PUSHES; i++) {
             Contact found = contact(pose);
@@ -229,29 +228,28 @@ class Mover {
     const Surroundings& around_;
     const RobotGrid& grid_;
     Robot& robot_;
-    Array<LineSegment> lines_ = {}; // those near it; the first are walls
-    int64_t walls_ = 0;      // their number
+    Array<LineSegment> lines_ = {}; // the lines near the robot; walls come first
+    int64_t walls_ = 0;      // number of walls in lines_
 };
 
-constexpr double MAX_SWEEP = 0.05;  // m; a longer step is split, not to jump over obstacles
-constexpr double MAX_PARTS = 1e6;  // a robot that would be faster gets anywhere
-constexpr int64_t MAX_STEPS = 1 << 20; // in one call, which nothing interrupts
-constexpr double TOUCH_UNKNOWN = -1.0; // of Robot::touched
+constexpr double MAX_SWEEP = 0.05;  // m; longer moves are split, so that robots do not jump over obstacles
+constexpr double MAX_PARTS = 1e6;  // maximum number of parts of a move; faster moves are not split
+constexpr int64_t MAX_STEPS = 1 << 20; // maximum number of steps in a call, since calls cannot be interrupted
+constexpr double TOUCH_UNKNOWN = -1.0; // value of Robot::touched before it is computed
 
-// The chord of an arc by its length, from half the turn; it points half the turn off the heading at its start.
+// Return the length of the chord of an arc divided by the length of the arc, for half of the arc's angle.
 inline double chord_ratio(double half) { return half != 0.0 ? sin(half) / half : 1.0; }
 
-// The speeds of the left and the right wheels over ground, m/s, and how they move a robot.
+// The kinematics of a robot for constant speeds of the wheels.
 struct Motion {
-    double left, right;
+    double left, right; // speeds of the left and right wheels along the heading, m/s
     double aside;    // speed to the left, m/s
-    double track;    // m between the wheel pairs; wider than the real one if the wheels slip sideways in a turn
-    double sideslip; // angle from the heading to the motion of the centre, rad, whose part along the heading left and
-                     // right are
+    double track;    // m between left and right wheels; wider than the real track if wheels slip sideways in a turn
+    double sideslip; // angle from the heading to the motion of the centre, rad
 
-    // The pose at the end of an exact arc, divided into parts of equal time.
+    // Divide a time step into parts of equal duration, and return the pose after one of them; the arc is exact.
     Pose2 advance(const Pose2& pose, double dt, double parts) const {
-        // y points left, so faster right wheels turn the robot counter-clockwise
+        // The y axis points left, so faster right wheels turn the robot counter-clockwise.
         double turn = (right - left) / track * (dt / parts), half = turn / 2;
         double chord = (left + right) / 2 * (dt / parts) * chord_ratio(half), direction = pose.yaw + half;
         if (sideslip != 0.0) {
@@ -266,7 +264,7 @@ struct Motion {
     }
 };
 
-// An upper bound of the speed of a robot's fastest point, m/s; radius is the distance of the farthest from the centre.
+// Return an upper bound of the speed of all points of a robot, m/s; radius is their largest distance from the centre.
 inline double sweep_rate(double left, double right, double track, double radius, double sideslip) {
     double turn = fabs(right - left) / track, speed = fabs(left + right) / 2;
     if (sideslip != 0.0) speed /= cos(sideslip);
@@ -280,18 +278,18 @@ inline bool is_rejected(const Robot& robot, const Pose2& wanted) {
            wanted.y == move[4] && wanted.yaw == move[5];
 }
 
-// Move a robot towards a pose, as far as it is free.
+// Move a robot towards a wanted pose, as far as obstacles permit.
 inline void move(const Surroundings& around, const RobotGrid& grid, Robot& robot, Pose2 wanted, double sweep,
                  double dt) {
     robot.wall_gap -= sweep;
     robot.robot_gap -= sweep + grid.max_speed() * dt;
-    // Nothing can be in reach before the gaps are used up (rules 1 and 2 of collisions). Most moves end here. With a
-    // look for walls in each, a step would take twice as long: row j of the benchmarks.
+    // No collision is possible until the gaps are used up (rules 1 and 2). Most moves end here; a search for walls in
+    // each move would double the time of a step (row j of the benchmarks).
     bool robots_are_far = robot.robot_gap > around.margin;
     if (robots_are_far && robot.wall_gap > around.margin) {
         robot.blocked = false;
     } else if (robots_are_far && is_rejected(robot, wanted)) {
-        robot.blocked = true; // still pushing against the same wall: it need not be looked at again
+        robot.blocked = true; // the robot still pushes against the same wall, so no search is needed
         return;
     } else {
         wanted = Mover(around, grid, robot).avoid_collision(wanted, sweep);
@@ -303,20 +301,20 @@ inline void drive_robot(const Surroundings& around, const RobotGrid& grid, Robot
     robot.touched = TOUCH_UNKNOWN;
     double left = robot.left_spin, right = robot.right_spin, aside = robot.aside;
     if (left == 0.0 && right == 0.0 && aside == 0.0) {
-        // Others may approach meanwhile: the next move measures the gap again.
+        // Other robots may approach, so the next move measures the gap again.
         robot.robot_gap = robot.velocity_x = robot.velocity_y = 0.0;
         return;
     }
-    // Also while something blocks the robot: its motors are stronger than its grip, so that wheel odometry drifts
-    // there as it does on the original.
+    // Wheels also turn while the robot is blocked, since the motors are stronger than the grip. So wheel odometry
+    // drifts at obstacles, as in the original.
     robot.left_angle += left * dt;
     robot.right_angle += right * dt;
     left *= robot.wheel_radius;
     right *= robot.wheel_radius;
     Motion motion = {left, right, aside, robot.track, robot.sideslip};
     double sweep = (sweep_rate(left, right, robot.track, robot.radius, robot.sideslip) + fabs(aside)) * dt;
-    // In ticks of 10 ms that is one part, unless a point of the robot is faster than 5 m/s. Splitting changes nothing,
-    // as arcs are exact.
+    // A tick of 10 ms has a single part, unless a point of the robot is faster than 5 m/s. Without obstacles, splitting
+    // does not change the result, since arcs are exact.
     double parts = ceil(sweep / MAX_SWEEP), x = robot.x, y = robot.y;
     if (!(parts >= 1.0 && parts <= MAX_PARTS)) parts = 1.0;
     for (double part = 0.0; part < parts; part++)
@@ -325,8 +323,8 @@ inline void drive_robot(const Surroundings& around, const RobotGrid& grid, Robot
     robot.velocity_y = (robot.y - y) / dt;
 }
 
-// Advance odometry to the present angles of the wheels. The motion since the last step is one circular arc, which is
-// exact as long as the wheel speeds are constant in between.
+// Advance odometry to the current angles of the wheels. The motion since the last step is a circular arc, which is
+// exact if the wheel speeds were constant.
 inline void integrate_odometry(Odometry& odometry, const Robot& robot) {
     double left_turn = robot.left_angle - odometry.left_angle, right_turn = robot.right_angle - odometry.right_angle;
     if (left_turn == 0.0 && right_turn == 0.0) return;
@@ -340,7 +338,7 @@ inline void integrate_odometry(Odometry& odometry, const Robot& robot) {
     odometry.right_angle = robot.right_angle;
 }
 
-// Drive robots in a given order.
+// Move robots for a time step in the given order, and advance all odometry.
 inline void drive_once(const Surroundings& around, RobotGrid& grid, Array<const int64_t> order, double dt) {
     grid.enter(dt);
     for (int64_t slot : order) drive_robot(around, grid, around.robots[slot], dt);
@@ -348,7 +346,7 @@ inline void drive_once(const Surroundings& around, RobotGrid& grid, Array<const 
         if (row.slot >= 0.0) integrate_odometry(row, around.robots[int64_t(row.slot)]);
 }
 
-// Find which robots were blocked in their last move, or touch something.
+// Set for each robot whether it was blocked in its last move or touches an obstacle.
 inline void find_touched_in(const Surroundings& around, RobotGrid& grid, Array<const int64_t> slots) {
     grid.enter(0.0);
     for (int64_t slot : slots) {
@@ -358,10 +356,10 @@ inline void find_touched_in(const Surroundings& around, RobotGrid& grid, Array<c
     }
 }
 
-// Whether slots are in the table of robots, and there is room for all lines.
+// Whether all slots are in the table of robots, and the array of lines is long enough.
 inline bool are_valid(const Surroundings& around, Array<const int64_t> slots) {
     int64_t rows = around.robots.size();
-    if (slots.size() > rows) return false; // each robot comes once, so that there is room for its sides
+    if (slots.size() > rows) return false; // each robot may occur once, since the array has room for its four sides
     if (around.lines.size() < around.walls->lines.size() + 4 * rows) return false;
     for (int64_t slot : slots)
         if (slot < 0 || slot >= rows) return false;
@@ -370,7 +368,7 @@ inline bool are_valid(const Surroundings& around, Array<const int64_t> slots) {
     return true;
 }
 
-// Drive all robots for a time step; returns whether the arguments are valid, as the following functions.
+// Move all robots for a time step. This and the following functions return whether the arguments are valid.
 inline bool drive_robots(const Surroundings& around, double dt) {
     if (!are_valid(around, around.order)) return false;
     RobotGrid grid(around.robots, around.order);
@@ -379,7 +377,7 @@ inline bool drive_robots(const Surroundings& around, double dt) {
 }
 BIND(drive_robots, "")
 
-// Find which robots of some slots were blocked in their last move, or touch something.
+// Set for the robots of some slots whether they were blocked in their last move or touch an obstacle.
 inline bool find_touched(const Surroundings& around, Array<const int64_t> slots) {
     if (!are_valid(around, around.order) || !are_valid(around, slots)) return false;
     RobotGrid grid(around.robots, around.order);
@@ -388,8 +386,8 @@ inline bool find_touched(const Surroundings& around, Array<const int64_t> slots)
 }
 BIND(find_touched, "s")
 
-// Drive some robots for several time steps as if there were no others, all together or each as if it were alone, and
-// note which are touched after any step.
+// Move some robots for several time steps, as if no other robots existed; if not together, each robot as if it were
+// alone. Sets touched for robots that touch an obstacle after any step.
 inline bool drive_on(const Surroundings& around, Array<const int64_t> slots, double dt, int64_t steps, bool together,
                      Array<bool> touched) {
     if (!are_valid(around, slots) || steps > MAX_STEPS) return false;

@@ -1,11 +1,11 @@
-// Searches for cheapest paths: of a point over all 8 neighbours of cells, and of a rectangle (see
+// Searches for the cheapest path: for a point on an 8-connected grid, and for a rectangular footprint (see
 // footprint_planning.py).
 #pragma once
 #include "bindings.hpp"
 
 namespace radarsim {
 
-// A queue from which the least value comes first; values that compare equal are equal.
+// A priority queue (binary heap) with the least value first. The order of values must be total.
 template <typename T> class Heap : Memory {
   public:
     bool is_empty() const { return !size_; }
@@ -41,14 +41,15 @@ template <typename T> class Heap : Memory {
 struct QueuedCell {
     double cost;
     int64_t cell;
-    // Equal costs are sorted by cells, so that of several cheapest paths it is always the same.
+    // Equal costs are sorted by cell, so the same path is chosen among several cheapest paths.
     bool operator<(const QueuedCell& other) const {
         return cost < other.cost || (cost == other.cost && cell < other.cell);
     }
 };
 
-// Visit cells by cost until one is a target (Dijkstra); return it, or -1. The costs are those of a step of one cell
-// into each. Sets the cost of the cheapest way to each cell, which has to be infinite before, and the cell before it.
+// Find the cheapest path to a target cell (Dijkstra's algorithm); returns the target, or -1. Cost is the cost of a step
+// of one cell into each cell. Sets for visited cells the cost of the cheapest path, best, which must be infinite
+// before, and the previous cell, parents.
 inline int64_t search_grid(Array<const double, 2> cost, int64_t row, int64_t column, Array<const bool, 2> targets,
                            Array<int64_t, 2> parents, Array<double, 2> best) {
     int64_t rows = cost.shape[0], columns = cost.shape[1];
@@ -58,14 +59,14 @@ inline int64_t search_grid(Array<const double, 2> cost, int64_t row, int64_t col
     queue.push({0.0, row * columns + column});
     while (!queue.is_empty()) {
         auto [so_far, cell] = queue.pop();
-        if (so_far > best.data[cell]) continue; // a cheaper way here has been found since this was queued
+        if (so_far > best.data[cell]) continue; // a cheaper path to this cell was found after it was queued
         if (targets.data[cell]) return cell;
         int64_t i = cell / columns, j = cell % columns;
         for (int64_t k = i - 1; k <= i + 1; k++)
             for (int64_t n = j - 1; n <= j + 1; n++) {
                 if (k < 0 || k >= rows || n < 0 || n >= columns || (k == i && n == j)) continue;
                 double total = so_far + cost(k, n) * (k == i || n == j ? 1.0 : sqrt(2.0));
-                // Less, and not as much, for the same reason as above. No step costs less than nothing.
+                // Only strictly cheaper paths replace others, so each cell is visited once. Negative costs are ignored.
                 if (!(so_far <= total && total < best(k, n))) continue;
                 best(k, n) = total;
                 parents(k, n) = cell;
@@ -78,19 +79,20 @@ BIND(search_grid, "rc rc rc rc")
 
 constexpr int HEADINGS = 16;
 using CellStep = int64_t[2];      // columns and rows
-using MotionCosts = double[4];    // of each motion: forward, backward, and the turns to the next headings
+using MotionCosts = double[4];    // costs of the motions: forward, backward, and turns to the next headings
 
-// The cells of a grid and the motions of a robot on it. A state is the number of a cell times 16, and a heading.
+// A state lattice: the cells of a grid and the motions of a robot. A state is the index of a cell times 16 plus a
+// heading.
 struct PoseLattice {
-    Array<const int64_t, 2> masks; // for each cell, as footprint_planning.py makes them
-    Array<const CellStep> steps;   // along each heading, from one centre to the next
+    Array<const int64_t, 2> masks; // bit masks of each cell from footprint_planning.py
+    Array<const CellStep> steps;   // for each heading the step from a cell centre to the next
 
     int64_t cells() const { return masks.shape[0] * masks.shape[1]; }
     bool has_cell(int64_t cell) const {
         return cell >= 0 && cell < cells() && cells() < INT32_MAX / HEADINGS && steps.size() == HEADINGS;
     }
 
-    // Return the state after a motion, and set what it is too near to, a bit per margin.
+    // Return the state after a motion, and set bits for the margins within which an obstacle is.
     int64_t after(int64_t state, int motion, int64_t& bits) const {
         int64_t cell = state / HEADINGS, heading = state % HEADINGS;
         if (motion >= 2) {
@@ -110,7 +112,7 @@ struct PoseLattice {
 };
 
 struct QueuedState {
-    double guess, so_far; // the costs of the whole way, and to the state
+    double guess, so_far; // estimated cost of the whole path, and cost up to the state
     int64_t state;
     bool operator<(const QueuedState& other) const {
         if (guess != other.guess) return guess < other.guess;
@@ -118,21 +120,22 @@ struct QueuedState {
     }
 };
 
-// Visit states by cost, guided (A*), until one is in the goal; return it, or -1. The first is at heading 0 in the
-// start. Within the second and the third margin a motion costs more. Sets the state before each, plus 1.
+// Find the cheapest path from heading 0 in the start cell to the goal cell (A*); returns the state in the goal, or -1.
+// The guide is the estimated remaining cost of each cell. Motions within the second and the third margin of obstacles
+// cost more. Sets for each visited state the previous state plus 1.
 inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep> steps,
                              Array<const MotionCosts> costs, double more, double little_more,
                              Array<const double, 2> guide, int64_t start, int64_t goal, Array<int32_t, 2> parents) {
     PoseLattice lattice = {masks, steps};
     if (!lattice.has_cell(start) || parents.shape[0] < lattice.cells()) return -1;
-    // Only pages that are written take memory. Zero for states without a parent, to which no way is known.
+    // Only pages that are written use memory. The value is meaningless for states without a parent.
     Buffer<double> best(lattice.cells() * HEADINGS);
     int64_t first = start * HEADINGS;
     Heap<QueuedState> queue;
     queue.push({guide.data[start], 0.0, first});
     while (!queue.is_empty()) {
         auto [guess, so_far, state] = queue.pop();
-        if (so_far > best[state]) continue; // a cheaper way here has been found since this was queued
+        if (so_far > best[state]) continue; // a cheaper path to this state was found after it was queued
         if (state / HEADINGS == goal) return state;
         for (int motion = 0; motion < 4; motion++) {
             int64_t bits, after = lattice.after(state, motion, bits);
@@ -150,14 +153,15 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
 }
 BIND(search_states, "rc h h rc sh")
 
-// Whether motions lead from heading 0 in a cell to another cell. Motions can be undone. So states are visited from both
-// cells in turn until they meet, or none is left on one side: that is far less than a search visits that fails.
+// Whether the goal can be reached from heading 0 in the start cell. Motions are reversible, so a bidirectional search
+// expands states from both cells alternately until they meet or one side has none left. A failed search then visits far
+// fewer states than a search from one side.
 inline int64_t are_joined(Array<const int64_t, 2> masks, Array<const CellStep> steps, int64_t start, int64_t goal) {
     PoseLattice lattice = {masks, steps};
     if (!lattice.has_cell(start) || !lattice.has_cell(goal)) return false;
     if (start == goal) return true;
     List<int32_t> queues[2] = {List<int32_t>(lattice.cells() * HEADINGS), List<int32_t>(lattice.cells() * HEADINGS)};
-    Buffer<int8_t> sides(lattice.cells() * HEADINGS); // from which each state was visited
+    Buffer<int8_t> sides(lattice.cells() * HEADINGS); // side from which each state was visited, plus 1
     auto visit = [&](int side, int64_t state) {
         sides[state] = int8_t(side + 1);
         queues[side].append(int32_t(state));

@@ -1,33 +1,33 @@
-// Follow one ray segment by segment to its end.
+// Traces a ray segment by segment to its end.
 #pragma once
 #include "attenuation.hpp"
 #include "robot_boxes.hpp"
 
 namespace radarsim {
 
-constexpr int64_t UNKNOWN = -2; // instead of a part: the ray goes on where the window ends
-// The first window is as long as the path on which the densest volume takes all power, times
-// FIRST_WINDOW; each one after it is WINDOW_GROWTH times as long.
+constexpr int64_t UNKNOWN = -2; // instead of a part: the search window ended, and the ray continues
+// Surfaces are searched window by window. The first window is FIRST_WINDOW times the path on which the densest volume
+// absorbs all power; each following window is WINDOW_GROWTH times as long as the previous one.
 constexpr double FIRST_WINDOW = 1.4, WINDOW_GROWTH = 4.0;
-constexpr double RANGE_TOLERANCE = 1e-9; // m; a surface this far beyond the range is within
-constexpr double NEAR_REACH = 0.5;       // m along each axis from a place that are near it
-constexpr double NEAR_SLACK = 1e-6;      // m; more than coordinates are rounded by
-constexpr double MIRROR_OFFSET = 1e-9;   // m; the next segment starts this far before a mirror
-constexpr double UNIT_TOLERANCE = 2e-9;  // of the squared length of a direction
+constexpr double RANGE_TOLERANCE = 1e-9; // m; a surface up to this far beyond the range is within the range
+constexpr double NEAR_REACH = 0.5;       // m; half side of the box in which near_volumes_ is valid
+constexpr double NEAR_SLACK = 1e-6;      // m; more than the rounding errors of coordinates
+constexpr double MIRROR_OFFSET = 1e-9;   // m; distance of the next segment's start from a mirror
+constexpr double UNIT_TOLERANCE = 2e-9;  // tolerance of the squared length of a direction
 
-// The parts of a scene as each class of rays experiences them, by class and part; see traced_scene.py.
+// The properties of the parts of a scene for each class of rays, by class and part; see traced_scene.py.
 struct MaterialTable {
     Array<const double, 2> density, sheet_loss; // power lost per metre, and per crossed sheet; nan for volumes
     Array<const double, 2> absorption;          // power that an opaque surface absorbs
     Array<const uint8_t, 2> mirror;             // whether an opaque surface is a mirror
-    Array<const double, 2> passing;             // power that a surface of a pane takes; inf for what is none
-    Array<const double> air;                    // of each class: power lost per metre everywhere
-    Array<const int64_t> max_reflections;       // how many mirrors reflect a ray
-    Array<const double> glint;                  // cosine to a mirror's normal up to which it ends a ray
-    Array<const double> max_density;            // the greatest of the volumes, or its equivalent for sheets
-    Array<const uint8_t, 2> forward_roles, backward_roles; // what a ray does with a part ahead, and behind its start
+    Array<const double, 2> passing;             // power lost at a surface of a pane; inf for other surfaces
+    Array<const double> air;                    // power lost per metre of air, per class
+    Array<const int64_t> max_reflections;       // maximum number of reflections of a ray
+    Array<const double> glint;                  // a mirror ends a ray if the cosine to its normal is at least this
+    Array<const double> max_density;            // the greatest density of volumes, or its equivalent for sheets
+    Array<const uint8_t, 2> forward_roles, backward_roles; // Role of a part ahead of the ray, and behind its start
     Array<const int32_t> volume;                // the parts that are penetrable volumes
-    Array<const Vector> low, high;              // m, of their bounds; the last row is that of all together
+    Array<const Vector> low, high;              // m, bounds of these volumes; the last row bounds all of them
 
     int64_t classes() const { return density.shape[0]; }
     int64_t parts() const { return density.shape[1]; }
@@ -47,10 +47,10 @@ struct Traces { // one row for each ray
     Array<double> ranges;
     Array<uint8_t> outcomes;
     Array<int64_t> parts;
-    Array<double> power, incidence; // incidence is empty if it is not wanted
+    Array<double> power, incidence; // incidence is empty if it is not requested
 };
 
-// Traces one ray after the other through a scene.
+// Traces rays through a scene, one after the other.
 class RayTracer {
   public:
     RayTracer(const Scene& scene, const BoxGrid& box_grid, int64_t max_crossings, Array<Event> events)
@@ -65,10 +65,10 @@ class RayTracer {
     const BoxGrid& box_grid;
     RayState state;
     Unsliced unsliced = {};
-    Vector origin, direction; // of the ray: in the map, before it is traced
+    Vector origin, direction; // of the ray: to be set in the map frame before each call of trace
 
-    // Trace one ray. Returns 0; the number of crossings of a segment for which there is too little
-    // room; or -1 minus the ray's number if it is invalid.
+    // Trace a ray. Returns 0; or the number of crossings of a segment with too many crossings; or -1 minus the index of
+    // the ray if it is invalid.
     int64_t trace(int64_t row, double max_range, double power, uint8_t ray_class, int64_t carrier,
                   const Traces& traces) {
         if (!is_valid(max_range, power) || ray_class >= materials.classes()) return -1 - row;
@@ -91,7 +91,7 @@ class RayTracer {
                          progress.power, on.cost);
             reset_winding(state);
             go_on(on.way, progress.t);
-            if (on.way == Way::REFLECTED) carrier_ = -1; // in a mirror a robot sees itself
+            if (on.way == Way::REFLECTED) carrier_ = -1; // after a reflection the ray can hit its own robot
             start_segment(before + progress.t);
             progress = {0.0, progress.power - on.cost, progress.min_power, -1};
             reflections_ -= on.is_bounce;
@@ -109,8 +109,8 @@ class RayTracer {
     enum class Way { ENDS, REFLECTED, PASSED };
     struct WayOn {
         Way way;
-        double cost;    // power that the surface takes
-        bool is_bounce; // one of those of which a ray has a limited number
+        double cost;    // power that the surface absorbs
+        bool is_bounce; // whether it counts towards max_reflections
     };
 
     bool is_valid(double max_range, double power) const {
@@ -119,7 +119,7 @@ class RayTracer {
         return 0.0 <= max_range && max_range < INFINITE && power >= 0.0;
     }
 
-    // A value of a part for the class of the ray.
+    // The row of a table for the class of the ray.
     template <typename T> T* of_class(Array<T, 2> table) const { return table.row(class_); }
 
     void start_segment(double before) {
@@ -127,7 +127,7 @@ class RayTracer {
         if (state.events.size()) state.segment.start = origin + scene.centre[0], state.segment.direction = direction;
     }
 
-    // The unit normal of the triangle at which the last segment ended.
+    // Return the unit normal of the triangle at which the last segment ended.
     Vector opaque_normal() const {
         const Triangle& corners = scene.triangles[opaque_triangle(handle, query_)];
         Vector a = corner_of(corners, 1) - corner_of(corners, 0), b = corner_of(corners, 2) - corner_of(corners, 0);
@@ -135,9 +135,9 @@ class RayTracer {
         return normal / length_of(normal);
     }
 
-    // The way on from the end of a segment; a ray that is absorbed ends.
+    // Find how the ray continues at the end of a segment: it ends, is reflected, or passes a pane.
     WayOn find_way_on(const Progress& progress, const SegmentEnd& end) const {
-        // Robots are numbered after the parts and are no mirrors.
+        // Robots have numbers above the parts, and are not mirrors.
         if (progress.spent_in >= 0 || end.part < 0 || end.part >= materials.parts())
             return {Way::ENDS, 0.0, false};
         WayOn on = way_on_from(end.part);
@@ -150,23 +150,25 @@ class RayTracer {
         if (!of_class(materials.mirror)[part]) return {Way::ENDS, absorbed, false};
         double passing = of_class(materials.passing)[part];
         double ahead = dot(opaque_normal(), direction);
-        if (ahead > 0.0 && passing < INFINITE) return {Way::PASSED, passing, false}; // out of a pane
+        if (ahead > 0.0 && passing < INFINITE) return {Way::PASSED, passing, false}; // leaves a pane
         if (reflections_ <= 0 || fabs(ahead) >= materials.glint[class_]) return {Way::ENDS, absorbed, false};
-        if (passing <= absorbed) return {Way::PASSED, passing, true}; // each half of the loss on either way
-        return {Way::REFLECTED, 2.0 * absorbed, true};                // out and back
+        // The ray passes the pane or is reflected, whichever loses less. Power counts one way only, so both values are
+        // half of the loss in dB.
+        if (passing <= absorbed) return {Way::PASSED, passing, true};
+        return {Way::REFLECTED, 2.0 * absorbed, true}; // the echo meets the mirror again on its way back
     }
 
-    // Drop the crossings that coincide with a mirror at the end of a segment: the next segment
-    // starts a little before the mirror, and would cross them again.
+    // Drop the crossings that coincide with a mirror at the end of a segment, since the next segment starts slightly
+    // before the mirror and would cross them again.
     void end_before_mirror(SegmentEnd& end) const {
         if (reflections_ <= 0 || end.part < 0 || end.part >= materials.parts()) return;
         if (!of_class(materials.mirror)[end.part]) return;
-        // Along a slanted ray the offset from the mirror's plane is longer.
+        // Along an oblique ray the offset from the mirror's plane is longer.
         double near = end.t - MIRROR_OFFSET / maximum(fabs(dot(opaque_normal(), direction)), MIRROR_OFFSET);
         while (end.crossed > 0 && state.crossings[end.crossed - 1].t >= near) end.crossed--;
     }
 
-    // Set origin and direction of the segment that follows one of t m.
+    // Set origin and direction of the next segment after a segment of length t, m.
     void go_on(Way way, double t) {
         if (way == Way::PASSED) {
             origin = origin + (t + MIRROR_OFFSET) * direction;
@@ -174,9 +176,9 @@ class RayTracer {
         }
         Vector normal = opaque_normal();
         double ahead = dot(normal, direction);
-        if (ahead > 0.0) normal = -1.0 * normal, ahead = -ahead; // the back of the triangle is hit
-        // Off the mirror along its normal, not along the ray: a grazing ray would stay within
-        // rounding of the surface and meet it again.
+        if (ahead > 0.0) normal = -1.0 * normal, ahead = -ahead; // the ray hit the back of the triangle
+        // The start is moved off the mirror along the normal. Along a grazing ray it would stay within rounding errors
+        // of the surface, and the ray would hit it again.
         origin = origin + (t * direction + MIRROR_OFFSET * normal);
         direction = direction - 2.0 * ahead * normal;
     }
@@ -196,12 +198,12 @@ class RayTracer {
         return true;
     }
 
-    // Whether the ray starts in the bounds of a volume that it penetrates.
+    // Whether the ray starts inside the bounding box of a volume that it can penetrate.
     bool is_near_volume() {
         double margin = handle.margin;
-        // The last row bounds all volumes: one test is enough for most rays.
+        // The last row bounds all volumes, so a single test is enough for most rays.
         if (!is_in_bounds(materials.volume.size(), margin)) return false;
-        // A forest has thousands of volumes, but few around a sensor.
+        // A forest has thousands of volumes, but only few near a sensor, which are cached.
         double distance = 0.0;
         for (int axis = 0; axis < 3; axis++) distance = maximum(distance, fabs(origin[axis] - near_place_[axis]));
         if (distance > NEAR_REACH) {
@@ -215,33 +217,33 @@ class RayTracer {
         return false;
     }
 
-    // Set the winding numbers at the origin, by what is behind it; returns the number of crossings
-    // there. If there is too little room for them, no number is set.
+    // Set the winding numbers at the origin from the crossings behind it; returns their number. If there is too little
+    // room for the crossings, no winding number is set.
     int64_t find_enclosing() {
         run_query(handle, query_, materials.parts(), of_class(materials.backward_roles), origin, direction, -1.0,
                   -INFINITE, BEHIND, INFINITE);
         if (query_.count > state.crossings.size()) return query_.count;
-        // From the farthest to the nearest, so that the last entered is listed last.
+        // Crossings are processed from the farthest to the nearest, so the last entered part is last in the list.
         sort_crossings(state.crossings.data, query_.count);
         for (int64_t i = 0; i < query_.count; i++)
             update_winding(state, state.crossings[i].part, state.crossings[i].sign);
         return query_.count;
     }
 
-    // Find what stops the ray in an interval, and the crossings before it. The count exceeds the
-    // room if they did not fit; the part is UNKNOWN if the ray may go on from there.
+    // Find the opaque surface that stops the ray in an interval, and the crossings before it. The count exceeds the
+    // room if crossings did not fit; the part is UNKNOWN if the ray may continue.
     void next_opaque(double near, double far, double window, const SegmentEnd& limit, SegmentEnd& end) {
         run_query(handle, query_, materials.parts(), of_class(materials.forward_roles), origin, direction, 1.0, near,
                   far, window);
         int64_t count = query_.count;
         double t = query_.far;
-        // A window that began later may end before the opaque surface.
+        // The window may end before the opaque surface, if a nearer surface was found later.
         int64_t part = query_.stop_t <= t ? int64_t(query_.stop_part) : -1;
         if (count > state.crossings.size()) {
             end.crossed = count;
             return;
         }
-        // Either the window ended the search, or the interval did.
+        // The search ended at the end of either the window or the interval.
         if (part < 0) part = t < far ? UNKNOWN : limit.part;
         // An opaque surface may be found up to RANGE_TOLERANCE beyond the limit.
         double last = minimum(t, limit.t);
@@ -250,13 +252,12 @@ class RayTracer {
         end.crossed = count, end.t = last, end.part = part;
     }
 
-    // Follow a segment window by window to its end; returns the number of crossings if there were too
-    // many, else 0.
+    // Follow a segment window by window to its end; returns 0, or the number of crossings if there were too many.
     int64_t march(Progress& progress, const SegmentEnd& limit, SegmentEnd& end) {
         RayCosts costs = {of_class(materials.density), of_class(materials.sheet_loss), materials.air[class_],
                           materials.parts() - 1};
-        // Where nothing takes power the window is infinite. A surface at the very range counts, also
-        // if rounding has put it beyond.
+        // The window is infinite if nothing absorbs power. A surface exactly at the range counts, even if a rounding
+        // error has put it beyond.
         double window = FIRST_WINDOW * progress.power / materials.max_density[class_], near = 0.0;
         while (true) {
             next_opaque(near, limit.t + RANGE_TOLERANCE, window, limit, end);
@@ -264,14 +265,14 @@ class RayTracer {
             end_before_mirror(end);
             advance_ray(row_, end, costs, state, progress);
             if (progress.spent_in >= 0 || end.part != UNKNOWN) return 0;
-            // The line continues behind the last float that was searched.
+            // The next window begins at the next representable number.
             near = nextafter(end.t, INFINITE), window *= WINDOW_GROWTH;
         }
     }
 
-    // Follow the ray along a straight line to what stops it; returns as march does.
+    // Trace a straight segment of the ray to its end; returns the same codes as march.
     int64_t trace_segment(Progress& progress, double max_range, SegmentEnd& end) {
-        // For each segment anew: a mirror may turn a level ray upwards, or a steep one level.
+        // The slice is selected for each segment, since a mirror may change whether the ray is level.
         select_scene(handle, query_, origin, direction, unsliced);
         if (is_near_volume()) {
             int64_t needed = find_enclosing();
@@ -279,16 +280,16 @@ class RayTracer {
         }
         int64_t box;
         double t = box_grid.intersect(carrier_, origin, direction, max_range, box);
-        // Boxes are numbered after the parts.
+        // Boxes of robots have numbers above the parts.
         SegmentEnd limit = {0, t, box >= 0 ? materials.parts() + box : -1};
-        // After a reflection the ray keeps its min_power, and is in nothing anew.
+        // After a reflection the ray keeps its min_power, and START_INSIDE events are not recorded again.
         if (state.segment.before == 0.0) start_ray(row_, progress, state);
         return march(progress, limit, end);
     }
 
     Query query_;
     Vector near_place_ = {INFINITE, INFINITE, INFINITE};
-    List<int64_t> near_volumes_; // around the place, which all that starts near it shares
+    List<int64_t> near_volumes_; // volumes around near_place_, for all rays that start near it
     int64_t row_, class_, carrier_, reflections_;
 };
 

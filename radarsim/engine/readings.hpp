@@ -1,79 +1,80 @@
-// What sensors that cast no rays read.
+// Readings of sensors that do not cast rays: INS, odometry, encoders, tachometers, accelerometers and others.
 //
-// What a sensor remembers is a structure of numbers in the row of its robot. What a robot reports follows from jobs:
-// each writes the numbers of an attribute of a report, in the order in which its line has them. Robots of one class
-// have their structures at the same places, and share the jobs.
+// The state of a sensor is a structure of numbers in the row of its robot. Jobs produce the report of a robot: each job
+// writes the numbers of an attribute, in the order of the line. Robots of the same class have their structures at the
+// same positions in their rows, and share their jobs.
 //
-// An INS is dead reckoning that drifts with the distance driven and the angles turned. Its estimate starts at the
-// sensor's true pose. An update of the drift adds the body's true motion since the previous one, with an error: on each
-// axis the distance times a normal random number, on each angle the turn times another. Between updates the true motion
-// is added without error, so that readings can be more frequent.
+// An INS is dead reckoning that drifts with the distance driven and the angles turned. Its estimate starts at the true
+// pose of the sensor. An update adds the true motion of the body since the previous update, with errors: for each
+// coordinate the distance times a normal random number, for each angle the rotation times another random number.
+// Readings between updates add the true motion without error.
 //
 // A tachometer measures the mean speed of wheels since its last reading, and their angles, without noise. An encoder
-// counts ticks: the error is a fraction of the total angle, and the count restarts with every turn.
+// counts ticks with an error that is a fraction of the total angle; the count restarts with every revolution.
 //
-// Velocities are those of the body's last tick. An acceleration is the change of velocity since the last reading, along
-// the axes of the sensor at its end. Rates are the changes of roll, pitch and yaw, and not those about the axes of the
-// body.
+// Velocities are velocities of the body in the last tick. An acceleration is the change of velocity since the last
+// reading, along the axes of the sensor at the time of the reading. Rates are the derivatives of roll, pitch and yaw,
+// not the angular velocities about the axes of the body.
 //
-// Random numbers are drawn ahead, in Python, and are those that would be drawn one after the other.
+// Python draws the random numbers in advance; they are equal to numbers that are drawn one after the other.
 //
-// Source: the original server's sensors; the deviation of its INS is 5 % regardless of its settings.
+// Source: the sensors of the original server; the standard deviation of its INS is 5 % regardless of its settings.
 #pragma once
 #include "robot.hpp"
 
 namespace radarsim {
 
 constexpr double GRAVITY = 9.81;                // m/s2
-constexpr double SEA_LEVEL = -111.0;            // m; height of the sea below the spawn, as of the original
+constexpr double SEA_LEVEL = -111.0;            // m; height of the sea relative to the spawn, as in the original
 constexpr double ENCODER_RESOLUTION = 0.01745;  // rad per tick
 constexpr double TICKS_A_SECOND = 100.0, TICKS_A_MINUTE = 6000.0;
-constexpr int64_t DRAWN_AHEAD = 16;             // updates of an INS, readings of an encoder
-constexpr double SHORTEST = 1e-6;               // s between two readings: in one tick there is no speed
+constexpr int64_t DRAWN_AHEAD = 16;             // updates of an INS, or readings of an encoder, with random numbers
+constexpr double SHORTEST = 1e-6;               // s, least time between two readings for a new speed
 
-// What a job writes. One number: time, s; charge of the battery, s; whether it is touched. Pose of the body; its yaw,
-// rad; angles of the front and the rear wheels; heights above the spawn and above the sea, m; minutes since the spawn.
-// x, y, yaw that the wheels imply; nothing, while the drift of an INS goes on; the pose that it estimates. One number
-// for a wheel: its speed, which is measured then; its angle; its ticks. Three numbers: accelerations, and those of a
-// mass that rests on the sensor. Twelve: of an inertial measurement unit. One: of a link of a mission package.
+// The numbers that a job writes, in the order of the enumeration: time, s; charge of the battery, s; whether the robot
+// is touched; pose of the body; its yaw, rad; angles of the front and the rear axle, rad; heights above the spawn and
+// above the sea, m; minutes since the spawn; x, y and yaw of wheel odometry; nothing (the INS drifts); estimated pose
+// of an INS; speed of a left or right wheel, rad/s; angle of a left or right wheel, rad; ticks of an encoder;
+// acceleration, 3 numbers; proper acceleration, 3 numbers; inertial measurement unit, 12 numbers; angle of a mission
+// package's link.
 ENUMERATION(Reading, int64_t, TIME, CHARGE, TOUCHED, BODY_POSE, HEADING, STEERING, ALTITUDES, MINUTES, WHEEL_POSE,
             DRIFT, INS_POSE, LEFT_SPEED, RIGHT_SPEED, LEFT_ANGLE, RIGHT_ANGLE, TICKS, ACCELERATION,
             PROPER_ACCELERATION, INERTIA, LINK_ANGLE)
 struct Job {
     Reading kind;
-    int64_t place; // of the structure in the row of its robot
+    int64_t place; // index of the sensor's structure in the row of its robot
 };
-struct DueJobs { // of a robot
+struct DueJobs { // jobs of a robot that are due: from first to before end
     int64_t slot, first, end;
 };
 
 struct Charge {
-    double life, least; // time that the battery lasts, and what it holds at least, s
+    double life, least; // duration of a full battery, and minimum charge, s
     double spawn_tick;
 };
 struct Ins {
-    double estimate[6], bias[6]; // pose, map frame, and mean errors
-    double body[6];              // the body's pose at the last update
+    double estimate[6], bias[6]; // estimated pose, map frame, and mean errors
+    double body[6];              // true pose of the body at the last update
     double sigma;                // standard deviation of errors
-    double used;                 // updates whose random numbers are used up
+    double used;                 // number of updates whose random numbers are used
     double draws[6 * DRAWN_AHEAD];
 };
 struct Tachometer {
-    double read_at; // s
-    double angles[2], speeds[2], zero[2]; // of left and right wheels: at the last reading; angles that count as zero
+    double read_at; // time of the last reading, s
+    double angles[2], speeds[2], zero[2]; // left and right wheels: values of the last reading, and zero angles
 };
-struct Encoder { // of a wheel
+struct Encoder { // encoder of a wheel
     double side, zero, sign; // 1 for right; angle that counts as zero; -1 if forward counts down
-    double noise, used;      // largest error, as a fraction of the angle; random numbers that are used up
+    double noise, used;      // largest error as a fraction of the angle; number of used random numbers
     double draws[DRAWN_AHEAD];
 };
 struct Accelerometer {
-    double axes[9]; // in the body frame, row by row
-    double read_at;    // s; and what was read then
-    double velocity[3], attitude[3], rates[3];
+    double axes[9]; // axes of the sensor in the body frame, row by row
+    double read_at;    // time of the last reading, s
+    double velocity[3], attitude[3], rates[3]; // values of the last reading
 };
-struct Link { // of a mission package
-    double from_angle, from_tick, to_angle, speed; // at the order to move, rad; where it ends, rad; rad/s
+struct Link { // link of a mission package
+    double from_angle, from_tick, to_angle, speed; // angle, rad, and tick at the command; target angle, rad; rad/s
 };
 ROW(Job, kind, place)
 ROW(DueJobs, slot, first, end)
@@ -84,7 +85,7 @@ ROW(Encoder, side, zero, sign, noise, used, draws)
 ROW(Accelerometer, axes, read_at, velocity, attitude, rates)
 ROW(Link, from_angle, from_tick, to_angle, speed)
 
-// Numbers that are written, and counted where there is no room.
+// Output of numbers, which are counted even if there is no room.
 struct Numbers {
     Array<double> room;
     int64_t count;
@@ -98,7 +99,7 @@ struct Numbers {
     }
 };
 
-// A motion on an axis, or a turn about it, the short way round.
+// Return the motion along an axis, or the rotation by the smaller angle if the axis is an angle (3 to 5).
 inline double measure_motion(double start, double end, int axis) {
     double motion = end - start;
     return axis < 3 || fabs(motion) <= M_PI ? motion : remainder(motion, 2 * M_PI);
@@ -111,7 +112,7 @@ inline void move_ins(Ins& ins, const double* body) {
     const double* draws = &ins.draws[6 * (whole_of(ins.used) & (DRAWN_AHEAD - 1))];
     for (int axis = 0; axis < 6; axis++) {
         double motion = measure_motion(ins.body[axis], body[axis], axis);
-        // Errors grow with the way driven, also across it, and with the turn itself.
+        // Errors of all coordinates grow with the driven distance, errors of angles with the rotation.
         double scale = axis < 3 ? distance : motion;
         ins.estimate[axis] += motion + scale * (ins.bias[axis] + ins.sigma * draws[axis]);
         ins.body[axis] = body[axis];
@@ -142,14 +143,14 @@ inline double count_ticks(Encoder& encoder, const Robot& robot) {
     return trunc(fmod(turned, 2 * M_PI) / ENCODER_RESOLUTION) * encoder.sign;
 }
 
-// Turn a vector in a plane.
+// Rotate a vector in a plane.
 inline void turn(double angle, double& a, double& b) {
     double c = cos(angle), s = sin(angle), turned = c * a - s * b;
     b = s * a + c * b;
     a = turned;
 }
 
-// Write the acceleration along the axes of a sensor, and its rotation if there is one to write.
+// Write the acceleration along the axes of a sensor; for INERTIA also rates, their changes, and the attitude.
 inline void read_acceleration(Accelerometer& sensor, double time, const Robot& robot, Reading kind, Numbers& out) {
     const double velocity[] = {robot.velocity_x, robot.velocity_y, robot.velocity_z};
     const double attitude[] = {robot.roll, robot.pitch, robot.yaw};
@@ -188,7 +189,7 @@ inline void read_acceleration(Accelerometer& sensor, double time, const Robot& r
     out.add(attitude, 3);
 }
 
-// The angle of a link, rad.
+// Return the angle of a link, rad.
 inline double link_angle(const Link& link, double ticks) {
     double reach = link.speed * (ticks - link.from_tick) / TICKS_A_SECOND;
     return link.from_angle + maximum(-reach, minimum(reach, link.to_angle - link.from_angle));
@@ -196,15 +197,15 @@ inline double link_angle(const Link& link, double ticks) {
 inline double angle_of_link(Array<const Link> link, double ticks) { return link_angle(link[0], ticks); }
 BIND(angle_of_link, "1")
 
-struct SensorTables { // of robots by slots, jobs and odometry aside
+struct SensorTables { // rows and robots are indexed by slot
     Array<const Job> jobs;
-    Array<double, 2> rows; // whether random numbers are used up, and what sensors remember
+    Array<double, 2> rows; // first whether random numbers are used up, then the states of the sensors
     Array<const Robot> robots;
     Array<const Odometry> odometry;
 };
 LAYOUT(SensorTables, "j sn r m", jobs, rows, robots, odometry)
 
-// Do a job. Returns whether some random numbers are used up.
+// Do a job. Returns whether the random numbers of a sensor are used up.
 inline bool take_reading(const Job& job, double* row, double ticks, const Robot& robot, const SensorTables& tables,
                          Numbers& out) {
     void* place = row + job.place;
@@ -226,7 +227,7 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
         out.add(robot.rear_steer);
         break;
     case Reading::ALTITUDES: {
-        double height = robot.body_z - row[job.place]; // of the spawn
+        double height = robot.body_z - row[job.place]; // above the spawn
         out.add(height);
         out.add(maximum(0.0, height - SEA_LEVEL));
         break;
@@ -261,13 +262,13 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     return false;
 }
 
-// How many bytes of the row of its robot a job uses, by its kind: as many as there are, up to LINK_ANGLE.
+// The number of bytes that a job uses in the row of its robot, by kind, for all kinds up to LINK_ANGLE.
 constexpr size_t ONE = sizeof(double), DRIFT = sizeof(Ins), SPEEDS = sizeof(Tachometer);
 constexpr size_t INERTIA = sizeof(Accelerometer);
 constexpr size_t USED[] = {0, sizeof(Charge), 0, 0, 0, 0, ONE, ONE, ONE, DRIFT, DRIFT, SPEEDS, SPEEDS, SPEEDS, SPEEDS,
                            sizeof(Encoder), INERTIA, INERTIA, INERTIA, sizeof(Link)};
 
-// Whether jobs and robots are in the tables, and what sensors remember is in the rows.
+// Whether jobs and robots are in the tables, and the structures of sensors are inside the rows.
 inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
     int64_t robots = tables.robots.size(), columns = tables.rows.shape[1];
     if (tables.rows.shape[0] < robots) robots = tables.rows.shape[0];
@@ -280,8 +281,8 @@ inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
     return columns > 0 || !due.size();
 }
 
-// Do the jobs of robots, one after the other. Returns the number of robots that have used up random numbers; -1 if out
-// has not the length that is written, or jobs are of no robot.
+// Do the due jobs of robots, one after the other. Returns the number of robots with used-up random numbers; -1 if the
+// length of out is wrong, or jobs or robots are not in the tables.
 inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& tables, double ticks, Array<double> out) {
     if (!are_due(due, tables)) return -1;
     Numbers numbers = {out, 0};

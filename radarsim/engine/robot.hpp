@@ -1,5 +1,5 @@
 // The tables of robots and of their odometry, and the distance between a robot's rectangle and lines (see
-// footprint.py). Whole numbers and truth values are doubles too.
+// footprint.py). Integers and booleans in the tables are also stored as doubles.
 #pragma once
 #include "bindings.hpp"
 
@@ -12,23 +12,23 @@ struct Pose2 {
 struct Robot {
     double x, y, yaw;               // pose on the floor, m, rad, map frame
     double left_spin, right_spin;   // speeds of the wheels, rad/s
-    double left_angle, right_angle; // that the wheels turned forward since the spawn, rad
+    double left_angle, right_angle; // angles by which the wheels turned forward since the spawn, rad
     double blocked;                 // whether the last move did not end at the wanted pose
-    double wall_gap, robot_gap;     // m: no wall is closer, no other robot is closer
-    double rejected[6];             // start and wanted pose of the last move that walls forbade, nan if none
-    double bottom, top;             // z of the floor and of the top, m
-    double half_length, half_width, radius; // radius around all, m
+    double wall_gap, robot_gap;     // lower bounds of the distances to walls and to other robots, m
+    double rejected[6];             // start and wanted pose of the last move that walls blocked, nan if none
+    double bottom, top;             // z of the floor and of the top of the robot, m
+    double half_length, half_width, radius; // half sides of the rectangle, and radius of the circle around it, m
     double track, wheel_radius;             // m
-    double top_speed;                       // highest speed of the centre, pushes included, m/s
-    double floor;                           // its number
-    double number;                          // counts the robots in the order of spawning, from 1 on
-    double touched;                         // whether it was blocked or touches something; -1 until that is asked for
+    double top_speed;                       // highest speed of the centre, including pushes, m/s
+    double floor;                           // number of the floor
+    double number;                          // number of the robot in the order of spawning, from 1
+    double touched;                         // whether it was blocked or touches an obstacle; -1 if not computed yet
     double body_z;                          // z of the body frame, m
-    double sideslip;                // angle between the heading and the motion of the centre, rad; 0 without an axle
-    double front_steer, rear_steer; // angles of the wheels of such axles, rad
-    double velocity_x, velocity_y, velocity_z;     // of the centre in the last step, pushes included, m/s, map frame
-    double aside, climb;                           // of a robot that flies: speed to its left and upwards, m/s
-    double roll, pitch, roll_wanted, pitch_wanted; // how far it tilts, and how far it is to tilt, rad
+    double sideslip;                // angle from heading to motion of the centre, rad; 0 without steering axle
+    double front_steer, rear_steer; // steering angles of the front and the rear axle, rad
+    double velocity_x, velocity_y, velocity_z;     // of the centre in the last step, including pushes, m/s, map frame
+    double aside, climb;                           // speeds of a flying robot to its left and upwards, m/s
+    double roll, pitch, roll_wanted, pitch_wanted; // attitude, and set-points of the attitude, rad
 
     Pose2 pose() const { return {x, y, yaw}; }
 };
@@ -38,10 +38,10 @@ ROW(Robot, x, y, yaw, left_spin, right_spin, left_angle, right_angle, blocked, w
        pitch_wanted)
 
 struct Odometry {
-    double slot;                    // of the robot; -1 of a row without odometry
+    double slot;                    // slot of the robot; -1 for an unused row
     double separation;              // distance between the left and right wheels, m
     double x, y, yaw;               // pose since the reset, m, rad, not wrapped
-    double left_angle, right_angle; // of the wheels at the pose, rad
+    double left_angle, right_angle; // angles of the wheels at this pose, rad
 };
 ROW(Odometry, slot, separation, x, y, yaw, left_angle, right_angle)
 
@@ -52,12 +52,12 @@ namespace radarsim::robots {
 struct LineSegment {
     double middle_x, middle_y; // m, map frame
     double half_x, half_y;     // vector from the middle to the second end, m
-    double rank;               // of lines at the same distance the one of lowest rank counts
+    double rank;               // if lines have the same distance, the line with the lowest rank counts
 };
 ROW(LineSegment, middle_x, middle_y, half_x, half_y, rank)
 
 struct Contact {
-    double gap;            // lower bound of the distance to a line, m; negative, minus the depth, if it reaches in
+    double gap;            // lower bound of the distance to a line, m; minus the depth if the line penetrates the robot
     double away_x, away_y; // unit vector along which the gap grows, map frame
 };
 ROW(Contact, gap, away_x, away_y)
@@ -71,7 +71,8 @@ inline Contact find_contact(Array<const LineSegment> lines, const Pose2& pose, d
         double half_x = line.half_x * c + line.half_y * s, half_y = line.half_y * c - line.half_x * s;
         double along_x = fabs(middle_x) - fabs(half_x) - half_length;
         double along_y = fabs(middle_y) - fabs(half_y) - half_width;
-        // Spares the normal and its square root, as the gap is the largest of the three: row j of the benchmarks.
+        // The gap is the maximum of three distances, so the third, with its square root, need not be computed if one of
+        // the others is already too large (row j of the benchmarks).
         if (maximum(along_x, along_y) > contact.gap) continue;
         double across = fabs(middle_x * half_y - middle_y * half_x);
         across -= half_length * fabs(half_y) + half_width * fabs(half_x);
@@ -89,7 +90,7 @@ inline Contact find_contact(Array<const LineSegment> lines, const Pose2& pose, d
     return contact;
 }
 
-// The contacts of a rectangle at several poses: x, y and yaw.
+// Find the contact of a rectangle at each of several poses: x, y and yaw.
 inline void find_contacts(Array<const LineSegment> lines, Array<const Vector> poses, double half_length,
                           double half_width, Array<Contact> contacts) {
     for (int64_t i = 0; i < poses.size(); i++)

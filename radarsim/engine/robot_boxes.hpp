@@ -1,21 +1,21 @@
-// Upright boxes that stop every ray: robots, which move while the scene is fixed.
+// Intersections of rays with robots, which are upright boxes that stop every ray and, unlike the scene, move.
 //
-// Seen from above, a grid of square cells covers all boxes. Each cell lists the boxes whose bounding circles reach into
-// its square. A ray visits the cells on its way one after the other, and tries the boxes that they list, until it has
-// met one before the end of a cell. Among a thousand robots in a hall it tries a dozen: row j of the benchmarks.
+// A grid of square cells, seen from above, covers all boxes. Each cell lists the boxes whose bounding circles reach
+// into the cell. A ray visits the cells along its path in order and tests the listed boxes until it has hit a box
+// before the end of a cell. Among a thousand robots in a hall it tests a dozen (row j of the benchmarks).
 //
-// Which boxes are tried cannot change what a ray meets, as long as none of those it meets is missing: circles are wider
-// than rounding errors by far. Where coordinates are so large that this would not hold, and where there are too few
-// boxes or rays for a grid to pay off, all boxes are tried.
+// The grid does not change the results, since the circles have a margin that is much larger than rounding errors. All
+// boxes are tested if coordinates are too large for this margin, or if there are too few boxes or rays for a grid to be
+// faster.
 #pragma once
 #include "bindings.hpp"
 
 namespace radarsim {
 
-constexpr int64_t MIN_BOXES = 8, MIN_RAYS = 16; // fewer are in one cell
-constexpr double SLACK = 1e-6;                  // m by which boxes are listed in cells next to them
-constexpr double MAX_COORDINATE = 1e5;          // m; farther away, rounding errors approach the slack
-constexpr double MIN_SLOPE = 1e-200;            // along one axis; a ray with less stays in its cell
+constexpr int64_t MIN_BOXES = 8, MIN_RAYS = 16; // with fewer boxes or rays the grid has a single cell
+constexpr double SLACK = 1e-6;                  // m, margin around the bounding circles of boxes
+constexpr double MAX_COORDINATE = 1e5;          // m; with larger coordinates rounding errors approach SLACK
+constexpr double MIN_SLOPE = 1e-200;            // a ray with a smaller slope along an axis never leaves its cell
 
 struct RobotBox { // a row of Boxes.table
     double x, y, z, cos, sin, length, width, height, footprint_radius, id;
@@ -26,17 +26,17 @@ struct Span {
     double near, far;
 };
 
-// Where a ray enters and leaves the slab from -half to half on one axis.
+// Return the distances at which a ray enters and leaves the slab from -half to half along an axis.
 inline Span intersect_slab(double start, double slope, double half) {
     if (slope == 0.0) return fabs(start) <= half ? Span{-INFINITE, INFINITE} : Span{INFINITE, -INFINITE};
     double first = (-half - start) / slope, second = (half - start) / slope;
     return {minimum(first, second), maximum(first, second)};
 }
 
-// The distance at which a ray meets a box, m; -1 if it does not. From within it hits as well.
+// Return the distance at which a ray hits a box, m; -1 if it misses. A ray that starts inside also hits the box.
 inline double intersect_box(const RobotBox& box, const Vector& origin, const Vector& direction) {
     double ex = direction[0], ey = direction[1], dx = origin[0] - box.x, dy = origin[1] - box.y;
-    // Most boxes are too far from the ray: reject them by their circles first.
+    // Most boxes are too far from the ray and are rejected by their circles.
     if (fabs(ex * dy - ey * dx) > box.footprint_radius) return -1.0;
     double c = box.cos, s = box.sin;
     Span ahead = intersect_slab(c * dx + s * dy, c * ex + s * ey, box.length);
@@ -47,7 +47,7 @@ inline double intersect_box(const RobotBox& box, const Vector& origin, const Vec
     return near <= far && t >= 0.0 ? t : -1.0;
 }
 
-// The cosine between a ray and the normal of the box face that it hit.
+// Return the cosine between a ray and the normal of the face of the box that it hit.
 inline double box_incidence(Array<const RobotBox> boxes, int64_t id, const Vector& origin, const Vector& direction,
                             double t) {
     double cosine = 0.0;
@@ -57,7 +57,7 @@ inline double box_incidence(Array<const RobotBox> boxes, int64_t id, const Vecto
         double c = box.cos, s = box.sin;
         double x = origin[0] + t * direction[0] - box.x, y = origin[1] + t * direction[1] - box.y;
         double z = origin[2] + t * direction[2] - box.z;
-        // The hit point is on the face to whose plane it is nearest.
+        // The hit point is on the face with the nearest plane.
         double ahead = fabs(fabs(c * x + s * y) - box.length);
         double across = fabs(fabs(c * y - s * x) - box.width);
         double above = fabs(fabs(z) - box.height);
@@ -75,7 +75,7 @@ inline int64_t cell_at(double offset, int64_t cells) {
     return int64_t(minimum(maximum(0.0, offset), double(cells) - 1.0));
 }
 
-// Boxes by the cells of a grid over the x-y plane; one cell if more do not pay off.
+// A grid of boxes over the x-y plane; it has a single cell if more cells would not be faster.
 class BoxGrid {
   public:
     const Array<const RobotBox> boxes;
@@ -99,14 +99,14 @@ class BoxGrid {
         return false;
     }
 
-    // Find the nearest surface of all boxes but the carrier's; where boxes touch, that of the last.
-    // Returns the distance, m, at most max_range, and sets the box's id, -1 for none.
+    // Find the nearest surface of all boxes except the carrier's; at equal distances the last box counts. Returns the
+    // distance, m, at most max_range, and sets the id of the box, -1 for none.
     double intersect(int64_t carrier, const Vector& origin, const Vector& direction, double max_range,
                      int64_t& id) const {
         double nearest = max_range;
         int64_t found = -1;
         id = -1;
-        // Without a way through the grid, one step goes through the lists of all cells.
+        // By default a single step tests the boxes of all cells.
         int64_t cell = 0, column = 0, row = 0, end = layout_.cells();
         Border x_border, y_border;
         if (end > 1 && maximum(fabs(origin[0]), fabs(origin[1])) <= MAX_COORDINATE) {
@@ -125,7 +125,7 @@ class BoxGrid {
                 double t = intersect_box(boxes[i], origin, direction);
                 if (t >= 0.0 && (t < nearest || (t == nearest && i > found))) nearest = t, found = i;
             }
-            // The boxes of the cells beyond are farther than where this one ends.
+            // Boxes that are only in later cells are farther away than the end of this cell.
             if (nearest <= minimum(x_border.next, y_border.next)) break;
             if (x_border.next < y_border.next)
                 column += x_border.step, x_border.next += x_border.apart;
@@ -140,14 +140,14 @@ class BoxGrid {
 
   private:
     struct Layout {
-        double x, y, per_metre; // of the lower corner, m; cells per metre
+        double x, y, per_metre; // coordinates of the lower corner, m; cells per metre
         int64_t columns, rows;
         int64_t cells() const { return columns * rows; }
     };
     struct Cells {
         int64_t left, right, low, high;
     };
-    struct Border { // how a ray leaves cells along one axis, m
+    struct Border { // distances at which a ray crosses cell borders along an axis, m
         double next = INFINITE, apart = INFINITE;
         int64_t step = 0;
     };
@@ -157,14 +157,14 @@ class BoxGrid {
         double left = INFINITE, low = INFINITE;
         for (int64_t i = 0; i < boxes.size(); i++) {
             const RobotBox& box = boxes[i];
-            // Twice the slack: a ray that misses the grid misses its boxes by one.
+            // The margin is doubled, so a ray that misses the grid misses its boxes by at least SLACK.
             double radius = box.footprint_radius + 2.0 * SLACK;
             left = minimum(left, box.x - radius), right = maximum(right, box.x + radius);
             low = minimum(low, box.y - radius), high = maximum(high, box.y + radius);
             squares += radius * radius;
         }
         if (maximum(maximum(-left, right, -low), high) <= MAX_COORDINATE) {
-            // As many cells as boxes, and none shorter than the boxes in the mean.
+            // The number of cells is about the number of boxes, and cells are not smaller than the mean box.
             double area = (right - left) * (high - low), longest = maximum(right - left, high - low);
             double count = double(boxes.size());
             size = maximum(sqrt(maximum(area, 4.0 * squares) / count), longest / count);
@@ -182,7 +182,7 @@ class BoxGrid {
                 cell_at(y - radius, layout_.rows), cell_at(y + radius, layout_.rows)};
     }
 
-    // Visit the heads of the cells that a box reaches.
+    // Call a function with the head of each cell that a box reaches.
     template <typename Visit> void visit_cells(const RobotBox& box, Visit visit) {
         Cells around = cells_around(box.x, box.y, box.footprint_radius + SLACK);
         for (int64_t row = around.low; row <= around.high; row++)
@@ -190,20 +190,20 @@ class BoxGrid {
                 visit(heads_[row * layout_.columns + column]);
     }
 
-    // Let the head of each cell be the end of its list; returns the length of all lists.
+    // Set the head of each cell to the end of its list; returns the total length of all lists.
     int64_t count_links() {
         for (const RobotBox& box : boxes) visit_cells(box, [](int32_t& head) { head++; });
         for (int64_t cell = 1; cell <= layout_.cells(); cell++) heads_[cell] += heads_[cell - 1];
         return heads_[layout_.cells()];
     }
 
-    // Fill the lists from their ends, so that heads become their beginnings.
+    // Fill the lists from the end, so that each head becomes the beginning of its list.
     void list_boxes() {
         for (int64_t i = 0; i < boxes.size(); i++)
             visit_cells(boxes[i], [&](int32_t& head) { links_[--head] = int32_t(i); });
     }
 
-    // Where a ray enters the grid, m; inf if it does not.
+    // Return the distance at which a ray enters the grid, m; inf if it misses the grid.
     double enter_grid(double x, double y, double ex, double ey) const {
         double half_x = 0.5 * double(layout_.columns), half_y = 0.5 * double(layout_.rows);
         if (fabs(x - half_x) <= half_x && fabs(y - half_y) <= half_y) return 0.0;
@@ -220,7 +220,7 @@ class BoxGrid {
     }
 
     Layout layout_;
-    Buffer<int32_t> heads_, links_; // where the list of each cell begins, and the lists
+    Buffer<int32_t> heads_, links_; // beginning of each cell's list in links_, and the lists of all cells
 };
 
 } // namespace radarsim

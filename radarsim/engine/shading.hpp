@@ -1,14 +1,14 @@
-// The colours of a camera's rays; see camera.py for the theory.
+// Computes the colours of a camera's rays; see camera.py for the theory.
 #pragma once
 #include "echoes.hpp"
 
 namespace radarsim {
 
 // Add the colours of rays to pixels.
-//   incidence: cosine between each ray and the normal of what it hit
-//   colours: of the parts, the air's last, then that of robots
-//   background: colour behind all surfaces, of each ray
-//   ambient: brightness of a surface along the ray
+//   incidence: cosine between each ray and the normal of the surface that it hit
+//   colours: colours of the parts, the last of which is the air, then the colour of robots
+//   background: colour of each ray behind all surfaces
+//   ambient: brightness of a surface that is parallel to the ray
 inline void shade(Array<const Event> events, Array<const double> incidence, Array<const Vector> colours,
                   Array<const Vector> background, Array<Vector> pixels, double full_power, double ambient) {
     int64_t robots = colours.size() - 1, air = robots > 0 ? robots - 1 : 0, ray = -1;
@@ -24,7 +24,7 @@ inline void shade(Array<const Event> events, Array<const double> incidence, Arra
         auto add = [&](double share, const Vector& colour) {
             for (int channel = 0; channel < 3; channel++) pixels[ray][channel] += share * colour[channel];
         };
-        // Of volumes within each other the last entered one gives its colour; outside of all it is the air.
+        // In nested volumes the last entered volume gives the colour; outside of all volumes the air does.
         int64_t medium = enclosing.size() ? enclosing.end()[-1] : air;
         double passed = exp(event.power - power);
         add(seen * (1.0 - passed), colours[medium]);

@@ -1,25 +1,25 @@
-// Sweeps, their spectra, and detectors of targets in these; see beat_signal.py and detection.py for the theory.
+// Beat signals of sweeps, their spectra, and target detectors; see beat_signal.py and detection.py for the theory.
 #pragma once
 #include "bindings.hpp"
 
 namespace radarsim::fmcw {
 
-// The generator PCG64 of numpy: M. E. O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically Good
-// Algorithms for Random Number Generation, 2014.
+// Numpy's random generator PCG64. Source: M. E. O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically
+// Good Algorithms for Random Number Generation, 2014.
 using Word128 = unsigned __int128;
 
 constexpr Word128 joined(uint64_t high, uint64_t low) { return Word128(high) << 64 | low; }
 constexpr Word128 MULTIPLIER = joined(0x2360ED051FC65DA4, 0x4385DF649FCCF645);
-// Steps from one stream to the next, the golden ratio of the period. By a multiple of a power of two the lower half of
-// the state would be the same in all streams, and their numbers correlated.
+// Number of steps from one stream to the next: the period divided by the golden ratio. With a multiple of a large power
+// of two, the lower half of the state would be the same in all streams, and their numbers would be correlated.
 constexpr Word128 STRIDE = joined(0x9E3779B97F4A7C15, 0xF39CC0605CEDC835);
 
-// Steps of the generator as one: state * factor + sum.
+// Several steps of the generator as a single one: state * factor + sum.
 struct Jump {
     Word128 factor = 1, sum = 0;
 
     Jump(Word128 increment, Word128 steps) {
-        Word128 step_factor = MULTIPLIER, step_sum = increment; // of 1, 2, 4 ... steps
+        Word128 step_factor = MULTIPLIER, step_sum = increment; // for 1, 2, 4 ... steps
         for (; steps; steps >>= 1) {
             if (steps & 1) factor *= step_factor, sum = sum * step_factor + step_sum;
             step_sum *= step_factor + 1, step_factor *= step_factor;
@@ -28,9 +28,9 @@ struct Jump {
     Word128 operator()(Word128 state) const { return state * factor + sum; }
 };
 
-// Fill rows with the first standard normal numbers of neighbouring streams of a generator, of which words has the state
-// and the increment, the higher half of each first. A number is the count of ones among 32 random bits, less its mean,
-// over its deviation: normal as far as sums of several are concerned.
+// Fill each row with the first standard normal numbers of a stream of a generator, one stream after the other. The
+// words are the generator's state and increment, each with the upper half first. A number is the count of ones in 32
+// random bits, minus its mean, divided by its standard deviation; sums of several numbers are almost exactly normal.
 inline void fill_normal(Array<const uint64_t> words, int64_t first, Array<float, 2> rows) {
     constexpr int BITS = 32;
     Word128 increment = joined(words[2], words[3]);
@@ -52,7 +52,7 @@ inline void fill_normal(Array<const uint64_t> words, int64_t first, Array<float,
 }
 BIND(fill_normal, "4 rb")
 
-// Fill the power of spectra by the shape of the noise.
+// Compute the power of complex spectra, multiplied by the shape of the noise in each bin.
 inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> shape, Array<float, 2> power) {
     if (spectra.shape[1] < shape.size()) return false;
     for (int64_t row = 0; row < power.shape[0]; row++)
@@ -64,19 +64,19 @@ inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> 
 }
 BIND(square_spectra, "rs b rb")
 
-// Numbers that a processor computes at once, as many as the registers hold.
+// SIMD vectors; the compiler splits them to the width of the registers.
 using Doubles = double __attribute__((vector_size(128)));
 using Floats = float __attribute__((vector_size(64)));
 constexpr int64_t LANES = 16;
 
-// Add cosines to the first samples of rows of sweeps; turns are in rad a sample.
+// Add cosines to the first samples of rows of sweeps; turns are angular frequencies in rad per sample.
 inline bool add_cosines(Array<float, 2> sweeps, int64_t samples, Array<const int64_t> rows, Array<const double> turns,
                         Array<const double> phases, Array<const double> amplitudes) {
     if (samples < 0 || samples > sweeps.shape[1]) return false;
     for (int64_t k = 0; k < rows.size(); k++) {
         if (rows[k] < 0 || rows[k] >= sweeps.shape[0]) return false;
-        // cos(a + b) = 2 cos(a) cos(b) - cos(a - b), with b of as many samples as there are lanes. Over the samples
-        // of a sweep the error stays below that of 32-bit numbers.
+        // The recurrence is cos(a + b) = 2 cos(a) cos(b) - cos(a - b), where b is the phase of LANES samples. Over a
+        // sweep its error stays below the rounding error of float32.
         Doubles last, next;
         for (int64_t n = 0; n < LANES; n++) {
             last[n] = amplitudes[k] * cos(turns[k] * n + phases[k]);
@@ -101,7 +101,7 @@ inline bool add_cosines(Array<float, 2> sweeps, int64_t samples, Array<const int
 }
 BIND(add_cosines, "rs k k k k")
 
-// Find the strongest bin of each run of bins that are set: a strong echo sets all bins of its main lobe.
+// Find the strongest bin in each run of consecutive set bins, since a strong echo sets all bins of its main lobe.
 inline void find_peaks(Array<const bool, 2> mask, Array<const float, 2> power, Array<bool, 2> peaks) {
     for (int64_t row = 0; row < mask.shape[0]; row++) {
         int64_t best = -1;
@@ -118,7 +118,7 @@ inline void find_peaks(Array<const bool, 2> mask, Array<const float, 2> power, A
 }
 BIND(find_peaks, "rb rb rb")
 
-struct Neighbours { // the training bins on each side of a bin, half of all
+struct Neighbours { // the training bins on each side of a bin; half is their number on a side
     int64_t nearest, step, half;
 
     int64_t farthest() const { return nearest + (half - 1) * step; }
@@ -128,15 +128,15 @@ struct Neighbours { // the training bins on each side of a bin, half of all
     }
 };
 
-// Find the bins that exceed the mean of their training bins by a factor: one if these are on one side, and one for
-// both. Returns whether the training bins are valid.
+// CA-CFAR detector: find the bins that exceed the mean of their training bins by a factor, which differs for training
+// bins on one side and on both sides. Returns whether the training bins are valid.
 inline int64_t find_ca(Array<const float, 2> power, int64_t nearest, int64_t step, int64_t half, double one_side,
                     double both_sides, Array<bool, 2> found) {
     Neighbours around = {nearest, step, half};
     if (!around.is_valid()) return false;
     int64_t count = power.shape[1], farthest = around.farthest(), length = count + nearest;
-    // Sums over the training bins before each bin. Those after a bin are before one that is this much farther on,
-    // which may be beyond the last.
+    // The sums are over the training bins before each bin. The training bins after a bin are the training bins before
+    // the bin that is this far ahead, which may be beyond the last bin.
     int64_t ahead = nearest + farthest;
     int64_t start = farthest < count ? farthest : count, end = count > farthest ? count - farthest : 0;
     int64_t low = start < end ? start : end, high = start + end - low;
@@ -148,7 +148,7 @@ inline int64_t find_ca(Array<const float, 2> power, int64_t nearest, int64_t ste
             sums[i] = 0.0;
             for (int64_t q = 0; q < half; q++) sums[i] += line[i - nearest - q * step];
         }
-        // Bins a step apart share all training bins but two.
+        // Bins that are a step apart have all training bins in common except two.
         for (int64_t i = farthest + step; i < length; i++)
             sums[i] = sums[i - step] + line[i - nearest] - line[i - step - farthest];
         for (int64_t i = 0; i < low; i++) is_found[i] = line[i] > one_side * (sums[i + ahead] / half);
@@ -160,7 +160,7 @@ inline int64_t find_ca(Array<const float, 2> power, int64_t nearest, int64_t ste
 }
 BIND(find_ca, "rb rb")
 
-// A histogram of levels, and how many are below the one that is current.
+// A histogram of levels for order statistics; it tracks how many entries are below the current level.
 class LevelHistogram {
   public:
     void clear() { *this = {}; }
@@ -169,7 +169,8 @@ class LevelHistogram {
         counts_[level] += change;
         if (level < current_) below_ += change;
     }
-    // The level of an order, which is at least 1 and at most the count; neighbours are mostly a few levels apart.
+    // Return the level of the entry with this rank, from 1 to the count. The search starts at the current level, since
+    // results for neighbouring bins mostly differ by a few levels.
     int64_t find(int64_t order) {
         while (below_ + counts_[current_] < order) below_ += counts_[current_++];
         while (below_ >= order) below_ -= counts_[--current_];
@@ -182,8 +183,9 @@ class LevelHistogram {
     int64_t current_ = 0, below_ = 0;
 };
 
-// Find the bins from one to another whose level is above that of an order around them. From a bin to the one a step
-// farther on, two training bins change on each side; the histogram follows. Returns whether the numbers are valid.
+// OS-CFAR detector: find the bins from start to end whose level exceeds the level of the given order among their
+// training bins. Between bins that are a step apart two training bins change on each side, and the histogram is
+// updated. Returns whether the numbers are valid.
 inline int64_t find_os(Array<const float, 2> levels, int64_t nearest, int64_t step, int64_t half, int64_t start,
                     int64_t end, bool behind, bool ahead, int64_t order, double above, Array<bool, 2> found) {
     Neighbours around = {nearest, step, half};
@@ -207,7 +209,7 @@ inline int64_t find_os(Array<const float, 2> levels, int64_t nearest, int64_t st
                     histogram.move(line[last - farthest], -1), histogram.move(line[i - nearest], 1);
                 if (ahead && i > first)
                     histogram.move(line[last + nearest], -1), histogram.move(line[i + farthest], 1);
-                // On average the training bin was in the middle of its level.
+                // On average the value of the training bin is in the middle of its level.
                 found(row, i) = line[i] > double(histogram.find(order)) + 0.5 + above;
             }
         }

@@ -1,4 +1,5 @@
-// Trace all rays of a call on several threads: given ones, or those of scans, each aimed right before it is traced.
+// Trace all rays of a call on several threads: either given rays, or the rays of scans, which are aimed just before
+// they are traced.
 #pragma once
 #include "directions.hpp"
 #include "propagate.hpp"
@@ -7,8 +8,8 @@
 
 namespace radarsim {
 
-// Calls work(part) for each part from 0, on some threads that take the next part when they are ready. What a part
-// does must not depend on which thread does it: then the results are the same for any number of threads.
+// Calls work(part) for each part from 0, on several threads; a thread that is ready takes the next part. The results
+// are the same for any number of threads, provided that a part does not depend on its thread.
 template <typename Work> class ParallelWork {
   public:
     ParallelWork(int64_t threads, int64_t parts, Work& work) : parts_(parts), work_(work) {
@@ -16,9 +17,9 @@ template <typename Work> class ParallelWork {
         int64_t started = 0;
         sigset_t all, before;
         sigfillset(&all);
-        pthread_sigmask(SIG_BLOCK, &all, &before); // signals are for the threads of the program
+        pthread_sigmask(SIG_BLOCK, &all, &before); // signals must go to the threads of the program
         for (; started < minimum(threads, parts) - 1; started++)
-            if (pthread_create(&others[started], nullptr, run, this)) break; // then those that there are do it all
+            if (pthread_create(&others[started], nullptr, run, this)) break; // the existing threads do all parts
         pthread_sigmask(SIG_SETMASK, &before, nullptr);
         run(this);
         for (int64_t i = 0; i < started; i++) pthread_join(others[i], nullptr);
@@ -40,27 +41,27 @@ template <typename Work> class ParallelWork {
     Work& work_;
 };
 
-constexpr int64_t INCONSISTENT = bindings::REFUSED; // arrays that do not belong together
+constexpr int64_t INCONSISTENT = bindings::REFUSED; // error code for arrays that do not match each other
 constexpr int64_t PARTS_PER_THREAD = 4;
-constexpr int64_t MOST_CROSSINGS = 1 << 26, MOST_THREADS = 1024; // for which there is memory
-constexpr int CLEARANCE_CLASS = 1; // the class for which something may hide a ray
-constexpr int MIDDLE_NODE = 1;     // of three, which starts at its sensor
+constexpr int64_t MOST_CROSSINGS = 1 << 26, MOST_THREADS = 1024; // limits of memory
+constexpr int CLEARANCE_CLASS = 1; // the ray class for the segment from a sensor to the start of its ray
+constexpr int MIDDLE_NODE = 1;     // the node of three that starts at the sensor itself
 
-struct RaySource { // given rays, or one row of what the rays of a sensor have in common
+struct RaySource { // given rays, one per row, or a single row with the properties that all rays of a sensor share
     Array<const Vector> origins, directions;
     Array<const double> max_range, power;
     Array<const uint8_t> class_index;
     Array<const int64_t> carrier;
-    const NodeTable* table; // of the sensor
+    const NodeTable* table; // nodes of the sensor
     double radius;          // m, the largest distance from the sensor at which a ray starts
 };
 LAYOUT(RaySource, "o o r r r r", origins, directions, max_range, power, class_index, carrier, table, radius)
 
 struct Scans {
-    Array<const double[7]> places;  // a Place each
-    Array<const double, 2> chances; // of each scan and beam; no columns if all nodes are aimed
-    Array<int16_t> nodes;           // of each ray
-    Array<int8_t> sides;            // of each ray
+    Array<const double[7]> places;  // a Place per scan
+    Array<const double, 2> chances; // random numbers by scan and beam; no columns if rays of all nodes are traced
+    Array<int16_t> nodes;           // node of each ray
+    Array<int8_t> sides;            // side of each ray
 
     int64_t rays_per_scan() const { return nodes.size() / places.size(); }
     // Whether each ray has a node in the table.
@@ -83,7 +84,7 @@ inline bool belong_together(const Scene& scene, const RaySource& source, const S
     return source.power.size() == 1 && scans.nodes.size() == rays && scans.fit(*source.table);
 }
 
-// Whether there is certainly nothing opaque between a sensor and where its rays start.
+// Whether there is certainly no opaque surface between a sensor and the starts of its rays.
 inline bool is_clear(const RaySource& source, const Place& place, const RayTracer& tracer) {
     if (source.radius == 0.0) return true;
     const Scene& scene = tracer.scene;
@@ -93,11 +94,11 @@ inline bool is_clear(const RaySource& source, const Place& place, const RayTrace
            !is_opaque_nearby(*scene.handle, scene.materials->forward_roles.row(CLEARANCE_CLASS), point, reach);
 }
 
-// What became of some of the rays of a call.
+// The result of tracing a part of the rays in a call.
 struct TracePart {
-    int64_t code; // as of trace_rays
+    int64_t code; // result code, as in trace_rays
     Array<Event> events;
-    int64_t event_count; // also of those for which there is no room
+    int64_t event_count; // number of events, including events that did not fit into the array
     Unsliced unsliced;
 };
 
@@ -112,8 +113,8 @@ inline int64_t trace_given(const RaySource& source, int64_t first, int64_t last,
     return 0;
 }
 
-// Find out whether something opaque is between a sensor and where its aimed ray starts. Returns a code as trace_rays
-// does; origin and direction are changed.
+// Find whether an opaque surface is between a sensor and the start of its aimed ray. Returns a code as trace_rays does;
+// origin and direction of the tracer change.
 inline int64_t find_hidden(int64_t row, const Frame& frame, int64_t carrier, RayTracer& tracer, const Traces& traces,
                            bool& is_hidden) {
     Vector way = tracer.origin - frame.position;
@@ -121,15 +122,15 @@ inline int64_t find_hidden(int64_t row, const Frame& frame, int64_t carrier, Ray
     is_hidden = false;
     if (!(length > 0.0)) return 0;
     tracer.origin = frame.position, tracer.direction = way / length;
-    int64_t event_count = tracer.state.event_count; // the way to the start is no part of the scan
+    int64_t event_count = tracer.state.event_count; // events before the start are not part of the scan
     int64_t code = tracer.trace(row, length, INFINITE, CLEARANCE_CLASS, carrier, traces);
     tracer.state.event_count = event_count;
     is_hidden = traces.outcomes[row] != NOTHING;
     return code;
 }
 
-// Trace the rays of some beams of all scans, which are counted scan by scan. The middle ray takes the place of rays
-// that start where their sensor cannot see.
+// Trace the rays of a range of beams; beams are numbered scan by scan. The middle ray replaces rays whose start is
+// hidden from the sensor.
 inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t first, int64_t last, RayTracer& tracer,
                            const Traces& traces) {
     const NodeTable& table = *source.table;
@@ -160,8 +161,8 @@ inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t 
     return 0;
 }
 
-// Move the events of all parts together, behind those of the first; returns the first code. If a part had too little
-// room, the number of events is that for which each part would have enough.
+// Move the events of all parts to a contiguous range; returns the first code. If a part had too little room, the number
+// of events in the summary is the size with which each part would have enough.
 inline int64_t join_parts(Array<TracePart> parts, Array<Event> events, Array<double> summary) {
     int64_t code = 0, count = 0, needed = 0;
     Unsliced unsliced = {};
@@ -177,9 +178,9 @@ inline int64_t join_parts(Array<TracePart> parts, Array<Event> events, Array<dou
     return code;
 }
 
-// Trace rays, or scans if there are places. Returns 0; the number of surfaces on a segment that has more than there
-// is room for; for an invalid ray, -1 minus its index; or INCONSISTENT. The summary is the number of events, the
-// height of level rays that found no slice, and their number.
+// Trace rays, or scans if there are places. Returns 0; or the number of crossings of a segment that has more than
+// max_crossings; or, for an invalid ray, -1 minus its index; or INCONSISTENT. The summary has the number of events, the
+// height of level rays without slice, and their number.
 inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<const RobotBox> boxes,
                           int64_t max_crossings, Array<Event> events, Array<double> ranges, Array<uint8_t> outcomes,
                           Array<int64_t> parts, Array<double> power, Array<double> incidence,
@@ -191,11 +192,11 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
     if (max_crossings < 0 || max_crossings > MOST_CROSSINGS) return INCONSISTENT;
     if (threads < 1 || threads > MOST_THREADS) return INCONSISTENT;
     BoxGrid grid(boxes, ranges.size());
-    // More parts than threads, since some rays take longer than others.
+    // There are more parts than threads, since some rays take longer than others.
     int64_t count = threads > 1 ? PARTS_PER_THREAD * threads : 1;
-    if (events.size() && events.size() < count) count = 1; // each needs room for some
+    if (events.size() && events.size() < count) count = 1; // each part needs room for events
     int64_t rows = places.size() ? places.size() * source.table->beams() : ranges.size();
-    int64_t share = events.size() / count; // of the room for events
+    int64_t share = events.size() / count; // number of events for which each part has room
     Buffer<TracePart> found(count);
     auto trace_part = [&](int64_t i) {
         int64_t first = rows * i / count, last = rows * (i + 1) / count;

@@ -1,4 +1,4 @@
-// Slices of triangles by level planes, and the walls near a place, from a grid of square cells; see obstacles.py.
+// Horizontal slices of triangles, and a grid of square cells to find the walls near a position; see obstacles.py.
 #pragma once
 #include "robot.hpp"
 
@@ -10,12 +10,12 @@ struct WallEntry { // a wall that crosses a cell
 };
 ROW(WallEntry, cell, wall)
 
-struct WallGrid { // of a floor
+struct WallGrid { // the grid of a floor
     double left, bottom; // corner of the first cell, m
     double cell;         // size of a cell, m
     int64_t columns, rows;
-    int64_t first, end; // its entries
-    int64_t first_line;
+    int64_t first, end; // range of its entries
+    int64_t first_line; // index of the floor's first wall
 };
 ROW(WallGrid, left, bottom, cell, columns, rows, first, end, first_line)
 
@@ -23,20 +23,20 @@ struct Walls {
     Array<const LineSegment> lines;
     Array<const WallEntry> entries;
     Array<const WallGrid> floors;
-    Array<int64_t> marks;    // number of the search that found a wall last
-    Array<int64_t> searches; // their number
+    Array<int64_t> marks;    // number of the last search that found each wall
+    Array<int64_t> searches; // number of searches
 };
 LAYOUT(Walls, "w e f w 1", lines, entries, floors, marks, searches)
 
 using Ends = double[2][2]; // m, x and y of both ends, map frame
 
-constexpr double CELL_TOLERANCE = 1e-6;  // cells; a wall this close to a cell crosses it
-constexpr double FARTHEST_CROSSED = 1e7; // cells; more would not fit in memory
+constexpr double CELL_TOLERANCE = 1e-6;  // cells; a wall that is closer to a cell counts as crossing it
+constexpr double FARTHEST_CROSSED = 1e7; // cells; larger grids would not fit in memory
 
 inline int64_t first_cell(double low) { return int64_t(floor(low - CELL_TOLERANCE)); }
 inline int64_t last_cell(double high) { return int64_t(floor(high + CELL_TOLERANCE)); }
 
-// Call a function with row and column of each cell that a segment crosses; with none if an end is too far away.
+// Call a function with row and column of each cell that a segment crosses, or never if an end is too far away.
 template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid, F visit) {
     double x[2], y[2];
     for (int end = 0; end < 2; end++) {
@@ -60,8 +60,9 @@ template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid
     }
 }
 
-// Write an entry for each cell that a segment crosses, segment by segment, if there is room; returns how many they are.
-// The grid is made as large as they need. Only then numbers of cells are right: the first call finds the size.
+// Write an entry for each cell that a segment crosses, segment by segment, if there is room; returns their number. The
+// grid is enlarged if necessary. Indices of cells are right only if it already has its final size, so a first call is
+// needed to find the size.
 inline int64_t enter_crossings(Array<const Ends> segments, Array<WallGrid> grid, Array<WallEntry> entries) {
     int64_t count = 0, &columns = grid[0].columns, &rows = grid[0].rows;
     for (int64_t wall = 0; wall < segments.size(); wall++)
@@ -78,9 +79,9 @@ struct CellRange {
     int64_t first, last;
 };
 
-// The cells within reach on an axis, of a number of cells.
+// Return the range of cells within reach of a position along an axis with count cells.
 inline CellRange cells_within(double place, double reach, double cell, int64_t count) {
-    // Limited before they become whole numbers: the place may be far off the grid.
+    // Indices are limited before they are converted to integers, since the position may be far outside of the grid.
     double first = minimum(maximum(0.0, (place - reach) / cell), double(count));
     double last = minimum(maximum(-1.0, (place + reach) / cell), double(count) - 1.0);
     return {int64_t(floor(first)), int64_t(floor(last))};
@@ -95,7 +96,8 @@ inline bool is_near(const LineSegment& line, double x, double y, double reach) {
     return dx * dx + dy * dy <= reach * reach;
 }
 
-// Write the walls of a floor within reach of a place, each once; returns their number. There is room for all walls.
+// Write the walls of a floor within reach of a position, each once; returns their number. The array must have room for
+// all walls.
 inline int64_t find_walls(const Walls& walls, double floor, double x, double y, double reach,
                           Array<LineSegment> found) {
     if (!(floor >= 0.0 && floor < double(walls.floors.size())) || found.size() < walls.lines.size()) return 0;
@@ -103,7 +105,7 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
     if (grid.end > walls.entries.size()) return 0;
     CellRange columns = cells_within(x - grid.left, reach, grid.cell, grid.columns);
     CellRange rows = cells_within(y - grid.bottom, reach, grid.cell, grid.rows);
-    // A wall is in several cells. Marks with the number of the search need not be reset.
+    // A wall may be in several cells. Marks with the number of the search need not be reset.
     int64_t search = ++walls.searches[0], count = 0;
     for (int64_t row = rows.first; row <= rows.last; row++) {
         int64_t first = row * grid.columns + columns.first, last = row * grid.columns + columns.last;
@@ -122,8 +124,8 @@ BIND(find_walls, "l")
 
 using Corners = int32_t[3];
 
-// Write where a plane cuts two sides of a triangle, those at the corner that is alone on its side of the plane; returns
-// whether it does. A corner in the plane counts as above it.
+// Compute the points at which a horizontal plane cuts two sides of a triangle, and return whether it cuts the triangle.
+// The cut sides meet at the corner that is alone on its side of the plane. A corner in the plane counts as above it.
 inline bool cut_sides(Array<const Vector> vertices, const Corners& face, double height, Ends& cut) {
     bool above[3];
     for (int i = 0; i < 3; i++) above[i] = vertices[face[i]][2] >= height;
@@ -151,7 +153,7 @@ inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> fa
 }
 BIND(slice_faces, "v f f")
 
-// Write the numbers of the boxes that reach into another one; returns how many they are.
+// Write the indices of the boxes that overlap a given box; returns their number.
 inline int64_t find_boxes(Array<const double, 2> lows, Array<const double, 2> highs, double left, double right,
                           double lower, double upper, double bottom, double top, Array<int64_t> found) {
     int64_t count = 0;
@@ -163,15 +165,16 @@ inline int64_t find_boxes(Array<const double, 2> lows, Array<const double, 2> hi
 }
 BIND(find_boxes, "3b 3b b")
 
-// Extend a box, three numbers of its lower corner and three of its upper one, to a point.
+// Extend a box to a point. The box has three numbers for its lower corner and three for its upper corner.
 inline void extend(double* box, const Vector& point) {
-    for (int axis = 0; axis < 3; axis++) { // a corner that is not known yet is nan
+    for (int axis = 0; axis < 3; axis++) { // the corners of an empty box are nan
         if (!(box[axis] <= point[axis])) box[axis] = point[axis];
         if (!(box[axis + 3] >= point[axis])) box[axis + 3] = point[axis];
     }
 }
 
-// Write the bounding boxes of the parts of triangles within a slab: lower corner, upper corner, lower corner.
+// Clip triangles to a horizontal slab, and write the bounding boxes of the clipped triangles as degenerate triangles:
+// lower corner, upper corner, lower corner.
 inline void clip_to_slab(Array<const Triangle> triangles, double low, double high, Array<Triangle> outlines) {
     const double heights[2] = {low, high};
     for (int64_t i = 0; i < triangles.size(); i++) {

@@ -1,10 +1,10 @@
-"""Films of runs: frames at a fixed rate of simulated time, encoded as they come.
+"""Films of runs: frames at a fixed rate of simulated time, encoded during the run.
 
-A run calls ``Film.update`` after each scan; the film draws a frame whenever one is due,
-and a thread of its own encodes it meanwhile. A run that is interrupted leaves a film of
-what happened until then.
+A run calls ``Film.update`` after each scan. The film draws a frame when the next frame
+is due, and encodes it in a separate thread. An interrupted run leaves a film of the
+part until the interrupt.
 
-No encoder keeps more than two frames, however long the film is.
+An encoder keeps at most two frames in memory, however long the film is.
 """
 
 import threading
@@ -29,19 +29,19 @@ AddFrame = Callable[[Pixels], object]
 
 FRAME_RATE: Final = 10  # frames per second of film
 FILM_FORMATS: Final = ("gif", "mp4")
-_COLOURS: Final = 255  # of a GIF frame
-_UNCHANGED: Final = 255  # index of pixels that stay as they are
-_QUALITY: Final = 8.0  # of 10
+_COLOURS: Final = 255  # maximum number of colours in a GIF frame
+_UNCHANGED: Final = 255  # colour index of pixels that do not change
+_QUALITY: Final = 8.0  # quality of MP4 films, out of 10
 _HEAD: Final = 1 << 16  # bytes at the beginning of an MP4 file that list its contents
 SPEED: Final = 6.0  # simulated seconds per second of film
 HOLD: Final = 2.0  # s for which the last frame is shown
-_AHEAD: Final = 4  # frames that wait for the encoder at most
-_LONGEST_GAP: Final = 20  # frames for which a film waits for a scan
-_PATIENCE: Final = 10.0  # s for the encoder to stop once the film is given up
+_AHEAD: Final = 4  # maximum number of frames that wait for the encoder
+_LONGEST_GAP: Final = 20  # maximum number of equal frames between two scans
+_PATIENCE: Final = 10.0  # s to wait for the encoder after the film is given up
 
 
 def film_format(path: Path) -> str:
-    """Return the format of a film by its name, one of ``FILM_FORMATS``.
+    """Return the format that the file name of a film implies, from ``FILM_FORMATS``.
 
     Raises:
         ValueError: If the name has another ending, or the format needs a package that
@@ -64,15 +64,15 @@ def film_format(path: Path) -> str:
 
 @contextmanager
 def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFrame]:
-    """Write a film; it is complete when the context is left without an error.
+    """Open a film for writing; the file is complete if the context exits normally.
 
     Args:
         path: The file to be written.
         form: One of ``FILM_FORMATS``.
-        size: Width and height of the frames, pixels; even numbers.
+        size: Width and height of the frames in pixels, both even.
 
     Yields:
-        A function that adds a frame, which is shown for 1 / FRAME_RATE s.
+        A function that adds a frame, shown for 1 / FRAME_RATE s.
 
     Raises:
         OSError: If the film cannot be written.
@@ -83,7 +83,7 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
             yield gif.add
             gif.finish()
         return
-    import imageio_ffmpeg  # noqa: PLC0415 - 173 MB, so it is optional
+    import imageio_ffmpeg  # noqa: PLC0415 - optional, since it has 173 MB
 
     frames = imageio_ffmpeg.write_frames(  # a generator that feeds a process
         str(path),
@@ -91,7 +91,7 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
         fps=FRAME_RATE,
         codec="libx264",
         quality=_QUALITY,
-        # H.264 needs even sides, which frames have; the default scales to 16.
+        # H.264 needs even sides, which all frames have. The default, 16, would rescale.
         macro_block_size=2,
         ffmpeg_log_level="quiet",
         output_params=["-f", "mp4", "-movflags", "+faststart"],
@@ -101,7 +101,8 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
         yield lambda pixels: frames.send(np.ascontiguousarray(pixels))
     finally:
         frames.close()  # waits until ffmpeg has completed the file
-    # ``faststart`` moves the list of contents to the front once all is written.
+    # ffmpeg moves the table of contents to the front at the end because of
+    # ``faststart``, so an incomplete file has none there.
     with path.open("rb") as file:
         is_complete = b"moov" in file.read(_HEAD)
     if not is_complete:
@@ -109,7 +110,7 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
 
 
 class GifEncoder:
-    """Writes a GIF that repeats; a frame holds only what has changed since the last."""
+    """Writes an endless GIF; each frame stores only the pixels that have changed."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -134,20 +135,20 @@ class GifEncoder:
         window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         indexed = _quantised(pixels[window])
         cells = np.array(indexed)
-        # transparent pixels show the frame before, and compress to nearly nothing
+        # Transparent pixels show the previous frame, and compress to nearly nothing.
         cells[~changed[window]] = _UNCHANGED
         indexed.paste(Image.fromarray(cells, "L"))
-        # Not written yet: a GIF states before each picture for how long it is shown.
+        # The frame is written later, since a GIF states the duration before the pixels.
         self._waiting = indexed, (int(columns[0]), int(rows[0]))
         self._shown, self._times = pixels.copy(), 1
 
     def finish(self) -> None:
-        """Write the last frame, and the end of the file."""
+        """Write the last frame and the end of the file."""
         self._write_waiting()
         self._file.write(b";")
 
     def _write_waiting(self) -> None:
-        """Write the latest frame, now that it is known how long it is shown."""
+        """Write the latest frame, after its duration is known."""
         if self._waiting is None:
             return
         image, place = self._waiting
@@ -164,16 +165,16 @@ class GifEncoder:
 
 
 def _quantised(pixels: Pixels) -> Image.Image:
-    """Return an image with at most 255 colours, exact ones if they suffice."""
+    """Return an image with at most 255 colours; the exact ones if there are so few."""
     image = Image.fromarray(np.ascontiguousarray(pixels))
     return image.quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
 
 class FrameCanvas:
-    """Renders the frames of a film; what does not move is drawn once."""
+    """Renders the frames of a film; artists that do not move are drawn only once."""
 
     def __init__(self, figure: Figure) -> None:
-        self._canvas: Any = FigureCanvasAgg(figure)  # parts of it have no types
+        self._canvas: Any = FigureCanvasAgg(figure)  # not fully typed
         self._background: Any = None
         self._limits: tuple[float, ...] = ()
 
@@ -181,12 +182,12 @@ class FrameCanvas:
         """Return a frame, (H, W, 3).
 
         Args:
-            moving: What may have changed, in any order.
+            moving: Artists that may have changed, in any order.
         """
         for artist in moving:
-            artist.set_animated(True)  # the background is drawn without it
+            artist.set_animated(True)  # excludes the artist from the background
         canvas = self._canvas
-        # What stands still is drawn once for all frames of the same limits.
+        # The background is drawn again only if the limits of axes have changed.
         limits = tuple(
             value for axes in canvas.figure.axes for value in axes.viewLim.extents
         )
@@ -205,7 +206,7 @@ class Film:
 
     Attributes:
         frames: Number of frames so far.
-        error: Why the film could not be written; None if nothing went wrong.
+        error: The error that prevented writing; None if there was none.
         is_written: Whether the file is complete.
     """
 
@@ -215,8 +216,8 @@ class Film:
         """Prepare a film; nothing is written before the first frame.
 
         Args:
-            path: The file; its ending chooses the format.
-            draw: Returns a frame of the run as it is, (H, W, 3), always as large.
+            path: The file; its ending determines the format.
+            draw: Returns a frame of the current state, (H, W, 3), always the same size.
             speed: Simulated seconds per second of film.
 
         Raises:
@@ -235,14 +236,14 @@ class Film:
         self._encoder: threading.Thread | None = None
 
     def update(self, time: float) -> None:
-        """Add the frames that are due; to be called after each scan.
+        """Add the frames that are due. Call this method after each scan.
 
         Args:
             time: Time of the scan, s.
         """
         if self._start is None:
             self._start = time
-        # a scan that is due but for rounding counts
+        # A frame is due even if rounding makes the time slightly too early.
         due = int((time - self._start) / self._interval + 1e-9) + 1 - self.frames
         if due <= 0 or self.error is not None:
             return
@@ -256,10 +257,10 @@ class Film:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Complete the film, however the run ended; a second interrupt drops it."""
+        """Complete the film, also after an error; a second interrupt discards it."""
         if self._encoder is None:
             return
-        # An interrupt may come while the last frames are drawn or encoded, too.
+        # An interrupt may also come while the last frames are drawn or encoded.
         try:
             self._add(self._draw(), times=round(HOLD * FRAME_RATE))
             self._queue.put(None)
@@ -267,7 +268,7 @@ class Film:
             self.is_written = self.error is None
         except BaseException:
             with suppress(Empty):
-                while True:  # nobody waits for these frames any more
+                while True:  # discard the frames that wait for the encoder
                     self._queue.get_nowait()
             self._queue.put(_GivenUp())
             self._encoder.join(_PATIENCE)
@@ -281,14 +282,14 @@ class Film:
             )
             self._encoder.start()
         for _ in range(times):
-            # Waits while the encoder is behind, as frames are many and large.
+            # Blocks while the queue is full, since frames need much memory.
             self._queue.put(pixels)
             self.frames += 1
 
     def _encode(self, size: tuple[int, int]) -> None:
-        """Write the film, in a thread of its own."""
+        """Write the film; runs in the encoder's thread."""
         frames = self._frames()
-        with suppress(_GivenUp):  # which leaves no file behind
+        with suppress(_GivenUp):  # the temporary file is removed
             try:
                 with (
                     written_atomically(self._path) as part,
@@ -299,11 +300,11 @@ class Film:
             except OSError as error:
                 self.error = error
             finally:
-                for _ in frames:  # so that whoever films does not wait
+                for _ in frames:  # empty the queue, so that ``_add`` does not block
                     pass
 
     def _frames(self) -> Iterator[Pixels]:
-        """Yield the frames as they come, until the film is complete or given up."""
+        """Yield frames from the queue until the film is complete or given up."""
         while (pixels := self._queue.get()) is not None:
             if isinstance(pixels, _GivenUp):
                 raise pixels
@@ -311,4 +312,4 @@ class Film:
 
 
 class _GivenUp(Exception):
-    """Nobody waits for the film any more."""
+    """Raised in the encoder's thread when the film is given up."""

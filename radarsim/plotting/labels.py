@@ -1,12 +1,13 @@
-"""Labels that lie on no other: each finds a place at what it names, or gets a number.
+"""Placement of labels in a plan, so that no label overlaps another.
 
 Theory of operation
 ===================
-The size of a text in pixels is known once the figure is laid out, so that labels are
-placed last. One after the other takes the best place that is left: inside what it
-names, or close to it on one of its sides. Of these the one wins that covers least of
-what others name. A label that is long or finds no place is shortened to a number, whose
-text belongs into a legend; a number that finds none either is left out.
+The size of a text in pixels is known only after the figure is laid out, so labels are
+placed last, one after the other. The candidate positions of a label are inside the
+object that it names, or close to it on each side. The free position that covers least
+of the other named objects is chosen. A label that is long or has no free position is
+replaced by a number, which a legend explains; a number without free position is left
+out.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,23 +24,23 @@ from radarsim.plotting.style import HALO, escape_texts, figure_of, shorten
 
 SIZE: Final = 8.0  # points
 LONGEST: Final = 24  # letters of a label
-GAP: Final = 3.0  # points between a label and what it names
-# Where a label may be, the best first: to the right and upwards of the middle.
+GAP: Final = 3.0  # points between a label and the object that it names
+# Candidate positions as steps right and up from the middle of an object, best first.
 _SIDES: Final = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
-_ALONG: Final = (0.0, -0.5, 0.5)  # of the way from the middle of a side to its end
-_COVERED: Final = 10.0  # how much worse a place is that covers something wholly
+_ALONG: Final = (0.0, -0.5, 0.5)  # shift along a side, as a share of its half length
+_COVERED: Final = 10.0  # cost of a position that is fully on other objects, in ranks
 
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """A text that names something in a plan.
+    """A text that names an object in a plan.
 
     Attributes:
         text: The text.
-        box: Least x and y of what it names, and greatest x and y, m.
-        is_inside: Whether the text lies on what it names if it fits into it.
-        is_bold: Whether it is written in bold.
-        radius: Of a mark that is drawn there, points.
+        box: Bounding box of the object: least x and y, greatest x and y, m.
+        is_inside: Whether the text is written inside the object if it fits.
+        is_bold: Whether the text is bold.
+        radius: Radius of the mark that is drawn at the object, points.
     """
 
     text: str
@@ -55,18 +56,18 @@ def write_labels(
     """Write labels that overlap neither each other nor the edge of the axes.
 
     Args:
-        axes: Axes in m, with their final limits; their figure is laid out for it.
+        axes: Axes in m, with their final limits. The function lays out their figure.
         labels: The labels, the most important ones first.
-        numbered: Whether numbers are written for labels that are long or find no
-            place; else long ones are cut off, and what finds no place is left out.
+        numbered: Whether numbers replace labels that are long or have no free position.
+            Otherwise long labels are cut off, and labels without position are left out.
 
     Returns:
-        The texts of the labels that have numbers, by these, from 1.
+        The texts of the labels that were replaced by numbers, by number from 1.
     """
     if not labels:
         return {}
     figure = figure_of(axes)
-    escape_texts(figure)  # fonts have no control characters to be measured
+    escape_texts(figure)  # fonts cannot measure control characters
     figure.draw_without_rendering()
     corners = np.array([label.box for label in labels]).reshape(-1, 2)
     named = axes.transData.transform(corners).reshape(-1, 4)
@@ -89,14 +90,15 @@ def write_labels(
 def _write(
     axes: Axes, label: Label, number: int, named: Floats, taken: list[Floats]
 ) -> bool:
-    """Write a label at the best place that is left; return whether there is one.
+    """Write a label at the best free position; return whether there was one.
 
     Args:
         axes: The axes.
         label: The label.
-        number: Row of ``named`` that it names.
-        named: What all labels name: west, south, east and north, (N, 4) pixels.
-        taken: Where labels are already, likewise; the place of this one is added.
+        number: Row of ``named`` with the object of this label.
+        named: Boxes of the objects of all labels: west, south, east, north, (N, 4)
+            pixels.
+        taken: Boxes of the labels written so far, (4,) pixels; this one is appended.
     """
     west, south, east, north = label.box
     text = axes.annotate(
@@ -135,13 +137,13 @@ def _write(
 
 
 def _places(label: Label, box: Floats, text: Bbox, gap: float) -> list[Floats]:
-    """Return where a label may be, the best first, (4,) pixels each.
+    """Return candidate boxes for a label, the best first, (4,) pixels each.
 
     Args:
         label: The label.
-        box: What it names, (4,) pixels.
-        text: The text, wherever it is.
-        gap: Between both, pixels.
+        box: Box of the object that it names, (4,) pixels.
+        text: Bounding box of the text; only its size counts.
+        gap: Gap between text and object, pixels.
     """
     size = np.array([text.width, text.height])
     middle, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2
@@ -153,13 +155,13 @@ def _places(label: Label, box: Floats, text: Bbox, gap: float) -> list[Floats]:
             side = np.array([right, up])
             shift = np.where(side == 0, along * half, side * away)
             if along and right and up:
-                continue  # a corner has no length to go along
+                continue  # a corner has no side to shift along
             centres.append(middle + shift)
     return [np.concatenate([c - size / 2, c + size / 2]) for c in centres]
 
 
 def _is_free(place: Floats, frame: Bbox, taken: Iterable[Floats]) -> bool:
-    """Return whether a place is in the axes, and overlaps no label."""
+    """Return whether a box is inside the axes and overlaps no label."""
     inside = np.all(place[:2] >= frame.min) and np.all(place[2:] <= frame.max)
     return bool(inside) and not any(
         np.all(place[:2] < other[2:]) and np.all(place[2:] > other[:2])
@@ -168,9 +170,9 @@ def _is_free(place: Floats, frame: Bbox, taken: Iterable[Floats]) -> bool:
 
 
 def _covered(place: Floats, others: Floats) -> float:
-    """Return how much of a place lies on other things, some of it perhaps twice.
+    """Return the share of a box that lies on other objects; overlaps count twice.
 
-    What surrounds the place as a whole, such as a cloud, does not count.
+    Objects that contain the whole box, such as a cloud, do not count.
     """
     size = np.minimum(place[2:], others[:, 2:]) - np.maximum(place[:2], others[:, :2])
     areas = np.prod(np.clip(size, 0, None), axis=1) / np.prod(place[2:] - place[:2])

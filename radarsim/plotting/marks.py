@@ -1,17 +1,17 @@
-"""Rays and marks of scans: readings behind something are drawn the largest.
+"""Rays, readings and echoes of scans as lines and markers in a plan.
 
-A single scan has a mark at the end of each ray. Of several scans each reading is a
-small, pale dot, so that the picture shows how densely they lie.
-
-The shape of an echo's mark shows its kind, the colour its material.
+For a single scan the end of each ray is marked; readings behind foliage or smoke have
+the largest markers. For several scans each reading is a small, pale dot, so that the
+picture shows the density of the readings. The shape of an echo's marker shows the kind
+of the echo, its colour the material.
 
 Theory of operation
 ===================
-Rays fade with the power left on them. Between two events of a ray its power is
-constant, or falls linearly inside volumes. A ray is split at its events, and where its
-power falls into segments so short that none loses more than ``MAX_POWER_DROP``; one
-shade for each segment then shows how it fades. The loss at a sheet is a step between
-two segments; at a mirror the direction changes.
+The opacity of a ray shows the power that is left. Between two events the power of a ray
+is constant, or falls linearly inside volumes. A ray is split at its events and, where
+its power falls, into segments that lose at most ``MAX_POWER_DROP`` each; each segment
+has a single opacity. The loss at a sheet is a step between two segments; at a mirror
+the direction changes.
 """
 
 import math
@@ -44,19 +44,19 @@ from radarsim.sensors.scan import ROBOT, Echoes, Scan
 MAX_POWER_DROP: Final = 1 / 12  # share of the full power that one segment may lose
 SPENT_OPACITY, FULL_OPACITY = 0.12, 0.45
 SPENT_WIDTH, FULL_WIDTH = 0.4, 0.7  # points
-NO_RETURN_OPACITY: Final = 0.3  # share of the opacity that a ray without return has
-THROUGH_WIDTH: Final = 1.6  # points, of rays that see through something
+NO_RETURN_OPACITY: Final = 0.3  # opacity of rays without return, as a share of others
+THROUGH_WIDTH: Final = 1.6  # points; width of rays that see through a material
 BLINDED: Final[Any] = {"linewidths": 0.4, "linestyles": (0, (2, 4)), "alpha": 0.5}
 
 
 class RaySegments(NamedTuple):
-    """Segments of rays, ordered by ray and distance; each has a length above 0.
+    """Segments of rays, ordered by ray and distance; no segment has a length of 0.
 
     Attributes:
         rays: Index of the ray, (P,) int64.
         starts: Distance of the start from the ray's origin, (P,) m.
         ends: Distance of the end from the ray's origin, (P,) m.
-        shares: Share of the power left at the middle, (P,); 1 if it is unlimited.
+        shares: Share of the power that is left at the middle, (P,); 1 if unlimited.
         lines: x and y of both ends, (P, 2, 2) m, map frame.
     """
 
@@ -76,22 +76,24 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
     events = tracer.trace(rays, events=True).events
     ray, t = events["ray"], events["t"]
     arriving = _shares(events["power"], rays.power[ray])
-    # less what a surface absorbs
+    # The power after the absorption at a surface.
     leaving = _shares(events["power"] - events["absorbed"], rays.power[ray])
     first = np.diff(ray, prepend=-1) > 0
     start = np.where(first, 0.0, np.roll(t, 1))
-    # From the power behind the event before: a sheet's loss is a step there.
+    # A segment starts with the power behind the previous event, since the loss at a
+    # sheet is a step.
     share = np.where(first, 1.0, np.roll(leaving, 1))
     fall = np.maximum(share - arriving, 0.0)
-    # a fall by a whole number of twelfths may be a little more by rounding
+    # Rounding may make a whole number of drops slightly larger.
     counts = np.maximum(np.ceil(fall / MAX_POWER_DROP - 1e-9), 1).astype(np.int64)
-    # Events at one place, such as faces that touch, have no segment between them.
+    # Events at the same distance, such as touching faces, have no segment between them.
     counts[t <= start] = 0
     each = np.repeat(np.arange(len(events)), counts)
     rank = np.arange(len(each)) - np.repeat(np.cumsum(counts) - counts, counts)
     step = (t - start)[each] / counts[each]
     starts = start[each] + rank * step
-    # The last one ends exactly at the event; sums of steps would miss it by rounding.
+    # The last segment ends exactly at the event, which sums of steps would miss by
+    # rounding errors.
     ends = np.where(rank + 1 == counts[each], t[each], starts + step)
     shares = share[each] - fall[each] * (rank + 0.5) / counts[each]
     ends_xy = np.column_stack([events["x"], events["y"]])
@@ -111,17 +113,17 @@ def _shares(power: Floats, full: Floats) -> Floats:
 
 
 def scan_colour(scan: Scan) -> str:
-    """Return the colour of the sensor that took a scan."""
+    """Return the colour of the sensor of a scan."""
     return sensor_colour(scan.echoes.settings.medium)
 
 
 def line_opacity(shares: Floats) -> Floats:
-    """Return the opacity of a line by the share of power left on the ray."""
+    """Return the opacity of lines for shares of the power that is left on the ray."""
     return SPENT_OPACITY + (FULL_OPACITY - SPENT_OPACITY) * shares
 
 
 def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
-    """Cut segments of rays where the rays' ranges, (N,) m, are read."""
+    """Cut off the segments of rays behind the rays' ranges, (N,) m."""
     kept = segments.starts < ranges[segments.rays]
     rays, starts, lines = (
         segments.rays[kept],
@@ -135,13 +137,12 @@ def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
 
 
 def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
-    """Draw the rays that gave the ranges, from their origins to their readings.
+    """Draw the rays of the readings, from their origins to their readings.
 
-    Behind what they see through they are the boldest, so that near the sensor, where
-    all of them lie close together, the map stays in sight; those without return are
-    faint.
-    A beam that is blinded has no way to its reading: its ray is thinly dashed up to
-    where it is spent.
+    Rays that see through a material are bold, but only behind their first event, so
+    that they do not hide the map near the sensor. Rays without return are faint. The
+    ray of a blinded beam, which reads 0, is a thin dashed line up to the point where
+    its power is depleted.
     """
     segments = split_rays(tracer_of(scene), scan.cast)
     colour = to_rgba(scan_colour(scan))
@@ -199,13 +200,14 @@ ECHO_MARKERS: Final = {
     EventKind.SPENT: EchoMarker("is spent inside", "x", filled=True, area=18),
     EventKind.RAIN: EchoMarker("rain shows", "*", filled=True, area=24),
 }
-MIN_AREA: Final = 0.3  # share of the area that an echo without strength has
+MIN_AREA: Final = 0.3  # area of the marker of the weakest echo, as a share
 
 
 def draw_echoes(axes: Axes, scan: Scan) -> None:
-    """Draw the echoes that the sensor keeps.
+    """Draw the echoes that the sensor reports.
 
-    Each kind and material gets its own collection of markers, labelled with both.
+    Each pair of kind and material has its own collection of markers, labelled with
+    both.
     """
     echoes = scan.echoes
     points, areas = echo_points(scan, echoes), _areas(echoes)
@@ -226,7 +228,7 @@ def draw_echoes(axes: Axes, scan: Scan) -> None:
 
 
 def material_of(echoes: Echoes, part: int) -> Material:
-    """Return the material of a part of echoes, or that of robots."""
+    """Return the material of a part that gave echoes; ``ROBOT`` if it is a robot."""
     parts = echoes.scene_parts
     return parts[part].material if part < len(parts) else ROBOT
 
@@ -242,7 +244,7 @@ def _style(shape: EchoMarker, material: Material) -> dict[str, Any]:
 
 
 def _areas(echoes: Echoes) -> Floats:
-    """Return the areas of markers, (E,) square points, larger for stronger echoes."""
+    """Return the areas of echo markers, (E,) square points; they grow with strength."""
     levels = 1 + echoes.decibels / echoes.settings.margin_db
     shares = MIN_AREA + (1 - MIN_AREA) * np.clip(levels, 0.0, 1.0)
     full = np.array(
@@ -252,7 +254,7 @@ def _areas(echoes: Echoes) -> Floats:
 
 
 def add_echo_rows(legend: Legend, scans: Sequence[Scan]) -> None:
-    """Add the kinds of echoes that there are to a legend."""
+    """Add a row to the legend for each kind of echo in the scans."""
     kinds = {kind for scan in scans for kind in scan.echoes.kinds.tolist()}
     legend.add_heading("Echoes (larger: stronger)")
     for kind, shape in ECHO_MARKERS.items():
@@ -266,9 +268,9 @@ def add_echo_rows(legend: Legend, scans: Sequence[Scan]) -> None:
             )
 
 
-THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
+THROUGH_AREA: Final = 42.0  # square points; marker of rays that see through a material
 _CROSS: Final[Any] = {"marker": "x", "markersize": 4.5, "markeredgewidth": 0.9}
-# How the ends of rays are marked.
+# Marker styles of the ends of rays.
 END_MARKS: Final[dict[BeamEnd, dict[str, Any]]] = {
     BeamEnd.THROUGH: {
         "marker": "o",
@@ -281,7 +283,7 @@ END_MARKS: Final[dict[BeamEnd, dict[str, Any]]] = {
     BeamEnd.TOUCHING: {"marker": "s", "markersize": 3.0, "markerfacecolor": PAPER},
     BeamEnd.FREE: {"marker": ".", "markersize": 3.5},
 }
-# How rays are drawn in the legend, where all have their full power.
+# Line styles of rays in the legend, at full power.
 _FULL_RAY: Final[Any] = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
 _FAINT: Final = 2 * FULL_OPACITY * NO_RETURN_OPACITY
 _RAYS: Final[dict[BeamEnd, dict[str, Any]]] = {
@@ -290,13 +292,13 @@ _RAYS: Final[dict[BeamEnd, dict[str, Any]]] = {
     BeamEnd.NO_RETURN: {"linewidth": FULL_WIDTH, "alpha": _FAINT},
     BeamEnd.BLINDED: {"linewidth": 0.6, "linestyle": (0, (2, 4))},
 }
-MANY_AREA: Final = 5.0  # square points, of a reading of several scans
+MANY_AREA: Final = 5.0  # square points; reading in a picture of several scans
 MANY_OPACITY: Final = 0.3
-MANY_THROUGH_AREA: Final = 36.0  # square points, if it is seen through something
+MANY_THROUGH_AREA: Final = 36.0  # square points; the same for a reading behind foliage
 
 
 def describe_end(end: BeamEnd, *sights: Sight) -> str:
-    """Return what beams of an end do, such as "see through foliage"."""
+    """Describe how beams end, such as "see through foliage"."""
     met = chain.from_iterable(sight.materials.get(end, ()) for sight in sights)
     words = name_materials(met) or "something"
     return {
@@ -313,7 +315,7 @@ def describe_end(end: BeamEnd, *sights: Sight) -> str:
 def draw_ray_ends(
     axes: Axes, scan: Scan, sight: Sight, ends: Iterable[BeamEnd]
 ) -> None:
-    """Mark where rays end: those of some ends, each with its own mark."""
+    """Mark the ends of rays, with a marker style for each of the given ``BeamEnd``."""
     read = np.isfinite(scan.ranges)
     ranges = np.where(read, scan.ranges, 0.0)[:, None]
     points = (scan.cast.origins + ranges * scan.cast.directions)[:, :2]
@@ -329,18 +331,18 @@ def draw_ray_ends(
 def add_ray_rows(
     legend: Legend, scans: Sequence[Scan], sights: Sequence[Sight]
 ) -> None:
-    """Add how the rays of scans end to a legend, each end once.
+    """Add a row to a legend for each way in which rays of the scans end.
 
     Args:
-        legend: Gets the rows.
-        scans: Scans, each of a sensor.
-        sights: How their beams see.
+        legend: The legend to which rows are added.
+        scans: Scans, one of each sensor.
+        sights: A ``Sight`` for each scan.
     """
     legend.add_heading("Rays")
     for end, style in _RAYS.items():
         pairs = zip(scans, sights, strict=True)
         having = [(scan, sight) for scan, sight in pairs if (sight.ends == end).any()]
-        # Where echoes are marked instead, all these rays look the same.
+        # If echoes are marked instead of readings, all these rays look the same.
         is_plain = end in END_MARKS and end != BeamEnd.THROUGH
         marked = [each for each in having if not (is_plain and lists_echoes(each[0]))]
         colour = legend.ray_colour or scan_colour(scans[0])
@@ -359,8 +361,8 @@ def draw_many(
     Args:
         axes: Axes in m.
         scans: Scans of one sensor.
-        sights: How their beams see.
-        legend: Gets rows for the marks.
+        sights: A ``Sight`` for each scan.
+        legend: The legend to which rows for the marks are added.
     """
     colour, pairs = scan_colour(scans[0]), [*zip(scans, sights, strict=True)]
     if lists_echoes(scans[0]):
@@ -388,7 +390,7 @@ def draw_many(
 
 
 def _draw_echo_dots(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:
-    """Draw a dot for each echo, in the shade of the outlines of its material."""
+    """Draw a dot for each echo, in the outline colour of its material."""
     legend.add_heading("Echoes")
     found: dict[Family, list[Floats]] = {}
     for scan in scans:
@@ -417,5 +419,5 @@ def _draw_dots(axes: Axes, points: Floats, colour: Any, label: str) -> None:
 
 
 def lists_echoes(scan: Scan) -> bool:
-    """Return whether a scan has all echoes of its beams, which are drawn instead."""
+    """Return whether a scan has all echoes of its beams, drawn instead of readings."""
     return scan.echoes.settings.return_mode == "all" and scan.targets is None

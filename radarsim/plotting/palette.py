@@ -1,17 +1,16 @@
 """Colours of all pictures of the program; each colour has one meaning.
 
-This is the only table of colours: plots take theirs from here, and the web page gets
+This is the only table of colours. Plots import it, and the web page receives
 ``PAGE_COLOURS`` as a style sheet.
 
 Materials have the colour of their family: foliage is green, wood brown, concrete and
-brick grey, smoke and dust a pale sand that is drawn translucent. All radars are violet
-and all lasers orange, in every picture; several of them differ in lightness. The path
-of a robot is blue, and true outlines and paths are red. Only where a picture
-distinguishes left and right rays of a radar, left is red and right blue, as in the
-thesis.
+brick grey, smoke and dust a translucent pale sand. In every picture radars are violet
+and lasers orange; several radars or lasers differ in lightness. The path of a robot is
+blue, and true outlines and paths are red. Only in pictures that distinguish the left
+and right rays of a radar, left is red and right blue, as in the thesis.
 
-All colours that one picture shows together differ for normal sight, deuteranopia and
-protanopia; the tests list these groups.
+The colours of a picture can be distinguished with normal vision, deuteranopia and
+protanopia; the tests list the groups of colours that are used together.
 """
 
 import re
@@ -25,7 +24,7 @@ from radarsim.scene.material import Material
 
 
 class Family(StrEnum):
-    """Families of materials that share a colour; the values are words for legends."""
+    """Families of materials that share a colour; the values are texts for legends."""
 
     FOLIAGE = "foliage"
     WOOD = "wood"
@@ -37,10 +36,10 @@ class Family(StrEnum):
 
 
 PAPER: Final = "#ffffff"
-PALE: Final = 0.45  # share of a colour in its paler one
+PALE: Final = 0.45  # share of a colour in its mixture with white
 INK: Final = "#191818"  # text, outlines, markers, robots
 
-# As they look on paper; translucent ones are painted darker, see ``area_style``.
+# Appearance on white paper; translucent colours are drawn darker, see ``area_style``.
 FAMILY_COLOURS: Final = {
     Family.FOLIAGE: "#a5c262",
     Family.WOOD: "#6b2610",
@@ -51,39 +50,39 @@ FAMILY_COLOURS: Final = {
     Family.GROUND: "#a38162",
 }
 
-# As in the thesis, the left ray is red and the right ray blue.
+# Colours of the left and the right ray as in the thesis.
 LEFT_RAY: Final = "#d12c19"
 RIGHT_RAY: Final = "#1563be"
 
 RADAR: Final = "#6a4aeb"
 LASER: Final = "#ff5704"
-# Sensors of one medium that are compared in one picture.
+# Several radars or several lasers that are compared in one picture.
 RADARS: Final = (RADAR, "#2b1780", "#b3a2f7")
 LASERS: Final = (LASER, "#8f2d00", "#ffa875")
 
-# Power that comes back of a radar beam.
+# Power that returns from a radar beam.
 RETURNED: Final = "#047e7d"
 
-# Parts of navigation and mapping runs; sensed cells have the colour of the sensor.
+# Navigation and mapping runs; sensed cells have the colour of the sensor.
 TRUTH: Final = "#cc1400"  # true outlines and true paths
 GOING: Final = "#06a8fe"  # path of a robot, or its path towards the goal
 FOLLOWING: Final = "#ffc800"  # path along a boundary, and the hit point it begins at
 RETURNING: Final = "#0b6b57"  # path back to the leave point
 TARGET: Final = "#e11dbb"  # goals
 UNKNOWN_SENSOR: Final = LASER
-# Of robots that are seen together: hulls, and what their sensors read.
+# Several robots in one picture: their footprints and the readings of their sensors.
 ROBOTS: Final = (
     *("#44aabb", "#cc4455", "#eecc00", "#8833aa", "#22bb99"),
     *("#5a8cf0", "#665577", "#00ee99", "#77bbff", "#99dd66"),
 )
 NOT_SENSED: Final = "#c2cbe0"  # cells of a map that no beam has crossed
-MARKER: Final = INK  # markers, and their edges
+MARKER: Final = INK  # markers and their edges
 ROBOT: Final = PAPER  # footprint of the robot, outlined in ``MARKER``
 
-# Of charts.
-GRID: Final = "#dddddd"  # lines of a grid
+# Charts.
+GRID: Final = "#dddddd"  # grid lines
 
-# On the web page, by light and by dark.
+# Colours of the web page, in its light and its dark theme.
 PAGE_COLOURS: Final[Mapping[str, tuple[str, str]]] = {
     "paper": (PAPER, "#1b1e23"),
     "ink": (INK, "#eceef1"),
@@ -97,7 +96,7 @@ PAGE_COLOURS: Final[Mapping[str, tuple[str, str]]] = {
     "robot": (ROBOT, "#3b414b"),
 }
 
-# The last word of a name that is found decides: a "wood_floor" is ground.
+# The last known word of a name decides the family: a "wood_floor" is ground.
 _WORDS: Final = {
     Family.FOLIAGE: "foliage|hedge|shrub|bush|leaf|leaves|twigs|woodland|grass|crop",
     Family.WOOD: "wood|wooden|plank|bark|trunk|crate|chipboard|board",
@@ -113,15 +112,15 @@ _FAMILY_OF_WORD: Final = {
 
 
 def family_of(material: Material) -> Family:
-    """Return the family of a material: by the words of its name, or what it lets pass.
+    """Return the family of a material, by the words of its name or by its properties.
 
-    Solid materials that radar enters count as foliage, those that robots enter as
-    smoke, mirrors as metal, and all others as concrete.
+    Without a known word, solid materials that beams can enter are foliage, materials
+    that robots can also enter are smoke, mirrors are metal, and all others concrete.
     """
     words = re.split(r"[^a-z]+", material.name.casefold())
     named = [_FAMILY_OF_WORD[word] for word in words if word in _FAMILY_OF_WORD]
     if Family.FOLIAGE in named and material.lets_beams_in:
-        return Family.FOLIAGE  # a "shrub_cloud" is no smoke
+        return Family.FOLIAGE  # a "shrub_cloud" is foliage, not smoke
     if named:
         return named[-1]
     if material.lets_beams_in:
@@ -131,7 +130,7 @@ def family_of(material: Material) -> Family:
 
 
 def names_by_family(materials: Iterable[Material]) -> dict[Family, list[str]]:
-    """Return the names of materials by their families, each once and in their order."""
+    """Group the names of materials by family, without duplicates, in their order."""
     names: dict[Family, dict[str, None]] = {}
     for material in materials:
         names.setdefault(family_of(material), {})[material.name] = None
@@ -139,12 +138,12 @@ def names_by_family(materials: Iterable[Material]) -> dict[Family, list[str]]:
 
 
 def colour_of(material: Material) -> str:
-    """Return the colour of a material: that of its family."""
+    """Return the colour of a material, which is the colour of its family."""
     return FAMILY_COLOURS[family_of(material)]
 
 
 def sensor_colour(medium: str) -> str:
-    """Return the colour of sensors of a medium, ``radar`` or ``laser``."""
+    """Return the colour of a sensor type, ``radar`` or ``laser``."""
     return RADAR if medium == "radar" else LASER
 
 

@@ -1,9 +1,9 @@
 """Plans of maps: the section of a scene at a height, filled by material.
 
-Robots in it are drawn as seen from above.
+Robots are drawn as seen from above.
 
-Plans of equal limits have equal frames, to the pixel, whatever is written around them,
-so that pictures of several sensors can be compared by turning pages.
+Plans with equal limits have the same position and size in their pictures, to the pixel,
+whatever the titles are, so pictures of several sensors can be compared side by side.
 """
 
 import re
@@ -38,33 +38,33 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose, expected_scene
 
 _TYRE: Final = 0.09  # m, width of a wheel
-HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
+HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
 MARGIN: Final = 0.8  # m around the content
 ROBOT_CLASS: Final = "P3AT"
-LEAF_OPACITY: Final = 0.35  # of the area around leaves
-_BAR_SPACE: Final = 0.06  # of the height, below the content, for the scale bar
-_DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
+LEAF_OPACITY: Final = 0.35  # opacity of the area around leaves
+_BAR_SPACE: Final = 0.06  # space for the scale bar, as a share of the plan's height
+_DIGITS: Final = 6  # decimal places of end points, so that adjacent lines share them
 _WALLS: Final = ("wall", "fence")  # objects of these names need no label
-MANY: Final = 8  # objects alike; more of them have one name
-_DARK: Final = (Family.WOOD, Family.METAL)  # on which a name cannot be read
+MANY: Final = 8  # more objects than this with equal names share a label
+_DARK: Final = (Family.WOOD, Family.METAL)  # fills on which a label is not readable
 DPI: Final = 110
 # Sizes of figures, all in inches.
-_LARGEST: Final = (9.4, 6.6)  # of a plan
-_NARROWEST: Final = 4.0  # width that a plan has, for the title above it
-_LOWEST: Final = 3.2  # height of the figure, for the legend
-_LEGEND: Final = 2.6  # on the right
+_LARGEST: Final = (9.4, 6.6)  # largest width and height of a plan
+_NARROWEST: Final = 4.0  # least width of a plan, for the title above it
+_LOWEST: Final = 3.2  # least height of the figure, for the legend
+_LEGEND: Final = 2.6  # width of the legend on the right
 _LEFT, _LEFT_OF_NUMBERS = 0.15, 0.6
 _BOTTOM, _NUMBERS = 0.12, 0.25  # below the small print, and between it and the plan
-_LINE, _SMALL_LINE = 0.25, 0.15  # heights of lines of the title and the small print
-_LETTER: Final = 0.155  # width of a letter of the title, on average
-_SMALL_LETTER: Final = 0.075  # likewise, of the small print
-_TITLE_LINES, _SMALL_LINES = 2, 2  # that have room in each frame
+_LINE, _SMALL_LINE = 0.25, 0.15  # line heights of the title and the small print
+_LETTER: Final = 0.155  # mean width of a letter of the title
+_SMALL_LETTER: Final = 0.075  # mean width of a letter of the small print
+_TITLE_LINES, _SMALL_LINES = 2, 2  # lines for which each figure reserves space
 
 
 def draw_robot(
     axes: Axes, robot_class: str | RobotModel, pose: Pose2, *, zorder: float = 5
 ) -> list[Polygon]:
-    """Draw a robot from above: footprint, wheels and a wedge that points ahead.
+    """Draw a robot from above: footprint, wheels, and a wedge that points forward.
 
     Args:
         axes: Axes in m, map frame.
@@ -73,7 +73,7 @@ def draw_robot(
         zorder: Z-order of the footprint; wheels and wedge are drawn a little above it.
 
     Returns:
-        What was drawn.
+        The patches that were added to the axes.
     """
     model = robot_class
     if isinstance(model, str):
@@ -110,8 +110,8 @@ def draw_plan(axes: Axes, scene: Scene, height: float) -> tuple[list[Material], 
         height: Height of the section, m, map frame.
 
     Returns:
-        Its materials, in the order of the map, and the corners of its outlines, (N, 2)
-        m, map frame.
+        The materials in the section, in the order of the map, and the corners of its
+        outlines, (N, 2) m, map frame.
     """
     drawn: dict[str, Material] = {}
     corners = [np.zeros((0, 2))]
@@ -144,10 +144,10 @@ def _draw_part(axes: Axes, part: Part, lines: Floats) -> None:
 
 
 def _area(part: Part, lines: Floats) -> Geometry:
-    """Return the area that a section encloses; around leaves their convex hull."""
+    """Return the area that a section encloses; for leaves their convex hull."""
     if part.material.sheet_loss is not None:
         hull = shapely.convex_hull(shapely.multipoints(lines.reshape(-1, 2)))
-        # The hull of few points may be a line or a point, which has no area to fill.
+        # The hull of few points may be a line or a point without area.
         return hull if hull.geom_type == "Polygon" else shapely.Polygon()
     apart = np.abs(lines[:, 0] - lines[:, 1]).max(axis=1) > 0
     segments = shapely.multilinestrings(np.round(lines[apart], _DIGITS))
@@ -155,12 +155,12 @@ def _area(part: Part, lines: Floats) -> Geometry:
 
 
 def show_extent(axes: Axes, points: Floats, *, coordinates: bool = False) -> None:
-    """Set the limits of axes to points and a margin; draw a scale bar.
+    """Set the limits of axes to show points with a margin, and draw a scale bar.
 
     Args:
         axes: Axes in m.
         points: Points to show, (N, 2) m.
-        coordinates: Whether a grid with coordinates is drawn, in place of the bar.
+        coordinates: Whether a grid with coordinates replaces the scale bar.
     """
     if not len(points):
         points = np.zeros((1, 2))
@@ -184,13 +184,13 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
 
     Args:
         scene: The map.
-        axes: Axes in m to draw in; None for a figure of its own, with a legend.
+        axes: Axes in m to draw in; None for a new figure with a legend.
 
     Returns:
         The axes.
 
     Raises:
-        TypeError: If it is not a scene.
+        TypeError: If ``scene`` is not a ``Scene``.
     """
     if not isinstance(scene, Scene):
         raise expected_scene(scene)
@@ -235,7 +235,7 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
 
 
 def _draw_start(axes: Axes, start: StartPose) -> Label:
-    """Draw a start as a P3AT; return its label."""
+    """Draw a start pose as a P3AT, and return its label."""
     pose = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
     corners = np.concatenate(
         [each.get_xy() for each in draw_robot(axes, ROBOT_CLASS, pose, zorder=4)]
@@ -244,13 +244,13 @@ def _draw_start(axes: Axes, start: StartPose) -> Label:
 
 
 def name_objects(axes: Axes, parts: Iterable[Part], height: float, most: int) -> None:
-    """Write the name of each object that the section cuts, walls excepted.
+    """Write the name of each object in the section, except walls.
 
     Args:
         axes: Axes in m, map frame, with their final limits.
         parts: The parts of the scene.
         height: Height of the section, m, map frame.
-        most: No names are written if there were more.
+        most: Maximum number of names; no names are written if there are more.
     """
     labels = label_objects(parts, height)
     if len(labels) <= most:
@@ -258,11 +258,11 @@ def name_objects(axes: Axes, parts: Iterable[Part], height: float, most: int) ->
 
 
 def label_objects(parts: Iterable[Part], height: float) -> list[Label]:
-    """Return the names of objects that a section cuts, walls excepted.
+    """Return labels for the objects in a section, except walls.
 
-    Objects in a row, such as ``bush_1`` and ``bush_2``, have one name together, and so
-    have many alike that stand apart. Names lie in large pale objects, and next to all
-    others.
+    Adjacent objects with numbered names, such as ``bush_1`` and ``bush_2``, share a
+    label; so do more than ``MANY`` such objects that stand apart. Labels may be written
+    inside pale objects, and next to dark ones.
 
     Args:
         parts: The parts of the scene.
@@ -288,7 +288,7 @@ def _box_of(corners: Floats) -> shapely.Polygon:
 
 
 def _names(boxes: Mapping[str, shapely.Polygon]) -> dict[str, str]:
-    """Return the names to write, and the object that each stands at."""
+    """Return the texts of labels, each with the object at which it is written."""
     rows: dict[str, list[str]] = {}
     for name in boxes:
         rows.setdefault(re.sub(r"_\d+$", "", name), []).append(name)
@@ -311,19 +311,19 @@ def _plural(word: str) -> str:
     >>> _plural("bush"), _plural("young tree"), _plural("u")
     ('bushes', 'young trees', 'u')
     """
-    if len(word) == 1:  # the plural would be a word of its own
+    if len(word) == 1:  # the plural of a letter could be read as a word, such as "us"
         return word
     return word + ("es" if word.endswith(("s", "x", "ch", "sh")) else "s")
 
 
 def fit_plan(figure: Figure, axes: Axes, *, coordinates: bool = False) -> None:
-    """Give a figure the size of its plan with title and legend; wrap long lines.
+    """Set the size of a figure to its plan with title and legend; wrap long lines.
 
     Args:
         figure: The figure, without a layout engine.
-        axes: Its axes, with their final limits, and the title and the small print that
-            ``write_title`` wrote.
-        coordinates: Whether there are numbers at the axes.
+        axes: The axes of the figure, with their final limits, and with title and small
+            print from ``write_title``.
+        coordinates: Whether the axes have tick labels.
     """
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     aspect = (east - west) / (north - south)
@@ -331,7 +331,8 @@ def fit_plan(figure: Figure, axes: Axes, *, coordinates: bool = False) -> None:
     tall = wide / aspect
     left = _LEFT_OF_NUMBERS if coordinates else _LEFT
     width = left + max(wide, _NARROWEST) + _LEGEND
-    # By the mean width of letters: the true one is known only when the figure is drawn.
+    # Lines are wrapped by the mean width of letters, since true widths are known only
+    # after the figure is drawn.
     title = textwrap.wrap(axes.get_title(loc="left"), int(width / _LETTER))
     small_print = textwrap.wrap(axes.get_xlabel(), int(width / _SMALL_LETTER))
     write_title(axes, "\n".join(title), "\n".join(small_print))

@@ -1,9 +1,9 @@
 """Pictures of scans: rays, echoes and readings over a filled plan of the map.
 
-A single scan is drawn with its rays, which end at their readings. Those that see
-through something are the boldest lines, and their hits the largest marks. Several scans
-are drawn without rays, as pale dots: readings, or echoes if the sensor keeps all. What
-several sensors see from one place is drawn side by side.
+A single scan is drawn with its rays, which end at their readings. Rays that see through
+a material have the boldest lines, and their readings the largest markers. Several scans
+are drawn without rays, as pale dots: readings, or echoes if the sensor reports all of
+them. Scans of several sensors at the same pose are drawn side by side.
 """
 
 import math
@@ -57,19 +57,19 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan import Scan
 
-# Of one of several panels, in inches.
+# Sizes of panels in pictures of several sensors, inches.
 _PANEL: Final = (5.0, 3.7)
-_TALL_PANEL: Final = (2.5, 5.5)  # of maps that are higher than wide by a half
-_LONG_PANEL: Final = 10.0  # width of panels one above the other
-_LONG: Final = 4.0  # width of such a map by its height, at least
-_TALL: Final = 2 / 3  # likewise, at most
+_TALL_PANEL: Final = (2.5, 5.5)  # for maps with an aspect ratio below _TALL
+_LONG_PANEL: Final = 10.0  # width for maps with an aspect ratio above _LONG
+_LONG: Final = 4.0  # width by height; panels of such maps are stacked
+_TALL: Final = 2 / 3  # width by height
 _PANEL_TITLE: Final = 0.45
-_PANEL_LEGEND: Final = 1.2  # of their legend and what stands above them
+_PANEL_LEGEND: Final = 1.2  # height of the legend and the title of the figure
 _LEGEND_COLUMN: Final = 2.5
-_COLUMNS: Final = 4  # of their legend, at most
-_LETTERS: Final = 10  # per inch of the title of a panel
-_NAMES: Final = 20  # of objects; with more of them rays could not be seen
-# What a title counts, if there is any.
+_COLUMNS: Final = 4  # maximum number of columns in the legend
+_LETTERS: Final = 10  # letters per inch in the title of a panel
+_NAMES: Final = 20  # maximum number of object names; more would hide the rays
+# Ends of beams that a title counts, if there are any.
 _COUNTED: Final = (
     BeamEnd.THROUGH,
     BeamEnd.STOPPED,
@@ -82,12 +82,12 @@ _COUNTED: Final = (
 def title_scans(
     scans: Sequence[Scan], sights: Sequence[Sight], name: str | None = None
 ) -> str:
-    """Return a title: the sensor, and how many of its beams end how.
+    """Return a title: the sensor, and the number of its beams for each kind of end.
 
     Args:
         scans: One or more scans of one sensor.
-        sights: How their beams see.
-        name: Name of the sensor; by default that of ``name_sensor``.
+        sights: A ``Sight`` for each scan.
+        name: Name of the sensor; by default the result of ``name_sensor``.
     """
     name = name or name_sensor(scans[0])
     many = f"{len(scans)} scans of " if len(scans) > 1 else ""
@@ -102,7 +102,7 @@ def title_scans(
 
 
 def name_sensor(scan: Scan) -> str:
-    """Return what a sensor is, with its medium, such as Laser (SICK LMS200)."""
+    """Return the name of a sensor with its type, such as "Laser (SICK LMS200)"."""
     preset, medium = sensor_presets().get(scan.sensor), scan.echoes.settings.medium
     name = (preset.title if preset else "") or as_words(scan.sensor)
     if re.search(rf"\b{medium}\b", name):
@@ -111,7 +111,7 @@ def name_sensor(scan: Scan) -> str:
 
 
 def _names_of(scanners: Sequence[RangeScanner], scans: Sequence[Scan]) -> list[str]:
-    """Return the names of sensors; those of one name with the settings that differ."""
+    """Return the names of sensors; equal names get the settings that differ."""
     names = [
         name_sensor(scan) + (" with noise of one's own" if scanner.noise else "")
         for scanner, scan in zip(scanners, scans, strict=True)
@@ -132,7 +132,7 @@ def _names_of(scanners: Sequence[RangeScanner], scans: Sequence[Scan]) -> list[s
 def _finding(
     names: Sequence[str], scans: Sequence[Scan], sights: Sequence[Sight]
 ) -> str:
-    """Return which of several sensors see through something; "" if all or none do."""
+    """Return which sensors see through a material, as a title; "" if all or none do."""
     seeing: list[str] = []
     blocked: list[str] = []
     passed: list[Material] = []
@@ -148,18 +148,18 @@ def _finding(
         return ""
     verb = "sees" if len(seeing) == 1 else "see"
     others, does = " and ".join(blocked), "does" if len(blocked) == 1 else "do"
-    if modes == {"first"}:  # the last echo of a pulse may come from behind
+    if modes == {"first"}:  # a last echo could come from behind the material
         others = f"first-echo {others}"
     through = f"{' and '.join(seeing)} {verb} through {name_materials(passed)}"
     return f"{through}; {others} {does} not"
 
 
 def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
-    """Return the parameters of scans in small print: pose, beams, echoes, returns.
+    """Return the small print of a picture: pose, beams, echoes and returns of scans.
 
     Args:
         scene: Name of the map.
-        scans: One or more scans of one sensor in it.
+        scans: One or more scans of one sensor in that map.
     """
     scan = scans[0]
     beyond = sum(int(np.count_nonzero(~np.isfinite(s.ranges))) for s in scans)
@@ -175,7 +175,7 @@ def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
 
 
 def _beams(scan: Scan) -> str:
-    """Describe the rays of a beam and the echoes that it keeps."""
+    """Describe the rays of a beam and the echoes that the sensor reports."""
     settings = scan.echoes.settings
     mode = settings.return_mode
     if scan.targets is not None:
@@ -195,7 +195,7 @@ def plot_scans(
 ) -> Figure:
     """Draw scans over the section of the map at the sensor's height.
 
-    The rays are traced again, in the map without robots.
+    The rays are traced again in the map without robots.
 
     Args:
         scene: The map.
@@ -219,16 +219,16 @@ def draw_scan(
     *,
     robot: Pose2 | None = None,
 ) -> None:
-    """Draw scans into axes; arguments as in ``plot_scans``.
+    """Draw scans into axes.
 
-    The limits depend on the map and the sensor's place alone, so that all sensors have
-    the same; what mirrors show beyond them is cut off.
+    The limits depend only on the map and the position of the sensor, so they are equal
+    for all sensors at a position. Readings beyond them, from mirrors, are cut off.
 
     Args:
         axes: Axes in m to draw in.
         scene: The map.
         scans: One or more scans of one sensor.
-        legend: Gets rows for all marks; several panels may share it.
+        legend: The legend to which rows are added; several panels may share it.
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
     """
     legend = legend or Legend()
@@ -237,7 +237,7 @@ def draw_scan(
     if len(scans) == 1:
         (scan,), (sight,) = scans, sights
         draw_rays(axes, scene, scan, sight)
-        if legend.ray_colour is None:  # else rows of all panels are there
+        if legend.ray_colour is None:  # otherwise ``compare`` has added the rows
             add_ray_rows(legend, scans, sights)
         if lists_echoes(scan):
             draw_echoes(axes, scan)
@@ -257,7 +257,7 @@ def draw_scan(
 
 
 def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
-    """Draw a scan into axes, or into a figure of its own with a legend."""
+    """Draw a scan into axes, or into a new figure with a legend."""
     if axes is None:
         return plot_scans(scene, [scan]).axes[0]
     draw_scan(axes, scene, [scan])
@@ -279,7 +279,7 @@ def _draw_sensor(axes: Axes, scan: Scan, robot: Pose2 | None) -> None:
 
 
 class _ShownFigure(Figure):
-    """A figure that a notebook shows; of others it shows those of pyplot alone."""
+    """A figure that notebooks show without pyplot."""
 
     def _repr_png_(self) -> bytes:
         return render(self)
@@ -291,16 +291,16 @@ def compare(
     start: str | None = None,
     seed: int = 0,
 ) -> Figure:
-    """Draw what several sensors see from one place: a panel each, of one scale.
+    """Draw the scans of several sensors at one pose, in panels of equal scale.
 
     Args:
-        map_: A scene, or what ``load_map`` takes.
+        map_: A scene, or the argument of ``load_map``.
         sensors: Names of presets, or scanners from ``load_sensor``; at least one.
-        start: Name of the start pose of the P3AT that carries them; None for the first.
+        start: Start pose of the P3AT that carries the sensors; None for the first one.
         seed: Seed of all random numbers.
 
     Returns:
-        A figure; ``figure.savefig("sensors.png")`` writes it, and a notebook shows it.
+        A figure, which ``figure.savefig("sensors.png")`` writes and a notebook shows.
 
     Raises:
         MapError: If the map is wrong.
@@ -353,9 +353,9 @@ def compare(
 
 
 def _fit_panels(figure: Figure, panels: Sequence[Axes]) -> float:
-    """Place panels of equal limits so that they are filled; return their width, inches.
+    """Arrange panels with equal limits without empty space; return their width, inches.
 
-    Those of long maps are one above the other, others side by side.
+    Panels of long maps are stacked, others are side by side.
     """
     (west, east), (south, north) = panels[0].get_xlim(), panels[0].get_ylim()
     aspect, count = (east - west) / (north - south), len(panels)
@@ -369,7 +369,7 @@ def _fit_panels(figure: Figure, panels: Sequence[Axes]) -> float:
     width, height = _TALL_PANEL if aspect < _TALL else _PANEL
     if aspect < _TALL:
         for axes in panels:
-            axes.set_anchor("W")  # below the beginning of its title
+            axes.set_anchor("W")  # aligned with the left end of the title
     height = min(height, width / aspect + _PANEL_TITLE)
     figure.set_size_inches(width * max(count, 2), height + _PANEL_LEGEND)
     return width

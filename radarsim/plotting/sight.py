@@ -1,12 +1,12 @@
-"""Which beams of a scan see through something: the one definition for all pictures.
+"""Which beams of a scan see through a material: the definition for all pictures.
 
-Something is what radar or laser beams can enter, such as foliage and smoke.
+The definition concerns materials that beams can enter, such as foliage and smoke.
 
 A beam sees through a material if its ray enters and leaves parts of that material, and
-then reads something of another family behind them. Behind them means more than
+its reading belongs to an object of another family behind them. Behind means more than
 ``BESIDE`` outside of these parts as seen from above: a wall that a bush touches is not
-behind the bush. Other beams are stopped by such a material, read what stands in it or
-at it, or have nothing of it in their way.
+behind the bush. Other beams are stopped by such a material, read an object inside or
+close to it, or do not meet such a material.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,30 +30,30 @@ from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.scan import Scan
 
 _PASSED = (int(EventKind.LEAVE), int(EventKind.SHEET))
-BESIDE: Final = 0.2  # m
-_NEAR = 1e-6  # m; an event nearer than this to the reading is the reading
+BESIDE: Final = 0.2  # m; least distance of objects behind a material
+_NEAR = 1e-6  # m; an event closer than this to the reading is the reading
 
 
 class BeamEnd(IntEnum):
-    """How a beam ends; what sees through something is the greatest."""
+    """The kinds of ends of a beam."""
 
     NO_RETURN = 0
     BLINDED = 1
-    FREE = 2  # reads something, and has nothing in its way that beams can enter
-    TOUCHING = 3  # reads what stands in or at something that it has entered
-    STOPPED = 4  # reads something that some beams can enter
-    SPENT = 5  # reads the place where its power is spent
-    THROUGH = 6  # reads something behind what it has entered and left
+    FREE = 2  # reads an object, without a material in between that beams can enter
+    TOUCHING = 3  # reads an object inside or close to a material that it has entered
+    STOPPED = 4  # reads a material that beams can enter
+    SPENT = 5  # reads the point at which its power is depleted
+    THROUGH = 6  # reads an object behind a material that it has entered and left
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """How the beams of a scan see.
+    """The ends of the beams of a scan, and the materials that they meet.
 
     Attributes:
-        ends: (N,) how each beam ends, a ``BeamEnd``.
-        materials: What beams see through, are stopped by, are spent in or touch, by
-            their end.
+        ends: The ``BeamEnd`` of each beam, (N,).
+        materials: For each ``BeamEnd`` the materials that its beams see through, are
+            stopped by, are depleted in or touch.
     """
 
     ends: NDArray[np.uint8]
@@ -61,7 +61,7 @@ class Sight:
 
 
 def name_materials(materials: Iterable[Material]) -> str:
-    """Return the name of a material as words, or the families of several."""
+    """Return the name of each material as words, or the family if it has several."""
     words = (
         as_words(names[0]) if len(names) == 1 else family.value
         for family, names in names_by_family(materials).items()
@@ -70,7 +70,7 @@ def name_materials(materials: Iterable[Material]) -> str:
 
 
 def find_sight(scene: Scene, scan: Scan) -> Sight:
-    """Find which beams see through something, by tracing their rays again.
+    """Find the ends of a scan's beams by tracing their rays again.
 
     Args:
         scene: The map; robots in it are ignored.
@@ -81,10 +81,10 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     events = tracer.trace(scan.cast, events=True).events
     ends = np.full(len(scan.ranges), BeamEnd.NO_RETURN, np.uint8)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
-    # Cached, since many beams are compared with the same part.
+    # Footprints are cached, since many beams are compared with the same part.
     covers = cache(lambda part: _from_above(parts[part]))
     answers = scan.echoes.answers_in_clouds()
-    # Events are ordered by their rays, so that each beam has a slice of them.
+    # Events are sorted by ray, so the events of a beam are a slice.
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(_echo_ranges(scan).tolist()):
         if reading == 0:
@@ -109,14 +109,14 @@ def _end_of_beam(
     parts: Sequence[Part],
     covers: Callable[[int], Geometry],
 ) -> tuple[BeamEnd, list[Material]]:
-    """Return how a beam with a reading ends, and at or behind which materials.
+    """Return the end of a beam with a reading, and the materials that it meets.
 
     Args:
-        events: Those of its ray.
-        reading: Its range, m.
-        place: Where that is, (3,) m, map frame.
+        events: The events of the beam's ray.
+        reading: Range of the beam, m.
+        place: Position of the reading, (3,) m, map frame.
         parts: The parts of the scene.
-        covers: Returns what a part covers as seen from above.
+        covers: Returns the footprint of a part as seen from above.
     """
     known = events[(events["part"] >= 0) & (events["part"] < len(parts))]
     if not len(known):
@@ -127,7 +127,8 @@ def _end_of_beam(
     left = before["part"][np.isin(before["kind"], _PASSED)]
     passed = list(dict.fromkeys(left.tolist()))
     materials = [parts[part].material for part in passed]
-    # By families: a beam that reads one plant behind another is still among plants.
+    # Families are compared, since a beam that reads one plant behind another does not
+    # see through foliage.
     is_behind = family_of(read) not in map(family_of, materials)
     point = shapely.Point(place[:2])
     near = (shapely.dwithin(covers(part), point, BESIDE) for part in passed)
@@ -144,16 +145,16 @@ def _end_of_beam(
 
 
 def _echo_ranges(scan: Scan) -> Floats:
-    """Return the ranges of the echoes that beams read; without one, what they read.
+    """Return the ranges of the echoes that beams read; without an echo, the readings.
 
-    With a noise of one's own a range may be nearer to an edge of what the beam has left
-    than to the wall that it reads.
+    The exact ranges are needed, since with a custom noise model a reading may be closer
+    to the edge of a volume than to the wall that it belongs to.
     """
     ranges, echoes = scan.ranges.copy(), scan.echoes
-    if scan.targets is not None:  # a detector reads the spectrum, and no single echo
+    if scan.targets is not None:  # a detector reads a spectrum instead of an echo
         return ranges
     errors = np.abs(echoes.ranges - scan.ranges[echoes.beams])
-    # The last echo of a beam that is assigned is the nearest one.
+    # The nearest echo of a beam is assigned last, so it remains.
     order = np.argsort(-errors, kind="stable")
     order = order[(errors < np.inf)[order] & (ranges[echoes.beams[order]] > 0)]
     ranges[echoes.beams[order]] = echoes.ranges[order]
@@ -161,7 +162,7 @@ def _echo_ranges(scan: Scan) -> Floats:
 
 
 def _from_above(part: Part) -> Geometry:
-    """Return what a part covers as seen from above, without its hollows, m."""
+    """Return the footprint of a part as seen from above: its convex hull, m."""
     hull = shapely.convex_hull(shapely.multipoints(part.vertices[:, :2]))
     shapely.prepare(hull)
     return hull

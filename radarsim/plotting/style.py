@@ -1,6 +1,6 @@
-"""What plots share: titles, names, a scale bar, the legend, and points in the map.
+"""Functions that plots share: titles, names, scale bar, legend, and points in the map.
 
-``render`` writes figures as files, with the same bytes each time.
+``render`` converts figures to files, with the same bytes each time.
 """
 
 import io
@@ -34,11 +34,11 @@ from radarsim.sensors.beams import CENTRE, LEFT, RIGHT, pattern_of
 from radarsim.sensors.scan import Echoes, Scan
 
 FORMS: Final = ("png", "svg", "pdf")
-# Keys of the date or the version that matplotlib would write.
+# Metadata keys in which matplotlib would write the date or its version.
 _DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
-MAX_NAMES: Final = 8  # materials of one colour that a legend names
-MAX_NUMBERS: Final = 15  # of labels that a legend explains
-MAX_LETTERS: Final = 50  # of what it says of one of them
+MAX_NAMES: Final = 8  # maximum number of materials in a row of a legend
+MAX_NUMBERS: Final = 15  # maximum number of numbered labels in a legend
+MAX_LETTERS: Final = 50  # maximum length of the text for a number
 LINE_LENGTH: Final = 26  # characters in a row of a legend
 SMOKE_OPACITY: Final = 0.7
 OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
@@ -47,7 +47,7 @@ OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
 HALO: Final = withStroke(linewidth=3, foreground="white")
 SMALL_PRINT: Final = 8.0  # points
 QUIET: Final = "0.35"  # colour of small print
-_BAR_SHARE: Final = 0.2  # of the width of the axes that a scale bar takes at most
+_BAR_SHARE: Final = 0.2  # maximum length of a scale bar, as a share of the axes' width
 
 
 def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> bytes:
@@ -59,7 +59,8 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
         software: Name of the program in a PNG file.
     """
     escape_texts(figure)
-    # Those without a layout engine have the size that they need at most.
+    # Figures without a layout engine may be larger than their content, so they are
+    # cropped.
     crop: Literal["tight"] | None = None
     if figure.get_layout_engine() is None:
         crop = "tight"
@@ -67,7 +68,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
     metadata = {_DATES[form]: software if form == "png" else None}
     if form != "png":
         metadata["Creator"] = software
-    # Without a salt of ours matplotlib makes random identifiers in SVG files.
+    # Without a fixed salt matplotlib writes random identifiers into SVG files.
     with rc_context({"svg.hashsalt": "radarsim"}):
         FigureCanvasAgg(figure).print_figure(
             data, format=form, metadata=metadata, bbox_inches=crop, pad_inches=0.15
@@ -76,7 +77,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
 
 
 def figure_of(axes: Axes) -> Figure:
-    """Return the figure that axes are in."""
+    """Return the figure of axes."""
     figure = axes.get_figure(root=True)
     if figure is None:
         raise ValueError("axes without a figure, expected axes of a figure")
@@ -84,7 +85,7 @@ def figure_of(axes: Axes) -> Figure:
 
 
 def escape_texts(figure: Figure) -> None:
-    """Escape characters in names for which no file has a picture."""
+    """Escape unprintable characters in all texts of a figure."""
     for text in figure.findobj(Text):
         if isinstance(text, Text):
             text.set_text(escape_lines(text.get_text()))
@@ -100,7 +101,7 @@ def as_words(name: str) -> str:
 
 
 def write_title(axes: Axes, words: str, small_print: str = "") -> None:
-    """Write what one sees large above a drawing, and its parameters small below it."""
+    """Write a large title above the axes, and the small print below them."""
     axes.set_title(words, loc="left", fontsize=14, fontweight="bold", parse_math=False)
     if small_print:
         axes.set_xlabel(
@@ -116,21 +117,21 @@ def write_at(
     offset: tuple[float, float] = (0.0, 0.0),
     **style: Any,
 ) -> None:
-    """Write a text, some points from a place in the units of the axes.
+    """Write a text at an offset from a position in the units of the axes.
 
     Args:
         axes: The axes.
         text: The text.
-        place: The place.
-        offset: How far to its right and above it, points.
-        **style: Of the text, as for ``Axes.annotate``; by default it has a halo.
+        place: The position, x and y.
+        offset: Offset to the right and upwards, points.
+        **style: Style of the text for ``Axes.annotate``; by default it has a halo.
     """
     style.setdefault("path_effects", [HALO])
     axes.annotate(text, place, xytext=offset, textcoords="offset points", **style)
 
 
 def draw_scale_bar(axes: Axes) -> float:
-    """Draw a scale bar in the lower left corner, and hide the numbers of the axes.
+    """Draw a scale bar in the lower left corner, and remove the ticks of the axes.
 
     Args:
         axes: Axes in m, with their final limits.
@@ -161,7 +162,7 @@ def draw_scale_bar(axes: Axes) -> float:
 
 
 def round_length(longest: float) -> float:
-    """Return the largest of 1, 2 or 5 times a power of ten that is not longer.
+    """Return the largest of 1, 2 or 5 times a power of ten up to ``longest``.
 
     >>> round_length(3.7), round_length(0.6), round_length(50)
     (2.0, 0.5, 50.0)
@@ -173,25 +174,25 @@ def round_length(longest: float) -> float:
 class Legend:
     """Legend next to a plot: samples with texts, in groups under headings.
 
-    It lists its rows, each text once under its heading; a heading without
-    rows is left out. Several panels may share it.
+    Under each heading a text is listed only once; a heading without rows is left out.
+    Several panels may share a legend.
 
     Attributes:
-        ray_colour: Colour of samples of rays; None for that of their sensor.
+        ray_colour: Colour of samples of rays; None for the colour of their sensor.
     """
 
     def __init__(self, ray_colour: str | None = None) -> None:
         """Create a legend without rows.
 
         Args:
-            ray_colour: Colour of samples of rays; None for that of their sensor.
+            ray_colour: Colour of samples of rays; None for the colour of their sensor.
         """
         self.ray_colour = ray_colour
         self._groups: dict[str, dict[str, Artist]] = {"": {}}
         self._heading = ""
 
     def add_heading(self, text: str) -> None:
-        """Start a group of rows under a heading, or go on with that group."""
+        """Start a group of rows under a heading, or continue that group."""
         self._heading = text
         self._groups.setdefault(text, {})
 
@@ -204,14 +205,14 @@ class Legend:
         self._add(text, Line2D([], [], marker=marker, linestyle="none", **style))
 
     def add_materials(self, materials: Iterable[Material]) -> None:
-        """Add a row for each colour, which names the materials that have it."""
+        """Add a row for each family of materials, with its colour and their names."""
         names = names_by_family(materials)
         for family in Family:
             if family in names:
                 self._add(_listed(names[family]), Patch(**area_style(family)))
 
     def add_numbers(self, texts: Mapping[int, str]) -> None:
-        """Add a row for each number, up to ``MAX_NUMBERS``, with what it stands for."""
+        """Add a row for each numbered label, up to ``MAX_NUMBERS``, with its text."""
         style = {"color": MARKER, "markersize": 7, "markeredgewidth": 0.0}
         for number, text in list(texts.items())[:MAX_NUMBERS]:
             self.add_marker(shorten(text, MAX_LETTERS), f"${number}$", **style)
@@ -219,13 +220,13 @@ class Legend:
             self.add_marker(f"and {len(texts) - MAX_NUMBERS} more", "")
 
     def draw(self, figure: Figure, columns: int = 1) -> None:
-        """Place the legend outside of the axes; nothing without rows.
+        """Draw the legend outside of the axes, unless it has no rows.
 
         Args:
-            figure: The figure. Without a layout engine the legend begins right of its
-                axes.
-            columns: 1 for a legend on the right; several for one below, without
-                headings.
+            figure: The figure. Without a layout engine the legend begins at the right
+                edge of its axes.
+            columns: 1 for a legend on the right; more for a legend at the bottom,
+                without headings.
         """
         rows: list[tuple[str, Artist, bool]] = []  # text, sample, whether a heading
         for heading, group in self._groups.items():
@@ -249,8 +250,7 @@ class Legend:
         labels = zip(legend.get_texts(), rows, strict=True)
         for label, (text, _, is_heading) in labels:
             label.set_text(fill(text, LINE_LENGTH))
-            # A name may have dollar signs, between which matplotlib would read
-            # formulas.
+            # Matplotlib would read text between dollar signs in a name as a formula.
             label.set_parse_math(False)
             if is_heading:
                 label.set_fontweight("bold")
@@ -260,7 +260,7 @@ class Legend:
 
 
 def _listed(names: list[str]) -> str:
-    """Return names with commas between them, as short lines."""
+    """Return at most ``MAX_NAMES`` names, shortened and separated by commas."""
     shown = [shorten(name, LINE_LENGTH) for name in names[:MAX_NAMES]]
     if len(names) > MAX_NAMES:
         shown.append(f"and {len(names) - MAX_NAMES} more")
@@ -268,18 +268,18 @@ def _listed(names: list[str]) -> str:
 
 
 def shorten(text: str, longest: int) -> str:
-    """Return a text of at most some letters, with an ellipsis if it was longer."""
+    """Return a text cut to a maximum length, with an ellipsis if it was longer."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 def area_style(family: Family) -> dict[str, Any]:
-    """Return how matplotlib fills and outlines areas of a family of materials.
+    """Return the matplotlib style of areas of a family of materials.
 
-    The outline is a darker shade of the fill; what floats in the air is translucent.
+    The outline is a darker shade of the fill; smoke, dust and rain are translucent.
     """
     colour = to_rgb(FAMILY_COLOURS[family])
     opacity = SMOKE_OPACITY if family is Family.SMOKE else 1.0
-    # on paper, which shows through, the paint looks like the colour of the family
+    # On a white background the translucent fill has the colour of the family.
     paint = tuple((part - 1 + opacity) / opacity for part in colour)
     return {
         "facecolor": (*paint, opacity),
@@ -289,7 +289,7 @@ def area_style(family: Family) -> dict[str, Any]:
 
 
 def scan_points(scan: Scan) -> Floats:
-    """Return the end of each range along its beam, (N, 2) m, map frame.
+    """Return the position of each reading, (N, 2) m, map frame.
 
     A beam without return ends at the maximum range.
     """
@@ -298,10 +298,10 @@ def scan_points(scan: Scan) -> Floats:
 
 
 def echo_points(scan: Scan, echoes: Echoes) -> Floats:
-    """Return where echoes begin along their rays, (E, 2) m, map frame.
+    """Return the positions at which echoes begin, (E, 2) m, map frame.
 
-    Where all rays of a cone answer together, the ray of an echo is unknown; the echo is
-    placed along its beam.
+    If the rays of a cone are combined, the ray of an echo is unknown, so the echo is
+    placed along the axis of its beam.
     """
     beams, settings = echoes.beams, echoes.settings
     one_ray = not settings.combines_rays or settings.rays_per_beam == 1

@@ -1,4 +1,4 @@
-"""A window of matplotlib, for programs that go on while it shows a figure."""
+"""A matplotlib window that shows a figure while the program continues to run."""
 
 from matplotlib.figure import Figure
 
@@ -6,31 +6,31 @@ from radarsim.errors import RadarsimError
 
 
 class Window:
-    """A window that is open until the user or ``close`` closes it.
+    """A window that stays open until the user or ``close`` closes it.
 
     Attributes:
-        figure: What it shows; empty at first.
+        figure: The figure in the window, empty at first.
     """
 
     def __init__(self, size: tuple[float, float], instead: str) -> None:
-        """Open it.
+        """Open a window.
 
         Args:
             size: Width and height of the figure, inches.
-            instead: What to use where no window can be opened, for the error.
+            instead: Alternative that the error suggests if no window can be opened.
 
         Raises:
-            RadarsimError: If matplotlib can open no window.
+            RadarsimError: If matplotlib cannot open a window.
         """
-        from matplotlib import pyplot  # noqa: PLC0415 - pictures in files need none
+        from matplotlib import pyplot  # noqa: PLC0415 - only windows need pyplot
 
         self._pyplot = pyplot
         try:
             self.figure: Figure = pyplot.figure(figsize=size, layout="compressed")
-            # Backends for files have figures as well.
+            # Backends for files have figures, but no windows.
             has_window = self.figure.canvas.required_interactive_framework is not None
             (self.figure.show if has_window else self.close)()
-        except ImportError:  # a backend that was asked for lacks its toolkit or display
+        except ImportError:  # the toolkit or the display of the backend is missing
             has_window = False
         if not has_window:
             text = f"matplotlib's backend {pyplot.get_backend()!r} opens no window here"
@@ -38,10 +38,10 @@ class Window:
             raise RadarsimError(f"{text}, {expected}; without a window use {instead}")
 
     def refresh(self) -> bool:
-        """Draw the figure, and let the window react to the mouse and keys.
+        """Draw the figure, and process mouse and keyboard events of the window.
 
         Returns:
-            Whether the window is open; once it is closed, nothing is drawn.
+            Whether the window is still open; a closed window draws nothing.
         """
         is_open = self._pyplot.fignum_exists(self.figure.number)
         if is_open:
@@ -50,5 +50,5 @@ class Window:
         return is_open
 
     def close(self) -> None:
-        """Close it, if it is open."""
+        """Close the window, if it is open."""
         self._pyplot.close(self.figure)

@@ -1,4 +1,4 @@
-"""Sweeps: the same task for all combinations of parameters, as one table."""
+"""Sweeps: run a task for all combinations of parameters, with one table of results."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""``radarsim sweep``: scans, trials or maps for all combinations of parameters."""
+"""``radarsim sweep``: run scans, trials or maps for all combinations of parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from radarsim.sweep.file import Parameters, SweepFile
     from radarsim.sweep.results import SweepFolder
 
-_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that are worth a process
+_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # least number of tasks a process
 
 
 def sweep(
@@ -70,7 +70,7 @@ def sweep(
     if dry_run:
         print_lines([_count(wanted, len(tasks))])
         return 0
-    # Before anything runs: without it, hours of work would end in no table.
+    # Missing packages are reported before the tasks run, not when the table is written.
     import_optional("pyarrow", EXTRA)
     folder.open(path, wanted, tasks, resume=resume)
     for number in folder.damaged:
@@ -100,7 +100,10 @@ def _start(
     workers: int | None,
     scheduler: str | None,
 ) -> Generator[TaskResult[Any], None, None]:
-    """Run tasks here or on a cluster, where each process has a batch at least."""
+    """Start tasks in local processes or on a cluster, and return their results.
+
+    ``batch`` is the least number of tasks for a process.
+    """
     from radarsim.autonomy.evaluation.task_runner import run_on_cluster, run_tasks
     from radarsim.sweep.tasks import prepare_worker, run_sweep_task
 
@@ -125,7 +128,7 @@ def _count(wanted: SweepFile, tasks: int) -> str:
 def _collect(
     folder: SweepFolder, keys: list[str], running: Iterator[TaskResult[Any]]
 ) -> None:
-    """Log each result as soon as there is one; an interrupt keeps them."""
+    """Log each result as soon as its task ends, so an interrupt loses no results."""
     done = 0
     try:
         for number, rows, error in with_bar(running, "tasks", len(keys)):

@@ -1,4 +1,4 @@
-"""Sweep files: YAML that says which values to combine, checked with line numbers."""
+"""Sweep files: YAML with lists of parameter values, checked with line numbers."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -35,7 +35,7 @@ Parameters: TypeAlias = dict[str, Any]
 
 
 def _values(given: Any) -> Any:
-    """Return a list of values: of a list, of a range in equal steps, or of one."""
+    """Return a list of values from a list, a range with equal steps, or one value."""
     if isinstance(given, dict) and given.keys() & _RANGE:
         steps, ends = given.get("steps"), (given.get("from"), given.get("to"))
         is_number = all(type(end) in (int, float) for end in ends)
@@ -45,7 +45,7 @@ def _values(given: Any) -> Any:
             )
         if not 2 <= steps <= MAX_STEPS:
             raise ValueError(f"steps {steps}, expected 2 to {MAX_STEPS}")
-        # rounded, so that .1 + 2 x .1 is .3 in the table
+        # Values are rounded, so that 0.1 + 2 x 0.1 is 0.3 in the table.
         return [
             round(float(each), 9)
             for each in np.linspace(given["from"], given["to"], steps)
@@ -67,7 +67,7 @@ class _Model(BaseModel):
 
 
 class PoseGrid(_Model):
-    """Poses of the sensor: all combinations of x, y, m, and yaw, degrees."""
+    """Poses of the sensor: all combinations of x and y, in m, and yaw, in degrees."""
 
     x: Numbers
     y: Numbers
@@ -75,18 +75,18 @@ class PoseGrid(_Model):
 
 
 class SweepFile(_Model):
-    """A sweep file.
+    """The contents of a sweep file.
 
     Attributes:
-        kind: What a task is: ``count`` scans, a trial of a navigator, or a map.
-        map: Maps, as commands take them; files in its folder come first.
-        sensor: Values of ``name``, a preset, and of its settings.
-        pose: Poses of the sensor, of scans.
-        count: Scans of a task.
-        seed: Seeds.
-        algorithm: Algorithms of trials.
-        strategy: Strategies of maps.
-        time_limit: Longest trial or exploration, s of simulated time.
+        kind: Kind of the tasks: ``count`` scans, a trial of a navigator, or a map.
+        map: Names or files of maps; files in the folder of the sweep file come first.
+        sensor: Lists of values for ``name``, a sensor preset, and for its settings.
+        pose: Poses of the sensor, for scans.
+        count: Number of scans in a task.
+        seed: Seeds of the tasks.
+        algorithm: Algorithms of navigators, for trials.
+        strategy: Exploration strategies, for maps.
+        time_limit: Maximum duration of a trial or exploration, s of simulated time.
     """
 
     version: Literal[1]
@@ -102,7 +102,7 @@ class SweepFile(_Model):
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:
-        """Refuse keys that tasks of this kind do not have."""
+        """Check that all keys belong to this kind of task, and that none is missing."""
         own = {"scan": "pose", "trial": "algorithm", "map": "strategy"}
         for kind, key in own.items():
             if kind != self.kind and getattr(self, key) is not None:
@@ -114,7 +114,7 @@ class SweepFile(_Model):
         return self
 
     def tasks(self) -> Iterator[Parameters]:
-        """Yield the parameters of each task: plain data, in the order of the file."""
+        """Yield the parameters of each task as plain data, in the order of the file."""
         for map_, sensor, where, seed in product(
             self.map, self._sensors(), self._ways(), self.seed
         ):
@@ -129,7 +129,7 @@ class SweepFile(_Model):
         ]
 
     def _ways(self) -> list[Parameters]:
-        """Return what tasks of this kind have besides: poses, or how robots drive."""
+        """Return the parameters of this kind: poses, algorithms or strategies."""
         if self.pose is not None:
             places = product(self.pose.x, self.pose.y, self.pose.yaw_deg)
             return [{"x": x, "y": y, "yaw_deg": yaw} for x, y, yaw in places]
@@ -142,7 +142,7 @@ class SweepFile(_Model):
 
 
 def flat_parameters(task: Parameters) -> Parameters:
-    """Return the parameters of a task as columns, ``sensor.name`` and so on."""
+    """Return the parameters of a task by column, such as ``sensor.name``."""
     sensor = {f"sensor.{key}": value for key, value in task["sensor"].items()}
     left_out = ("sensor", "kind", "scene", "count")
     others = {key: value for key, value in task.items() if key not in left_out}
@@ -156,13 +156,13 @@ def shipped_sweeps() -> dict[str, Path]:
 
 
 def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
-    """Read a sweep file, and check the sensors in it.
+    """Read a sweep file, and check its sensors.
 
     Args:
         path_or_name: A file, or the name of a shipped sweep.
 
     Raises:
-        SweepError: If it is wrong; a line for each problem, with file and place.
+        SweepError: If the file is wrong, with the file and line of each problem.
     """
     path = Path(path_or_name)
     known = sorted(shipped_sweeps())
@@ -194,7 +194,7 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
 
 
 def _sensor_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
-    """Yield errors of the sensor, of each setting alone and of all together."""
+    """Yield errors in the name and the settings of the sensor."""
     if "name" not in sweep.sensor:
         yield file.problem(("sensor",), "no 'name', expected a sensor preset")
         return
@@ -204,8 +204,8 @@ def _sensor_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
             text = expected_one_of(str(name), known)
             yield file.problem(("sensor", "name"), text)
             return
-    # Together, as the limits of some settings depend on others; the first error is
-    # enough, since each value occurs in many combinations.
+    # Combinations are checked, since the limits of some settings depend on others. The
+    # first error is enough, since each value occurs in many combinations.
     for settings in sweep._sensors():
         try:
             load_settings(settings.pop("name"), **settings)

@@ -1,10 +1,9 @@
-"""The folder of a sweep: a log of its tasks while it runs, and its table at the end.
+"""The folder of a sweep, with the log of its tasks, its description and its table.
 
-The log has a line for each task that has run, in any order; at the end it is sorted in
-the order of the sweep file. The description of the sweep is written before the first
-task; the number of failed tasks in it, and everything else, once all tasks have run.
-
-The table is a Parquet file with a row for each scan, trial or map.
+During the sweep a line is appended to the log for each finished task, in any order. At
+the end the log is sorted in the order of the sweep file. The description is written
+before the first task. After the last task the number of failed tasks is added to it,
+and the table is written: a Parquet file with a row for each scan, trial or map.
 """
 
 import hashlib
@@ -25,7 +24,7 @@ from radarsim.sweep.file import Parameters, SweepFile, flat_parameters
 from radarsim.sweep.tasks import MAP_VALUES, canonical_json, digest, unpacked
 
 EXTRA: Final = "sweep"
-_GROUP: Final = 256  # tasks in a row group
+_GROUP: Final = 256  # tasks per row group of the Parquet file
 
 Row = dict[str, Any]
 Tasks = Mapping[str, Parameters]  # by key
@@ -35,7 +34,7 @@ ABOUT: Final = "sweep.json"
 
 
 def _schema(arrow: Any, sweep: SweepFile) -> Any:
-    """Return the columns: the parameters, what a task gives, and its error."""
+    """Return the schema of the table: parameters, results and errors of tasks."""
     text, number, whole = arrow.string(), arrow.float64(), arrow.int64()
     listed = {f"sensor.{key}": values for key, values in sweep.sensor.items()}
     columns = {
@@ -53,7 +52,7 @@ def _schema(arrow: Any, sweep: SweepFile) -> Any:
 
 
 def _kind_of(arrow: Any, values: list[Any]) -> Any:
-    """Return the type of a column: numbers with a fraction hold whole ones as well."""
+    """Return the type of a column; mixed integers and floats become float64."""
     if all(isinstance(value, bool) for value in values):
         return arrow.bool_()
     numbers = [value for value in values if isinstance(value, int | float)]
@@ -66,41 +65,40 @@ def _kind_of(arrow: Any, values: list[Any]) -> Any:
 
 
 def as_line(result: Mapping[str, Any]) -> str:
-    """Return the result of a task as a line of the log, with a checksum of the rest."""
+    """Return the result of a task as a line of the log, with a checksum."""
     text = json.dumps(result, allow_nan=False) + "\n"
     checksum = hashlib.sha256(text.encode()).hexdigest()[:16]
     return json.dumps({**result, "checksum": checksum}) + "\n"
 
 
 def _intact(line: str) -> dict[str, Any] | None:
-    """Return the result of a line of the log; None if its checksum is not right."""
+    """Return the result in a line of the log; None if the checksum is wrong."""
     try:
         result: dict[str, Any] = json.loads(line)
         del result["checksum"]
         return result if as_line(result) == line else None
     except (ValueError, TypeError, KeyError, RecursionError):
-        return None  # no JSON, or no object, or one of thousands in each other
+        return None  # not a JSON object, or one that is nested too deeply
 
 
 def task_key(parameters: Parameters) -> str:
-    """Return the key of a task, 32 hexadecimal digits."""
+    """Return the key of a task: a hash of its parameters, 32 hexadecimal digits."""
     return hashlib.sha256(canonical_json(parameters).encode()).hexdigest()[:32]
 
 
 def sweep_tasks(sweep: SweepFile, scenes: Mapping[str, Scene]) -> dict[str, Parameters]:
-    """Return the parameters of all tasks, as ``run_sweep_task`` takes them, by key.
+    """Return the parameters of all tasks for ``run_sweep_task``, by key.
 
     Args:
-        sweep: The sweep file.
-        scenes: From ``load_scenes``.
+        sweep: Contents of the sweep file.
+        scenes: Scenes by map name, from ``load_scenes``.
     """
     digests = {name: digest(scene) for name, scene in scenes.items()}
     tasks = {}
     for task in sweep.tasks():
-        # The digest, as a map may be edited under its name: its tasks are other ones
-        # then.
+        # The digest of the map is part of the key, so an edited map gives new tasks.
         whole = {**task, "count": sweep.count, "scene": digests[task["map"]]}
-        tasks[task_key(whole)] = whole  # equal values in a list are one task
+        tasks[task_key(whole)] = whole  # duplicate values in a list give one task
     return tasks
 
 
@@ -110,10 +108,10 @@ class SweepFolder:
 
     Attributes:
         path: The folder.
-        lines: The last line of each task that has run, by its key.
-        errors: Why tasks failed, by their keys.
-        damaged: Numbers of the lines of the log that are not as they were written;
-            their tasks are run again.
+        lines: The last line of the log for each finished task, by key.
+        errors: Error messages of failed tasks, by key.
+        damaged: Numbers of the lines of the log with a wrong checksum; their tasks are
+            run again.
     """
 
     path: Path
@@ -122,18 +120,17 @@ class SweepFolder:
     damaged: list[int] = field(default_factory=list)
 
     def open(self, file: Path, sweep: SweepFile, tasks: Tasks, *, resume: bool) -> None:
-        """Create the folder, or read what an earlier run has left in it.
+        """Create the folder, or read the results of an earlier run from it.
 
         Args:
-            file: The sweep file.
-            sweep: Its contents.
-            tasks: All its tasks.
-            resume: Whether to go on with what an earlier run has left.
+            file: Path of the sweep file.
+            sweep: Contents of the sweep file.
+            tasks: All tasks of the sweep, by key.
+            resume: Whether to continue an earlier run.
 
         Raises:
-            SweepError: If there is something in it and it is not to be resumed, or is
-                by another version of radarsim, or of another sweep, or it cannot be
-                used.
+            SweepError: If the folder is not empty and ``resume`` is false, if it is
+                from another version of radarsim or another sweep, or cannot be used.
         """
         log = self.path / LOG
         try:
@@ -144,7 +141,7 @@ class SweepFolder:
                 )
             data = log.read_bytes() if log.exists() else b""
             complete = data[: data.rfind(b"\n") + 1]
-            if complete != data:  # a run was killed while it wrote a line
+            if complete != data:  # an earlier run was killed while it wrote a line
                 write_atomically({log: complete})
         except OSError as error:
             raise SweepError(f"{self.path}: {describe_os_error(error)}") from error
@@ -160,7 +157,8 @@ class SweepFolder:
                     f" expected {__version__}; choose another folder"
                 )
             self._keep(line + "\n", result)
-        # The file may have more tasks than before; a new table would lack others.
+        # The sweep file may have additional tasks. Results of tasks that it no longer
+        # has would be missing in the new table.
         if others := len(self.lines.keys() - tasks.keys()):
             try:
                 before = json.loads((self.path / ABOUT).read_bytes())["file"]
@@ -178,7 +176,7 @@ class SweepFolder:
         """Log the rows of a task, or its error."""
         whole = {"version": __version__, "task": key, **result}
         line = as_line(whole)
-        # To the file first: a kill between the two loses nothing that memory has.
+        # The line is written before it is stored in memory, so the log is never behind.
         with (self.path / LOG).open("a", encoding="utf-8") as log:
             log.write(line)
         self._keep(line, whole)
@@ -194,9 +192,9 @@ class SweepFolder:
         """Write the table, the description of the sweep, and the log in order.
 
         Args:
-            file: The sweep file.
-            sweep: Its contents.
-            tasks: All its tasks; each has run.
+            file: Path of the sweep file.
+            sweep: Contents of the sweep file.
+            tasks: All tasks of the sweep, by key; all must have run.
 
         Raises:
             OSError: If a file cannot be written.
@@ -208,16 +206,14 @@ class SweepFolder:
             written_atomically(self.path / LOG) as whole,
             whole.open("w", encoding="utf-8") as log,
         ):
-            # In the order of the file: tasks end in any order, and equal sweeps are to
-            # give equal bytes.
+            # Tasks end in any order; sorting gives equal bytes for equal sweeps.
             log.writelines(self.lines[key] for key in tasks)
 
     def _write_table(self, path: Path, sweep: SweepFile, tasks: Tasks) -> None:
-        """Write the table, some hundred tasks at a time: scans may be many."""
+        """Write the table in groups of tasks, since all scans may not fit in memory."""
         arrow = import_optional("pyarrow", EXTRA)
         parquet = import_optional("pyarrow.parquet", EXTRA)
-        # From the file alone: types must not depend on which tasks failed, or came
-        # first.
+        # The schema comes from the sweep file, so that types do not depend on results.
         schema = _schema(arrow, sweep)
         rest = iter(tasks.items())
         with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
@@ -229,7 +225,7 @@ class SweepFolder:
                 writer.write_table(arrow.table(columns, schema=schema))
 
     def _rows_of(self, key: str, task: Parameters) -> Iterator[Row]:
-        """Yield the rows of a task; of what did not return, the range is null."""
+        """Yield the rows of a task; the range of a beam without return is null."""
         result = json.loads(self.lines[key])
         head = {"task": key, **flat_parameters(task)}
         if "error" in result:

@@ -1,4 +1,4 @@
-"""The tasks of sweeps: scans, trials and maps, run in any process that was prepared."""
+"""The tasks of sweeps: scans, trials and maps, which worker processes run."""
 
 import base64
 import hashlib
@@ -46,18 +46,18 @@ TRIAL_VALUES: Final = (
 
 Row = dict[str, Any]
 
-_scenes: dict[str, Scene] = {}  # of this process, by their digests
+_scenes: dict[str, Scene] = {}  # maps that this process has received, by digest
 
 
 def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
-    """Load the maps of a sweep, by name.
+    """Load the maps of a sweep, and return them by name.
 
     Args:
-        path: The sweep file; maps in its folder come before shipped ones.
-        sweep: Its contents.
+        path: Path of the sweep file; maps in its folder come before shipped maps.
+        sweep: Contents of the sweep file.
 
     Raises:
-        MapError: If a map is wrong, or has no trial where one is needed.
+        MapError: If a map is wrong, or has no trial although the tasks are trials.
     """
     scenes = {}
     for name in dict.fromkeys(sweep.map):
@@ -82,22 +82,24 @@ def digest(scene: Scene) -> str:
     air = None if scene.air is None else asdict(scene.air)
     rest = scene.level, scene.starts, air, scene.trial, scene.reflectors
     found.update(repr((*rest, scene.gps_origin)).encode())
-    if scene.tags or scene.victims:  # else the digest is that of earlier versions
+    # Optional contents are hashed only if present, so other maps keep the digests that
+    # they had in earlier versions.
+    if scene.tags or scene.victims:
         found.update(repr((scene.tags, scene.victims)).encode())
-    if scene.crates:  # likewise
+    if scene.crates:
         found.update(repr(scene.crates).encode())
     return found.hexdigest()[:16]
 
 
 def prepare_worker(version: str, scenes: Mapping[str, Scene]) -> None:
-    """Give a process the maps of a sweep.
+    """Store the maps of a sweep in this process.
 
     Args:
-        version: Version of radarsim that sends them.
-        scenes: From ``load_scenes``.
+        version: Version of radarsim in the process that sends the maps.
+        scenes: Scenes by map name, from ``load_scenes``.
 
     Raises:
-        SweepError: If this process has another version.
+        SweepError: If this process has another version of radarsim.
     """
     if version != __version__:
         raise SweepError(
@@ -107,26 +109,27 @@ def prepare_worker(version: str, scenes: Mapping[str, Scene]) -> None:
 
 
 def canonical_json(parameters: Parameters) -> str:
-    """Return parameters as JSON, the same in whatever order they come."""
+    """Return parameters as JSON with sorted keys."""
     return json.dumps(
         parameters, sort_keys=True, allow_nan=False, separators=(",", ":")
     )
 
 
 def run_sweep_task(task: Parameters) -> list[Row]:
-    """Run a task, and return its rows of plain data.
+    """Run a task, and return its rows as plain data.
 
     Args:
-        task: Its parameters, with the digest of its map as ``scene``, and ``count``.
+        task: Parameters of the task, with the digest of its map as ``scene``, and
+            ``count``.
     """
     run = {"scan": _scan_rows, "trial": _trial_rows, "map": _map_rows}[task["kind"]]
     return run(task, _scenes[task["scene"]])
 
 
 def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
-    """Scan; the first scans are the same whatever their number."""
-    # A larger count adds scans to the same ones, and a map that changes is met by the
-    # same rays.
+    """Run the scans of a task, and return a row for each."""
+    # Count and map do not seed the random numbers: a larger count appends scans to the
+    # same first ones, and an edited map is scanned with the same rays.
     drawn = {key: value for key, value in task.items() if key not in ("count", "scene")}
     rng = generator_for(task["seed"], "task", canonical_json(drawn))
     settings = dict(task["sensor"])
@@ -144,12 +147,12 @@ def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
 
 
 def _packed(values: Any, kind: type[np.generic]) -> str:
-    """Return an array as text: four bytes, or one, for each value."""
+    """Encode an array of a numpy type in base64."""
     return base64.b64encode(np.asarray(values, kind).tobytes()).decode()
 
 
 def unpacked(text: str | None, kind: type[np.generic]) -> Any:
-    """Return the array that was packed; None of None."""
+    """Decode an array from base64; None stays None."""
     return None if text is None else np.frombuffer(base64.b64decode(text), kind)
 
 
@@ -164,14 +167,14 @@ def _map_rows(task: Parameters, scene: Scene) -> list[Row]:
         strategy=StrategyName(task["strategy"]), time_limit=task["time_limit"]
     )
     row = run_plan(plan, _host(task, scene), seed=task["seed"])
-    # the table of a sweep of maps has the length that the robot measured
+    # In the table the length of the path is the length that the robot measured.
     row = replace(row, path_length=row.measured_length)
     names = ("outcome", "collisions", "path_length", "time", "note", *MAP_VALUES)
     return [row.select(names, 4)]
 
 
 def _host(task: Parameters, scene: Scene) -> Host:
-    """Create a server whose robots' scanner is the sensor, all the way round."""
+    """Create a host whose robots carry the sensor of the task as their scanner."""
     settings = dict(task["sensor"])
     config = config_with_sensor(settings.pop("name"), **settings)
     return Host(scene, config=config, seed=task["seed"])

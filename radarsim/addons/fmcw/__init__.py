@@ -1,1 +1,1 @@
-"""Turning FMCW radars: from rays through a scene to the power in each range bin."""
+"""Rotating FMCW radars: from rays through a scene to the power in each range bin."""

@@ -1,14 +1,14 @@
-"""The antenna of an FMCW radar: its pattern, and from where it looks in a turn.
+"""The antenna of an FMCW radar: its pattern, and its poses during a revolution.
 
-One-way patterns are relative to the middle of the beam; echoes pass the antenna twice,
-so that they have the square of it. The settings of shoulders and sidelobes are two-way.
+One-way patterns are relative to the middle of the beam. Echoes pass the antenna twice,
+so they are multiplied by the square. Settings of shoulders and sidelobes are two-way.
 
-Across the beam is a Gaussian. Beyond one beamwidth from the middle shoulders may fill
-it in, whose decibels fall evenly with the angle; everywhere else there are sidelobes of
-one level. Up and down it is a Gaussian too; below the horizon, where the Gaussian falls
-off, a fan may fill it in as a squared cosecant. With it a point at a given depth below
-the antenna returns the same power at all ranges. The gain is that of the pattern
-without its sidelobes, G = 16 ln 2 / (az el) of a Gaussian beam.
+In azimuth the pattern is a Gaussian. Beyond one beamwidth from the middle it may have
+shoulders, whose decibels fall linearly with the angle; everywhere else there are
+sidelobes of constant level. In elevation the pattern is also a Gaussian, which a
+cosecant-squared fan may extend below the horizon. With this fan a point at a given
+depth below the antenna returns the same power at all ranges. The gain is computed from
+the pattern without sidelobes: G = 16 ln 2 / (az el) for a Gaussian beam.
 
 Source: M. I. Skolnik, Introduction to Radar Systems.
 """
@@ -24,9 +24,9 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-# Beamwidths from the middle to where the pattern is cut off; two-way, -38 dB.
+# Half width of the beam in beamwidths; the two-way pattern is -38 dB there.
 REACH: Final = 1.25
-_STEPS = 20_001  # of the integral over elevation
+_STEPS = 20_001  # samples of the numerical integrals over angles
 
 
 def gaussian(angles: ArrayLike, beamwidth: float) -> Floats:
@@ -40,7 +40,7 @@ def gaussian(angles: ArrayLike, beamwidth: float) -> Floats:
 
 
 def azimuth_pattern(settings: FmcwSettings, angles: ArrayLike) -> Floats:
-    """Return the one-way power at angles across the beam, rad, without sidelobes."""
+    """Return the one-way pattern in azimuth at angles, rad, without sidelobes."""
     widths = np.abs(angles) / math.radians(settings.beamwidth_az_deg)
     fallen = settings.shoulder_db - settings.shoulder_slope_db * (widths - 1)
     shoulders = np.where(widths < 1, 0.0, 10 ** (fallen / 20))
@@ -48,7 +48,7 @@ def azimuth_pattern(settings: FmcwSettings, angles: ArrayLike) -> Floats:
 
 
 def elevation_pattern(settings: FmcwSettings, elevations: ArrayLike) -> Floats:
-    """Return the one-way power at elevations, rad, up from the horizon."""
+    """Return the one-way pattern at elevations above the horizon, rad."""
     angles = np.asarray(elevations, np.float64)
     width = math.radians(settings.beamwidth_el_deg)
     power = gaussian(angles, width)
@@ -80,9 +80,9 @@ def directivity(settings: FmcwSettings) -> float:
 
 
 def rows_in_beam(settings: FmcwSettings) -> int:
-    """Return how many directions to each side of a point see it in their beam.
+    """Return the number of azimuths to each side of a point that have it in their beam.
 
-    That is their main lobe, and shoulders as far as these are above the sidelobes.
+    The beam is the main lobe with its shoulders as far as they exceed the sidelobes.
     """
     widths = (settings.shoulder_db - settings.sidelobe_db) / settings.shoulder_slope_db
     reach = max(1.5, 1 + widths) * math.radians(settings.beamwidth_az_deg)
@@ -90,10 +90,10 @@ def rows_in_beam(settings: FmcwSettings) -> int:
 
 
 def pattern_table(settings: FmcwSettings) -> Floats:
-    """Return the two-way pattern across the beam, (F, 2 half + 2).
+    """Return the two-way pattern in azimuth, (F, 2 half + 2).
 
-    Row ``f`` is for columns that begin f / F of a step clockwise from a direction of
-    the radar; the entries are for the directions from ``half`` before it to
+    Row ``f`` is for columns that begin f / F of an azimuth step clockwise from an
+    azimuth of the radar; the entries are for the azimuths from ``half`` before it to
     ``half + 1`` after it.
     """
     half, parts = rows_in_beam(settings), settings.rays_across
@@ -107,13 +107,13 @@ STANDING: Velocity = (0.0, 0.0, 0.0)
 
 
 class Viewpoints(NamedTuple):
-    """From where and when the antenna looks into directions; N of them.
+    """The state of the antenna at each of N azimuths.
 
     Attributes:
-        positions: (N, 3) m, map frame.
-        rotations: (N, 3, 3) that turn vectors of the antenna to the map frame.
-        velocities: (N, 3) m/s, map frame.
-        times: (N,) s.
+        positions: Positions, (N, 3) m, map frame.
+        rotations: Rotation matrices from the antenna to the map frame, (N, 3, 3).
+        velocities: Velocities, (N, 3) m/s, map frame.
+        times: Times, (N,) s.
     """
 
     positions: Floats
@@ -122,14 +122,14 @@ class Viewpoints(NamedTuple):
     times: Floats
 
     def of(self, which: NDArray[np.int64] | slice) -> "Viewpoints":
-        """Return those of some of the directions, by number."""
+        """Return the viewpoints with some indices."""
         return Viewpoints._make(column[which] for column in self)
 
 
 def fixed_viewpoints(
     pose: Pose3, times: Floats, velocity: Velocity = STANDING
 ) -> Viewpoints:
-    """Return the viewpoints of an antenna at one pose."""
+    """Return the viewpoints of an antenna at a fixed pose."""
     count = len(times)
     return Viewpoints(
         np.tile(pose.position(), (count, 1)),
@@ -142,13 +142,13 @@ def fixed_viewpoints(
 def moving_viewpoints(
     start: Pose3, end: Pose3, times: Floats, velocity: Velocity
 ) -> Viewpoints:
-    """Return the viewpoints of an antenna that moves evenly.
+    """Return the viewpoints of an antenna that moves at constant speed.
 
     Args:
-        start: Its pose as it looks into the first direction.
-        end: Its pose as it would look into the one after the last.
-        times: (N,) s, of the directions.
-        velocity: Of the antenna, m/s, map frame.
+        start: Pose of the antenna at the first azimuth.
+        end: Pose of the antenna one step after the last azimuth.
+        times: Times of the azimuths, (N,) s.
+        velocity: Velocity of the antenna, m/s, map frame.
     """
     if start == end:
         return fixed_viewpoints(end, times, velocity)

@@ -1,25 +1,25 @@
-"""From mean powers to a spectrum, by way of the beat signal.
+"""Computes range spectra from the amplitudes of echoes, by simulating the beat signal.
 
 Theory of operation
 ===================
-A sweep mixed with its echoes is a sum of tones, one for each range. What is rough or
-dense has a complex amplitude in each bin, by the scatterers that are there. Points,
-such as corner reflectors, have their own phase: 4 pi R / lambda of the carrier, which
-the sweep passes in its middle. To these tones come the leakage of the transmitter and
-white noise, which is new in each sweep; what is beyond the range of the converter is
-clipped. Window and FFT then make the spectrum. So speckle, sidelobes in range, the
-colour of the noise, and what saturation does to a whole direction follow by themselves,
-and nothing is drawn for a bin of the result.
+A sweep mixed with its echoes is a sum of beat components, one for each range. Rough
+surfaces and dense volumes have a complex amplitude in each bin, from the scatterers
+there. Points, such as corner reflectors, have their own phase: 4 pi R / lambda of the
+carrier, which is the frequency in the middle of the sweep. Leakage of the transmitter
+and white noise, different in each sweep, are added, and the sum is clipped to the range
+of the converter. Window and FFT then give the spectrum. So speckle, range sidelobes,
+the colour of the noise and the effects of saturation on a whole azimuth are results of
+the signal model, and no random numbers are drawn for bins of the result.
 
-The receiver has one channel, a real signal. What is clipped has harmonics, so that a
-strong echo from R shows at 3 R as well, and at 2 R as far as the converter ends earlier
-on one side than on the other. What is beyond the end of the spectrum folds back.
+The receiver has a single channel with a real signal. A clipped signal has harmonics, so
+a strong echo at R also appears at 3 R and, if the converter clips asymmetrically, at
+2 R. Harmonics beyond the end of the spectrum are aliased.
 
-The leakage comes back by many short ways, of the antenna and its radome, whose phases
-are others in each sweep. The phase of the transmitter is not quite steady: in a
-direction with strong echoes the noise is higher at all ranges.
+Leakage returns on many short paths in the antenna and its radome, whose phases differ
+in each sweep. The transmitter has phase noise, so in an azimuth with strong echoes the
+noise is higher at all ranges.
 
-Amplitudes are in units of the noise in a bin.
+Amplitudes are relative to the noise in a bin.
 """
 
 import math
@@ -45,23 +45,23 @@ from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import thread_count
 
-BINS_AT_ONCE: Final = 150_000  # what they need fits into a processor's cache
+BINS_AT_ONCE: Final = 150_000  # bins whose data fit into a processor's cache
 
 Power = NDArray[np.float32]
 Signal = NDArray[np.complex64]
 
 
 class NumberedStreams:
-    """Streams of random numbers by number, which can be drawn in any order.
+    """Numbered streams of random numbers, which can be read in any order.
 
-    Each stream begins again whenever it is drawn from.
+    Each read from a stream starts at its beginning.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Create the streams of a child of a generator.
+        """Create the streams from a random generator.
 
         Args:
-            rng: It is not drawn from, but spawns a child.
+            rng: Generator from which a new generator is spawned; no numbers are drawn.
         """
         (child,) = rng.spawn(1)
         seed: Any = child.bit_generator.seed_seq
@@ -70,9 +70,7 @@ class NumberedStreams:
         self._words = np.array(words, np.uint64).ravel()
 
     def fill_normal(self, first: int, out: Power) -> None:
-        """Fill rows with the first standard normal numbers of neighbouring streams.
-
-        Threads may do so at once.
+        """Fill each row with standard normal numbers of a stream; thread-safe.
 
         Args:
             first: Number of the stream of the first row, at least 0.
@@ -82,13 +80,13 @@ class NumberedStreams:
 
 
 class Tones(NamedTuple):
-    """Echoes of points; N of them.
+    """N beat components, which are echoes of points.
 
     Attributes:
-        rows: (N,) int64, the direction of the radar that receives each.
-        ranges: (N,) m, by frequency.
-        phases: (N,) rad, in the middle of the sweep.
-        power: (N,) in units of the noise.
+        rows: Index of the azimuth that receives each component, (N,) int64.
+        ranges: Ranges that correspond to the beat frequencies, (N,) m.
+        phases: Phases in the middle of the sweep, (N,) rad.
+        power: Powers relative to the noise, (N,).
     """
 
     rows: NDArray[np.int64]
@@ -97,7 +95,7 @@ class Tones(NamedTuple):
     power: Floats
 
     def of_rows(self, rows: range) -> "Tones":
-        """Return the tones of some directions."""
+        """Return the beat components of some azimuths."""
         which = (self.rows >= rows.start) & (self.rows < rows.stop)
         return Tones._make(column[which] for column in self)
 
@@ -106,7 +104,7 @@ NO_TONES = Tones(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 def join_tones(parts: Iterable[Tones]) -> Tones:
-    """Return all tones of several."""
+    """Concatenate beat components."""
     return Tones._make(map(np.concatenate, zip(NO_TONES, *parts, strict=True)))
 
 
@@ -117,17 +115,16 @@ def beat_rows(
     tones: Tones,
     streams: NumberedStreams,
 ) -> Power:
-    """Return the power in each bin of some directions of a turn, (N, B).
+    """Return the power in each bin for some azimuths of a revolution, (N, B).
 
-    They are the same numbers as those of the whole turn.
+    The numbers are the same as in a computation of the whole revolution.
 
     Args:
-        settings: The radar.
-        first: The first of N neighbouring directions.
-        field: (N, 2 B) their amplitudes, real and imaginary parts, in units of the
-            noise.
-        tones: Echoes of points, in any directions.
-        streams: Source of noise: a stream for each direction.
+        settings: Settings of the radar.
+        first: Index of the first of N consecutive azimuths.
+        field: Amplitudes relative to the noise, real and imaginary parts, (N, 2 B).
+        tones: Echoes of points; those of other azimuths are ignored.
+        streams: Source of noise: a stream for each azimuth.
     """
     power = np.zeros((len(field), settings.bins), np.float32)
     share = math.ceil(len(field) / thread_count())
@@ -156,7 +153,7 @@ def _fill_power(
     streams: NumberedStreams,
     power: Power,
 ) -> None:
-    """Fill the power in each bin of directions; arguments as of ``beat_rows``."""
+    """Compute the power in each bin of some azimuths; arguments as in ``beat_rows``."""
     sweep = sample_sweeps(settings, first, field, tones, streams)
     sweep[:, : sample_count(settings)] *= window_of(settings).astype(np.float32)
     spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
@@ -171,13 +168,13 @@ def sample_sweeps(
     tones: Tones,
     streams: NumberedStreams,
 ) -> Power:
-    """Return the samples of sweeps, padded for the FFT; arguments as of ``beat_rows``.
+    """Return the samples of sweeps, padded for the FFT; arguments as in ``beat_rows``.
 
-    A tone of unit power in a bin has an amplitude of 2.
+    A beat component with unit power in a bin has an amplitude of 2.
     """
     samples, length = sample_count(settings), fft_length(settings)
     shape, leakage = noise_shape(settings), _leakage(settings)
-    # The least and the greatest sample that the converter knows.
+    # The smallest and the largest sample of the converter.
     full_scale = watts(settings.full_scale_dbm)
     limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
     limits = np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
@@ -188,27 +185,27 @@ def sample_sweeps(
     streams.fill_normal(first, random)
     ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
     sweeps[:, : len(leakage)] += leakage * ways
-    # Twice the real part of the tones: the FFT finds their amplitudes again.
+    # The sweep is twice the real part of the sum, so the FFT gives the amplitudes.
     sweep: Power = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
-    sweep[:, samples:] = 0  # a sweep has no more samples; the rest is padding
+    sweep[:, samples:] = 0  # samples after the end of the sweep are padding
     signal = sweep[:, :samples]
     _add_tones(settings, sweep, first, tones)
     _add_noise(settings, signal, random[:, :samples])
-    # What the converter clips spreads over the whole sweep.
+    # Clipping affects the spectrum at all ranges.
     if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
         np.clip(signal, *limits, out=signal)
     return sweep
 
 
 def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
-    """Add thermal noise to sweeps, and that of the transmitter's phase.
+    """Add thermal noise and phase noise of the transmitter to sweeps.
 
     Args:
-        settings: The radar.
-        signal: (N, S) the sweeps.
-        white: (N, S) standard normal numbers, overwritten.
+        settings: Settings of the radar.
+        signal: The sweeps, (N, S).
+        white: Standard normal numbers, (N, S), which are overwritten.
     """
-    # Of this amplitude it has a mean power of 1 in a bin.
+    # White noise of this amplitude has a mean power of 1 in a bin.
     thermal = 1 / math.sqrt(float((window_of(settings) ** 2).sum()))
     received = np.einsum("ns,ns->n", signal, signal) / (2 * signal.shape[1])
     share = 10 ** (settings.phase_noise_db / 10)
@@ -217,29 +214,30 @@ def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
 
 
 def _add_tones(settings: FmcwSettings, sweeps: Power, first: int, tones: Tones) -> None:
-    """Add the tones of points to the directions from ``first`` on."""
+    """Add the beat components of points to the azimuths from ``first`` on."""
     shape = noise_shape(settings)
     rows, ranges, phases, power = tones.of_rows(range(first, first + len(sweeps)))
     places = ranges / settings.bin_size
     level = np.interp(places, np.arange(len(shape)), shape)
     turns = 2 * np.pi * places / fft_length(settings)
     amplitudes, samples = 2 * np.sqrt(power / level), sample_count(settings)
-    # The engine counts phases from the first sample; the window is greatest here.
+    # Phases are given in the middle of the sweep, where the window has its maximum; the
+    # engine needs them at the first sample.
     phases = phases - turns * samples / 2
     engine.add_cosines(sweeps, samples, rows - first, turns, phases, amplitudes)
 
 
 @lru_cache(maxsize=16)
 def _leakage(settings: FmcwSettings) -> Power:
-    """Return the rms amplitudes of the leakage by bin, (L,), for normal numbers.
+    """Return the rms amplitudes of the leakage in each bin, (L,).
 
-    Its level is even as far as ``leakage_range``; from there to twice that range its
-    decibels fall to those of the noise.
+    The level is constant up to ``leakage_range``; from there to twice that range it
+    falls linearly in dB to the level of the noise.
     """
     bins = math.ceil(2 * settings.leakage_range / settings.bin_size)
     ranges = np.arange(min(bins, settings.bins)) * settings.bin_size
     share = np.clip(2 - ranges / max(settings.leakage_range, 1e-9), 0, 1)
-    # The window adds up what is in the bins of one resolution.
+    # The window sums the leakage of all bins within a resolution cell.
     window = window_of(settings)
     spread = float((window**2).sum()) * fft_length(settings)
     power = 10 ** (settings.leakage_db * share / 10) / spread

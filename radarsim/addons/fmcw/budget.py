@@ -1,7 +1,7 @@
-"""The link budget of one direction: what becomes of the power, in decibels.
+"""The link budget of an azimuth: gains and losses of the power in decibels.
 
-One ray in the middle of the beam stands for all of it, as if what it meets filled the
-beam. The decibels of an echo add up to the power that is received of it.
+A ray in the middle of the beam represents the whole beam, as if the surfaces that it
+meets filled the beam. The entries of an echo sum to its received power.
 """
 
 import json
@@ -32,17 +32,17 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.range_scanner import RangeScanner
 
-_STEPS = 2001  # of the integral over the beam
-_WIDTH = 38  # of the labels
+_STEPS = 2001  # samples of the integral over the beam
+_WIDTH = 38  # width of the labels, characters
 
 
 def print_budget(
     scanner: RangeScanner, scene: Scene, pose: Pose3, azimuth: int, as_json: bool
 ) -> None:
-    """Print the link budget of a direction.
+    """Print the link budget of an azimuth.
 
     Raises:
-        click.BadParameter: If the sensor is no FMCW radar, or has no such direction.
+        click.BadParameter: If the sensor is not an FMCW radar, or has no such azimuth.
     """
     try:
         budget = link_budget(scanner.fmcw, scene, pose, azimuth)
@@ -80,23 +80,23 @@ def _as_text(budget: Mapping[str, Any]) -> Iterator[str]:
 def link_budget(
     radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int
 ) -> dict[str, Any]:
-    """Return the link budget of a direction.
+    """Return the link budget of an azimuth.
 
     Args:
         radar: The radar.
         scene: The map.
         pose: Pose of the antenna, map frame.
-        azimuth: Number of the direction, 0 to A - 1.
+        azimuth: Index of the azimuth, 0 to A - 1.
 
     Returns:
         The ``azimuth``, its ``angle``, rad, counter-clockwise from straight ahead, the
-        ``noise`` in a bin, dBm, and the ``echoes`` by range. These have
-        ``object_name``, ``material``, ``kind``, ``range``, m, and what is
-        ``received``, dBm. ``entries`` are the ledger of what all echoes have in common,
-        and of each echo: a ``label``, and the ``db`` that it adds, of the first dBm.
+        ``noise`` in a bin, dBm, and the ``echoes`` by range. Each echo has
+        ``object_name``, ``material``, ``kind``, ``range``, m, and ``received`` power,
+        dBm. The common ``entries``, and the ``entries`` of each echo, have a ``label``
+        and the ``db`` that they add; the first common entry is in dBm.
 
     Raises:
-        ValueError: If there is no such direction.
+        ValueError: If there is no such azimuth.
     """
     it = radar.settings
     if not 0 <= azimuth < it.azimuths:
@@ -120,9 +120,9 @@ def link_budget(
         echo = _echo_of(event, incidence, scattering, radar)
         if echo is not None:
             kind, label, gamma = echo
-            part = tracer.parts[event.part]  # without robots in the scene
+            part = tracer.parts[event.part]  # the scene has no robots
             own = {f"1 / R^2 at {event.t:.2f} m": -20 * math.log10(event.t)}
-            # Twice, as losses are counted one way and an echo comes back the same way.
+            # Losses are one-way and doubled, as the echo returns on the same path.
             own |= {f"lost in {name}": -2 * db for name, db in lost.items()}
             own[label] = _db(gamma)
             echoes.append(
@@ -164,8 +164,8 @@ def _echo_of(
     scattering: NDArray[np.void],
     radar: FmcwRadar,
 ) -> tuple[str, str, float] | None:
-    """Return the kind of an echo, what it is due to, and its gamma; or None."""
-    # Robots share the last row.
+    """Return the kind, the cause and the gamma of an event's echo; None for no echo."""
+    # All robots share the last row.
     part = scattering[min(event.part, len(scattering) - 1)]
     if event.kind is EventKind.HIT:
         cosine = max(incidence, GRAZING)
@@ -177,7 +177,8 @@ def _echo_of(
         gamma = float(part["gamma"])
         return "mirror", "backscatter beside the reflection", gamma
     if event.kind in (EventKind.ENTER, EventKind.START_INSIDE) and event.t > 0:
-        # A volume returns into every bin that the ray passes: here the first of them.
+        # A volume returns power to every bin that the ray passes; the budget shows the
+        # first bin.
         gamma = float(part["volume"] * radar.settings.resolution)
         label = f"backscatter of the first {radar.settings.resolution:.2f} m"
         return ("volume", label, gamma) if gamma > 0 else None
@@ -191,7 +192,7 @@ def _echo_of(
 def _with_losses(
     events: Sequence[Event], radar: FmcwRadar, parts: Sequence[Part]
 ) -> Iterator[tuple[Event, Mapping[str, float]]]:
-    """Yield events, each with what materials have taken by then, dB one way."""
+    """Yield events, each with the one-way losses up to it by material, dB."""
     power, inside = radar.full_power, list[int]()
     lost: dict[str, float] = defaultdict(float)
 
@@ -201,7 +202,7 @@ def _with_losses(
             lost[name] += taken / radar.ray_class.power_per_db
 
     for event in events:
-        # Where volumes overlap, the last entered one is named.
+        # In overlapping volumes the loss is attributed to the last entered volume.
         add(inside[-1] if inside else None, power - event.power)
         power = event.power
         yield event, lost

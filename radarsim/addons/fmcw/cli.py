@@ -1,4 +1,4 @@
-"""``radarsim spectrum``, and ``radarsim serve --navtech``, which serves a radar."""
+"""``radarsim spectrum``, and the option ``--navtech`` of ``radarsim serve``."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 _ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
 _NAVTECH: Final = "--navtech"
-ALIKE: Final = 1e-3  # by which sizes of bins may differ without a warning
+ALIKE: Final = 1e-3  # relative difference of bin sizes that gives no warning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedRadar(PlacedSensor):
-    """An FMCW radar at a place in a map, or on a path.
+    """An FMCW radar at a pose in a map, or on a path.
 
     Attributes:
         path: Record all turns along a path of the antenna, a .tum file, as in a data
@@ -50,7 +50,8 @@ class PlacedRadar(PlacedSensor):
         """Create the scanner.
 
         Raises:
-            click.BadParameter: If it is no FMCW radar, or a setting is wrong.
+            click.BadParameter: If the sensor is not an FMCW radar, or a setting is
+                wrong.
         """
         from radarsim.sensors.range_scanner import load_sensor
 
@@ -62,8 +63,8 @@ class PlacedRadar(PlacedSensor):
         }
         try:
             scanner = load_sensor(self.sensor, fmcw=fmcw, **values)
-            # Settings of the radar are checked when it is made: errors are told before
-            # the map is read.
+            # Creating the radar checks its settings, so errors are reported before the
+            # map is loaded.
             _ = scanner.fmcw
         except PresetError as error:
             raise click.BadParameter(str(error)) from None
@@ -72,7 +73,7 @@ class PlacedRadar(PlacedSensor):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
-    """What a picture shows.
+    """The view of a picture, its azimuth and its range.
 
     Attributes:
         view: What the picture shows; cartesian by default.
@@ -87,10 +88,10 @@ class Shown:
     max_range: Annotated[float | None, Gt(0), Unit("m"), RARE] = None
 
     def refuse(self, text: str) -> None:
-        """Refuse all that is given.
+        """Check that no option of this plan is given.
 
         Raises:
-            click.BadParameter: If anything is.
+            click.BadParameter: If an option is given.
         """
         for name, value in asdict(self).items():
             if value is not None:
@@ -100,7 +101,7 @@ class Shown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detector:
-    """How targets are detected.
+    """The detector of targets and its parameters.
 
     Attributes:
         detector: Detector of targets; ca for .csv by default.
@@ -115,7 +116,7 @@ class Detector:
     strongest: Annotated[int, Ge(1), RARE] = 12
 
     def detect(self, turn: Spectrum) -> Detections:
-        """Return the targets in a turn."""
+        """Return the targets in a revolution."""
         name = self.detector or "ca"
         return turn.detections(name, pfa=self.pfa, count=self.strongest)
 
@@ -134,9 +135,9 @@ def spectrum(
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        plan: The radar and its place.
-        shown: What a picture shows.
-        detector: How targets are detected.
+        plan: The radar and its pose or path.
+        shown: View, azimuth and range of a picture.
+        detector: The detector of targets.
         output: File to write: .png, .svg or .pdf, .npz with all numbers, or .csv with
             the detections. With --path a folder.
         count: Number of turns, for .npz and .csv.
@@ -178,8 +179,8 @@ def spectrum(
     scanner = plan.load_scanner()
     scene = load_map(map_)
     pose = plan.find_pose(scene)
-    # One generator for all turns, so that the first turns are the same whatever their
-    # number.
+    # All revolutions share a random generator, so the first ones do not depend on the
+    # number of revolutions.
     rng = generator_for(plan.seed, plan.sensor)
     turns = [scanner.spectrum(scene, pose, rng) for _ in range(count)]
     if layout is not None:
@@ -196,10 +197,10 @@ def spectrum(
 def _as_picture(
     turn: Spectrum, scene: Scene, form: str, shown: Shown, detector: Detector
 ) -> bytes:
-    """Draw a turn, and the outlines of the map over it.
+    """Draw a revolution with the outlines of the map.
 
     Raises:
-        click.BadParameter: If it has no such direction.
+        click.BadParameter: If there is no such azimuth.
     """
     from matplotlib.figure import Figure
 
@@ -223,7 +224,7 @@ def _as_picture(
 
 
 def _as_npz(turns: list[Spectrum]) -> bytes:
-    """Return all numbers of turns as a NumPy archive."""
+    """Return the data of revolutions as a NumPy archive."""
     import numpy as np
 
     data = io.BytesIO()
@@ -240,7 +241,7 @@ def _as_npz(turns: list[Spectrum]) -> bytes:
 
 
 def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
-    """Return a row for each detection, by default of ``ca``."""
+    """Return CSV with a row for each detection; the default detector is ``ca``."""
     import numpy as np
 
     text = io.StringIO("turn,azimuth,angle,range,dbm,rcs_dbsm,snr_db,radial_velocity\n")
@@ -255,10 +256,10 @@ def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
 
 
 def _load_path(path: Path, scene: Scene) -> DrivenPath:
-    """Read the path of an antenna; one without heights is at that of a robot's scanner.
+    """Read the path of an antenna; a path without heights gets a scanner's height.
 
     Raises:
-        click.BadParameter: If it cannot be read, or is no path.
+        click.BadParameter: If the file cannot be read, or has no valid path.
     """
     import numpy as np
 
@@ -272,8 +273,7 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
         raise click.BadParameter(text, param_hint="--path") from None
     except ValueError as error:
         raise click.BadParameter(f"{path}: {error}", param_hint="--path") from None
-    # Paths on the floor have 0 as their height in .tum files, which have no shorter
-    # form.
+    # A .tum file always has a height, which is 0 for a path on the floor.
     if way.positions[:, 2].any():
         return way
     floor = [scene.floor_at(x, y) for x, y, _ in way.positions.tolist()]
@@ -284,12 +284,12 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
 def _write_sequence(
     folder: Path, layout: str, turns: Iterable[tuple[float, Spectrum]]
 ) -> int:
-    """Write turns as a data set has them, with their poses; return their number.
+    """Write revolutions in the layout of a data set, with poses; return their number.
 
     Args:
-        folder: Created if it is missing.
-        layout: Of which data set.
-        turns: The turns.
+        folder: The folder, which is created if it is missing.
+        layout: Name of the data set.
+        turns: Revolutions with the times at which they begin, s.
 
     Raises:
         click.BadParameter: If a file cannot be written.
@@ -335,8 +335,8 @@ def _write_sequence(
         lines.append(list_line(layout, name, time_us))
         middle = epoch_us / 1e6 + time + settings.azimuths * settings.sweep_time / 2
         poses.append(tum_line(middle, turn.pose))
-    # After the images, so that the list of a sequence that was interrupted names no
-    # missing one.
+    # Lists are written after the images, so an interrupted sequence has no list that
+    # names missing images.
     for list_name in LAYOUTS[layout][1:]:
         write_file(folder / list_name, "".join(lines).encode())
     write_file(folder / "poses.tum", "".join(poses).encode())
@@ -364,8 +364,7 @@ class NavtechOptions:
             return None
         port, colon, robot = self.navtech.partition(":")
         problem = ""
-        # Other digits of Unicode are digits to isdigit() as well, and some of them none
-        # to int().
+        # isdigit() also accepts other Unicode digits, some of which int() refuses.
         if not (port.isascii() and port.isdigit() and int(port) <= 65535):
             problem = "a port from 0 to 65535, and a robot after a colon"
         elif colon and not robot:
@@ -377,10 +376,10 @@ class NavtechOptions:
 
 
 class NavtechExtension(ServeExtension):
-    """A server of a radar beside the server of its robot."""
+    """Serves the radar of a robot in addition to the server of the robot."""
 
     def __init__(self, port: int, robot: str | None) -> None:
-        """Plan a server; arguments are those of ``NavtechServer``."""
+        """Store the arguments of ``NavtechServer``; the server is created later."""
         self.ports = {_NAVTECH: port}
         self._robot = robot
         self._server: NavtechServer
@@ -397,7 +396,7 @@ class NavtechExtension(ServeExtension):
         await self._server.start(address)
 
     def announce(self, _: tuple[str, int]) -> None:
-        """Tell on stdout that clients of a radar can connect."""
+        """Print on stdout that clients of the radar can connect."""
         print_now(f"radarsim: radar on {join_address(*self._server.address)}")
 
     async def stop(self) -> None:

@@ -1,34 +1,36 @@
-"""Corners of smooth surfaces, and the edges of plates of metal, which return as points.
+"""Echoes of dihedral corners of smooth surfaces, and of edges of metal plates.
+
+Both are modelled as points with a radar cross section.
 
 Theory of operation of corners
 ==============================
-Two flat surfaces that meet at a right angle reflect a wave back to where it came from,
-by one after the other. Seen from the antenna they are one mirror: it faces the antenna
-at the line where they meet, and is as wide as what both reflect, at most twice the
-narrower of their projections. A large mirror of a smooth surface returns what a sphere
-of half the distance in radius does, pi R^2. Each bounce takes of it what Fresnel's
-formulas say for its angle of incidence, the mean of both polarisations.
+Two flat surfaces that meet at a right angle reflect a wave back to its source by double
+reflection. Seen from the antenna they act as a single mirror. It faces the antenna at
+the line where they meet, and its width is the width that both reflect, at most twice
+the narrower of their projections. A large smooth mirror returns as much as a sphere
+with a radius of half the distance, pi R^2. Each bounce multiplies it by the Fresnel
+reflection for its angle of incidence, the mean of both polarisations.
 
-Facets of the surfaces have slopes, which turn that mirror here and there: its glints
-are spread over a normally distributed lobe, of which the corner reflects the part that
-it covers, and the beam sees the part that it lights. What is small is as flat as waves
-are long: it then returns 4 pi A^2 / lambda^2, which is 8 pi a^2 b^2 / lambda^2 of a
-corner of two plates a x b that opens to the antenna.
+The slopes of rough surfaces tilt parts of that mirror, so its reflections are spread
+over a normally distributed lobe. The corner reflects the part of the lobe that it
+covers, and the beam illuminates a part of it. A corner that is small compared with the
+Fresnel zone acts as flat and returns 4 pi A^2 / lambda^2, which is 8 pi a^2 b^2 /
+lambda^2 for a corner of two plates a x b that opens to the antenna.
 
-Corners of two mirrors are the rays' matter, which are reflected by these.
+Corners of two mirrors are left to the ray tracer, which reflects rays at mirrors.
 
 Theory of operation of edges
 ============================
-Of a flat upright plate that is turned away from the antenna, only the edges return, by
-physical optics: each upright edge as a line whose cross section is
+By physical optics, only the edges of a flat upright plate that does not face the
+antenna return power. Each upright edge is a line with the cross section
 
     F / (4 pi tan^2 theta), F = |integral of e^(2 i k z^2 / 2 R) dz|^2,
 
-theta being the angle on the level between the wave and the normal of the plate. Far
-away F is the square of the edge's length, near the plate half of lambda R at most. The
-two edges of a plate beat with each other, as tones of the spectrum: that makes its
-lobes, whose mean falls with 1 / theta^2. Near the normal its glint takes over, which
-is the rays' matter. Where the map has plates of other directions, they have none.
+where theta is the horizontal angle between the wave and the normal of the plate. Far
+away F is the square of the edge's length; near the plate it is at most lambda R / 2.
+The two edges of a plate interfere as beat components of the spectrum, which gives the
+lobes of the plate, whose mean falls with 1 / theta^2. Near the normal the specular
+reflection dominates, which the ray tracer computes. Other plates have no edges.
 
 Source: E. F. Knott, J. F. Shaeffer and M. T. Tuley, Radar Cross Section, chapters 5
 and 6.
@@ -56,29 +58,29 @@ from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Part
 
-LEAST_CORNER: Final = 1e-4  # m^2, of a corner that counts
-MOST_CORNERS: Final = 64  # of one antenna; the strongest
-MOST_FACETS: Final = 2000  # of a scene; the largest
-MOST_TRIANGLES: Final = 20_000  # of a part: meshes of more are curved, or scanned
-GAP: Final = 0.05  # m between two surfaces that still make a corner, at most
-NARROWEST: Final = 0.05  # m, of a surface beyond the line where it meets another
-SQUARE: Final = 0.01  # cosine between the surfaces of a corner, at most
-OFF: Final = 0.002  # m off a corner or an edge, which its surfaces then do not hide
-LEAST_EDGE: Final = 1e-6  # m^2, of an edge that counts
-FLAT: Final = 1e-6  # how far a normal is off the level, and an edge off the vertical
-SHARP: Final = 0.5  # cosine between the normals of faces that meet in an edge, at most
-_DIGITS: Final = 4  # of normals and offsets, so that triangles of one plane are one
+LEAST_CORNER: Final = 1e-4  # m^2, least cross section of a corner
+MOST_CORNERS: Final = 64  # maximum number of corners for an antenna, strongest first
+MOST_FACETS: Final = 2000  # maximum number of facets of a scene, largest first
+MOST_TRIANGLES: Final = 20_000  # parts with more triangles are curved or scanned
+GAP: Final = 0.05  # m, maximum gap between two surfaces that form a corner
+NARROWEST: Final = 0.05  # m, least width of a surface next to the line of a corner
+SQUARE: Final = 0.01  # maximum cosine between the surfaces of a corner
+OFF: Final = 0.002  # m, offset of points from surfaces, so that these do not hide them
+LEAST_EDGE: Final = 1e-6  # m^2, least cross section of an edge
+FLAT: Final = 1e-6  # tolerance for horizontal normals and vertical edges
+SHARP: Final = 0.5  # maximum cosine between the normals of faces that meet at an edge
+_DIGITS: Final = 4  # digits to which planes are rounded to merge their triangles
 
 
 class Facet(NamedTuple):
-    """A flat piece of a smooth surface.
+    """A flat, connected piece of a smooth surface.
 
     Attributes:
-        normal: (3,) unit vector, outward.
-        offset: m, along the normal.
-        vertices: (V, 3) m, map frame.
-        reflected: Share of the power that it reflects head-on.
-        is_mirror: Whether it reflects that at all angles.
+        normal: Outward unit vector, (3,).
+        offset: Distance of the plane from the origin along the normal, m.
+        vertices: Vertices, (V, 3) m, map frame.
+        reflected: Share of the power that it reflects at normal incidence.
+        is_mirror: Whether this share is the same at all angles of incidence.
         slope: Variance of its slopes, rad^2.
     """
 
@@ -93,32 +95,32 @@ class Facet(NamedTuple):
 # A line at which two facets meet at a right angle.
 _CORNER: Final = np.dtype(
     [
-        ("foot", np.float64, 3),  # m, a place on the line, map frame
+        ("foot", np.float64, 3),  # m, a point on the line, map frame
         ("along", np.float64, 3),  # unit vector of the line
-        ("ends", np.float64, 2),  # m, from where to where both facets are, along it
-        ("normals", np.float64, (2, 3)),  # unit vectors of the facets
-        ("depths", np.float64, 2),  # m, how far the facets reach from the line
-        ("reflected", np.float64, 2),  # share of the power that they reflect head-on
-        ("is_mirror", np.bool_, 2),  # whether they reflect that at all angles
-        ("slopes", np.float64, 2),  # variances of their slopes, rad^2
+        ("ends", np.float64, 2),  # m, ends of the common line, along it from the foot
+        ("normals", np.float64, (2, 3)),  # unit normals of the facets
+        ("depths", np.float64, 2),  # m, widths of the facets from the line
+        ("reflected", np.float64, 2),  # share of power reflected at normal incidence
+        ("is_mirror", np.bool_, 2),  # whether that share is the same at all angles
+        ("slopes", np.float64, 2),  # variances of the facets' slopes, rad^2
     ]
 )
 _corners: WeakKeyDictionary[Tracer, NDArray[np.void]] = WeakKeyDictionary()
 
 
 def corner_points(tracer: Tracer, origin: Floats, settings: FmcwSettings) -> Points:
-    """Return the points of corners that return to an antenna, the strongest of them.
+    """Return the strongest corners of a scene as points, for an antenna.
 
     Args:
         tracer: Tracer of the scene.
-        origin: (3,) m, place of the antenna, map frame.
-        settings: The radar.
+        origin: Position of the antenna, (3,) m, map frame.
+        settings: Settings of the radar.
     """
     corners = _corners.get(tracer)
     if corners is None:
         corners = _corners[tracer] = _find_corners(tracer)
     way = origin - corners["foot"]
-    heights = np.einsum("nki,ni->nk", corners["normals"], way)  # over both facets
+    heights = np.einsum("nki,ni->nk", corners["normals"], way)  # above both facets
     inside = heights.min(axis=1, initial=np.inf) > GAP
     corners, way, heights = corners[inside], way[inside], heights[inside]
     place = np.einsum("ni,ni->n", corners["along"], way)
@@ -139,9 +141,9 @@ def _cross_sections(
 
     Args:
         corners: N corners.
-        heights: (N, 2) m, of the antenna over their facets.
-        place: (N,) m, of the antenna along their lines.
-        settings: The radar.
+        heights: Heights of the antenna above both facets, (N, 2) m.
+        place: Positions of the antenna along the lines, (N,) m.
+        settings: Settings of the radar.
     """
     distance = np.hypot(*heights.T)
     cosines = heights / distance[:, None]
@@ -152,13 +154,14 @@ def _cross_sections(
     share = np.where(is_mixed, mirrors.prod(axis=1), smooth)
     half = (corners["depths"] * cosines).min(axis=1)
     length = np.ptp(corners["ends"], axis=1)
-    # A piece that is smaller than its dents is as flat as a part of one.
+    # A facet that is smaller than the dents of its surface has smaller slopes.
     dents = np.minimum(corners["depths"] * length[:, None] / DENT_AREA, 1.0)
     slopes = corners["slopes"] * dents
     wavelength = settings.wavelength
     area = np.minimum(2 * half * length, wavelength * distance / 2)
     waves = wavelength**2 / (8 * math.pi * area)
-    # Beside the line both facets turn the wave; along it, by what faces the antenna.
+    # Across the line the slopes of both facets deflect the wave fully; along the line,
+    # in proportion to how much the facets face the antenna.
     beside, ahead = slopes.sum(axis=1), (slopes * cosines**2).sum(axis=1)
     widths = [settings.beamwidth_az_deg, settings.beamwidth_el_deg]
     azimuth, elevation = (
@@ -181,13 +184,13 @@ def _cross_sections(
 def _share_of_lobe(
     slopes: Floats, waves: Floats, beam: Floats, angles: Floats
 ) -> Floats:
-    """Return the share of a lobe that a corner reflects and that a beam sees, (N,).
+    """Return the share of a lobe that a corner covers and a beam illuminates, (N,).
 
     Args:
-        slopes: (N,) variance of the angles at which slopes glint, rad^2.
-        waves: (N,) likewise of the zone that reflects as a whole.
-        beam: (N,) variance of the beam, out and back, likewise.
-        angles: (N, 2) between which angles the corner is, rad.
+        slopes: Variances of the reflection angles from slopes, (N,) rad^2.
+        waves: Variances from diffraction at the reflecting zone, (N,) rad^2.
+        beam: Variances of the two-way beam, (N,) rad^2.
+        angles: Lower and upper angle of the corner, (N, 2) rad.
     """
     lit = beam / (beam + slopes)
     within = erf(angles / np.sqrt(2 * (lit * slopes + waves))[:, None])
@@ -211,7 +214,7 @@ def _find_corners(tracer: Tracer) -> NDArray[np.void]:
 
 
 def _corner_of(first: Facet, second: Facet) -> tuple[object, ...] | None:
-    """Return the corner of two facets; None if they make none."""
+    """Return the corner of two facets as a row; None if they do not form a corner."""
     if first.is_mirror and second.is_mirror:
         return None
     cosine = float(first.normal @ second.normal)
@@ -241,7 +244,7 @@ def _corner_of(first: Facet, second: Facet) -> tuple[object, ...] | None:
 
 
 def _find_facets(tracer: Tracer) -> list[Facet]:
-    """Return the largest flat pieces of the smooth surfaces of a scene."""
+    """Return the largest facets of the smooth surfaces of a scene."""
     parts = [
         part
         for part in tracer.parts
@@ -283,20 +286,20 @@ def _find_facets(tracer: Tracer) -> list[Facet]:
 
 
 def _pieces(triangles: Floats, planes: Floats) -> NDArray[np.int64]:
-    """Return the number of the flat piece of each triangle, (F,).
+    """Return the number of the facet of each triangle, (F,).
 
-    Triangles of a plane that share a vertex are of one piece.
+    Triangles of a plane that share a vertex belong to the same facet.
 
     Args:
-        triangles: (F, 3, 3) m.
-        planes: (F, 5) their part, normal and offset.
+        triangles: Corners of triangles, (F, 3, 3) m.
+        planes: Part, normal and offset of each triangle, (F, 5).
     """
     count = len(triangles)
     keys = np.repeat(np.round(planes, _DIGITS), 3, axis=0)
     places = np.round(triangles.reshape(-1, 3), _DIGITS)
-    corners = np.hstack([keys, places]) + 0.0  # no negative zeros
+    corners = np.hstack([keys, places]) + 0.0  # turns -0.0 into 0.0
     _, vertex = np.unique(corners, axis=0, return_inverse=True)
-    # Links triangles to the vertices that they have in their planes.
+    # A graph that links triangles to the vertices in their planes.
     rows, columns = np.repeat(np.arange(count), 3), vertex.ravel() + count
     size = int(columns.max()) + 1
     links = sparse.coo_matrix((np.ones(3 * count), (rows, columns)), (size, size))
@@ -309,12 +312,12 @@ _edges: WeakKeyDictionary[Tracer, Floats] = WeakKeyDictionary()
 
 
 def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
-    """Return the points of edges that return to an antenna.
+    """Return the edges of metal plates of a scene as points, for an antenna.
 
     Args:
         tracer: Tracer of the scene.
-        origin: (3,) m, place of the antenna, map frame.
-        wavelength: m.
+        origin: Position of the antenna, (3,) m, map frame.
+        wavelength: Wavelength, m.
     """
     edges = _edges.get(tracer)
     if edges is None:
@@ -326,7 +329,7 @@ def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
     cosine = -np.einsum("ni,ni->n", way, normals) / distance
     cosine = np.clip(cosine, 0.0, 1 - 1e-12)
     slant = (1 - cosine**2) / np.maximum(cosine, 1e-6) ** 2  # tan^2
-    # Where the plate glints, its edges are part of that.
+    # Within the specular lobe of the plate, its edges are part of the lobe.
     zone = np.minimum(area.ravel(), wavelength * distance / 2)
     spread = slopes.ravel() + wavelength**2 / (8 * math.pi * zone)
     away = 1 - np.exp(-slant / (2 * spread))
@@ -339,11 +342,11 @@ def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
 
 
 def _find_edges(tracer: Tracer) -> Floats:
-    """Return the upright edges of plates of metal, a row for each face at an edge.
+    """Return the upright edges of metal plates, with a row for each face at an edge.
 
-    Its columns are x and y, m; a unit vector to the outside of the plate; z of both
-    ends, m; the normal of the face; the variance of its slopes, rad^2; and its area,
-    m^2.
+    The columns are x and y of the edge, m; a unit vector away from the plate; z of both
+    ends, m; the normal of the face, x and y; the variance of its slopes, rad^2; and the
+    area of the plate, m^2.
     """
     rows = [
         row
@@ -375,7 +378,7 @@ def _edges_of(part: Part) -> list[list[float]]:
     rows = []
     for (x, y, low, high), faces in found.items():
         if len(faces) > 1 and faces[0] @ faces[1] > SHARP:
-            continue  # an edge of a rounded thing, whose faces turn little there
+            continue  # the edge of a rounded object, whose faces are nearly parallel
         out = np.array([x, y]) - middle
         out /= max(float(np.linalg.norm(out)), 1e-9)
         rows += [[x, y, *out, low, high, *face, slopes, area] for face in faces]

@@ -1,20 +1,21 @@
-"""Detectors of targets in a spectrum: CA-CFAR, OS-CFAR, and the k strongest bins.
+"""Target detectors for spectra: CA-CFAR, OS-CFAR, and the k strongest bins.
 
 Theory of operation
 ===================
-A detector of constant false alarm rate compares each bin with training bins around it,
-some guard bins apart: CA with their mean, OS with one of them in order of power. The
-factor above it is exact for noise of exponential power. With N independent bins:
+A detector with constant false alarm rate (CFAR) compares each bin with training bins
+around it, beyond some guard bins: CA with their mean, OS with one of them by its rank
+in power. The threshold factor is exact for noise with exponentially distributed power.
+With N independent training bins:
 
     CA   Pfa = (1 + alpha / N)^-N
     OS   Pfa = product over i < k of (N - i) / (N - i + alpha)
 
 Neighbouring bins of a padded and windowed FFT are not independent. So training bins are
-some resolutions apart, and CA's factor is that of what correlation remains, among them
-and with the bin that is compared. With C the covariance of the fields of all of these,
-and D = diag(1, -alpha / N, ..., -alpha / N), a bin is over the threshold where a
-quadratic form of independent fields is above 0, whose weights are the eigenvalues of
-C D. One of these, u, is positive, the others are -v_i, and
+some resolutions apart, and the factor of CA accounts for the remaining correlation
+among them and with the tested bin. Let C be the covariance of the fields of all these
+bins, and D = diag(1, -alpha / N, ..., -alpha / N). The tested bin exceeds the threshold
+if a quadratic form of independent fields is positive, whose weights are the eigenvalues
+of C D. One eigenvalue, u, is positive, the others are -v_i, and
 
     Pfa = product of 1 / (1 + v_i / u)
 
@@ -42,24 +43,24 @@ Mask = NDArray[np.bool_]
 
 DETECTORS: Final = ("ca", "os", "k")
 
-ORDER: Final = 24  # which of the training bins OS compares with, from the weakest
-MIN_COUNT: Final = 60  # of the k strongest bins
-MIN_RANGE: Final = 2.5  # m; nearer the leakage is
+ORDER: Final = 24  # rank of the training bin that OS compares with, from the weakest
+MIN_COUNT: Final = 60  # least count of the k strongest bins
+MIN_RANGE: Final = 2.5  # m; leakage dominates at shorter ranges
 
 
 class Detections(NamedTuple):
-    """Targets in a spectrum, by direction and range; N of them.
+    """N targets in a spectrum, sorted by azimuth and range.
 
     Attributes:
-        rows: (N,) int64, the direction of each.
-        bins: (N,) int64, the range bin.
-        angles: (N,) rad, counter-clockwise from straight ahead.
-        ranges: (N,) m.
-        dbm: (N,) power in the bin, dBm.
-        rcs_dbsm: (N,) cross section of a point in the middle of the beam that returns
-            this power if nothing is in the way, dB over 1 m^2.
-        snr_db: (N,) power in the bin over the mean noise there, dB.
-        radial_velocity: (N,) m/s; see ``Spectrum``.
+        rows: Indices of azimuths, (N,) int64.
+        bins: Range bins, (N,) int64.
+        angles: Azimuths, (N,) rad, counter-clockwise from straight ahead.
+        ranges: Ranges, (N,) m.
+        dbm: Power in the bin, (N,) dBm.
+        rcs_dbsm: Radar cross section of a point in the middle of the beam that returns
+            this power without obstacles in between, (N,) dB relative to 1 m^2.
+        snr_db: Power in the bin relative to the mean noise there, (N,) dB.
+        radial_velocity: Radial velocities, (N,) m/s; see ``Spectrum``.
     """
 
     rows: NDArray[np.int64]
@@ -75,13 +76,13 @@ class Detections(NamedTuple):
 def strongest_mask(
     counts: NDArray[np.uint8], most: int, allowed: Mask, least: int
 ) -> Mask:
-    """Return the strongest bins of each direction, (A, B); of equal ones the nearest.
+    """Return a mask of the strongest bins per azimuth, (A, B); nearer bins win ties.
 
     Args:
-        counts: (A, B).
-        most: How many in each direction.
-        allowed: (B,) which bins may be taken, after the strongest are chosen.
-        least: Smallest count that is taken.
+        counts: Counts of the radar, (A, B).
+        most: Number of bins in each azimuth.
+        allowed: Bins that remain in the mask after the strongest are selected, (B,).
+        least: Smallest count of a selected bin.
 
     Raises:
         ValueError: If ``most`` is below 1.
@@ -96,7 +97,7 @@ def strongest_mask(
 
 
 def peaks_of(mask: Mask, power: NDArray[np.float32]) -> Mask:
-    """Return the strongest bin of each run of bins that are set, (A, B)."""
+    """Return a mask of the strongest bin in each run of set bins, (A, B)."""
     peaks = np.zeros(mask.shape, np.bool_)
     engine.find_peaks(mask, power, peaks)
     return peaks
@@ -108,12 +109,12 @@ SPACING: Final = 2.0  # resolutions between training bins
 
 
 class Training(NamedTuple):
-    """Which bins a bin is compared with.
+    """The training bins with which a bin is compared.
 
     Attributes:
-        bins: N, half of them on each side.
-        guard: Bins between a bin and the nearest of them.
-        step: Bins from one to the next.
+        bins: Number of training bins, N, half of them on each side.
+        guard: Number of bins between the tested bin and the nearest training bin.
+        step: Distance between training bins, in bins.
     """
 
     bins: int
@@ -131,17 +132,17 @@ def training_of(settings: FmcwSettings) -> Training:
 def training_correlation(
     settings: FmcwSettings, training: Training
 ) -> tuple[float, ...]:
-    """Return the correlation of the noise's field by the distance of bins."""
+    """Return the correlation of the noise between bins, by their distance in bins."""
     half = training.bins // 2
     farthest = training.guard + 1 + (half - 1) * training.step
     return (*noise_correlation(settings, np.arange(2.0 * farthest + 1)).tolist(),)
 
 
 def ca_factor(count: int, pfa: float) -> float:
-    """Return alpha of CA: by how much a bin must exceed the mean of its training bins.
+    """Return alpha of CA: the threshold factor on the mean of the training bins.
 
     Args:
-        count: N, of independent bins.
+        count: Number of independent training bins, N.
         pfa: Probability of a false alarm.
 
     >>> round(ca_factor(32, 1e-4), 3)
@@ -155,13 +156,13 @@ def ca_factor(count: int, pfa: float) -> float:
 def correlated_factor(
     training: Training, sides: int, pfa: float, correlation: tuple[float, ...]
 ) -> float:
-    """Return alpha of CA for bins that are not independent.
+    """Return alpha of CA for correlated bins.
 
     Args:
         training: The training bins.
-        sides: On how many sides of a bin they are, 1 or 2.
+        sides: Number of sides of the tested bin with training bins, 1 or 2.
         pfa: Probability of a false alarm.
-        correlation: Of the field of the noise, by the distance of bins.
+        correlation: Correlation of the noise, by the distance of bins.
     """
     _check_pfa(pfa)
     one = training.guard + 1 + np.arange(training.bins // 2) * training.step
@@ -180,11 +181,11 @@ def correlated_factor(
 
 @lru_cache(maxsize=64)
 def os_factor(count: int, order: int, pfa: float) -> float:
-    """Return alpha of OS: by how much a bin must exceed the k-th of its training bins.
+    """Return alpha of OS: the threshold factor on the k-th weakest training bin.
 
     Args:
-        count: N.
-        order: k, from the weakest.
+        count: Number of training bins, N.
+        order: Rank k, from the weakest.
         pfa: Probability of a false alarm.
 
     >>> round(os_factor(32, 24, 1e-4), 2)
@@ -201,14 +202,14 @@ def _check_pfa(pfa: float) -> None:
 
 
 def _root(log_pfa: Callable[[float], float], pfa: float) -> float:
-    """Return where the logarithm of a falling probability has a value."""
+    """Return the factor at which a decreasing probability of false alarm is ``pfa``."""
     high = 1.0
     while log_pfa(high) > math.log(pfa):
         high *= 2
     return float(brentq(lambda x: log_pfa(x) - math.log(pfa), 0, high, xtol=1e-12))
 
 
-LEVELS_PER_DB: Final = 8.0  # of the histogram of OS
+LEVELS_PER_DB: Final = 8.0  # resolution of the histogram of OS
 
 
 def ca_mask(
@@ -217,13 +218,13 @@ def ca_mask(
     pfa: float,
     correlation: tuple[float, ...] | None = None,
 ) -> Mask:
-    """Return which bins exceed the mean of their training bins, (A, B).
+    """Return a mask of bins that exceed the mean of their training bins, (A, B).
 
-    Near the first and the last bin only the training bins of one side count.
+    Near the first and the last bin only the training bins on one side are used.
 
     Args:
-        power: (A, B) power.
-        training: Which bins a bin is compared with.
+        power: Power, (A, B).
+        training: The training bins.
         pfa: Probability of a false alarm in a bin.
         correlation: As in ``correlated_factor``; None for independent bins.
     """
@@ -244,25 +245,25 @@ def ca_mask(
 def os_mask(
     power: NDArray[np.float32], training: Training, pfa: float, order: int
 ) -> Mask:
-    """Return which bins exceed one of their training bins, by order of power, (A, B).
+    """Return a mask of bins that exceed the training bin of a rank in power, (A, B).
 
-    Near the first and the last bin only the training bins of one side count, and of
-    these the one that is as far from the weakest in proportion.
+    Near the first and the last bin only the training bins on one side are used, with a
+    proportional rank.
 
     Args:
-        power: (A, B) power relative to the noise.
-        training: Which bins a bin is compared with.
+        power: Power relative to the noise, (A, B).
+        training: The training bins.
         pfa: Probability of a false alarm in a bin.
-        order: Which training bin, counted from the weakest.
+        order: Rank of the training bin, from the weakest.
     """
     found = np.zeros(power.shape, np.bool_)
-    # In steps of 1/8 dB, from -100 dB on, a histogram has the order at once.
+    # The engine uses a histogram with levels of 1/8 dB, from -100 dB on.
     levels = np.log10(np.maximum(power, np.float32(1e-10)))
     levels *= np.float32(10 * LEVELS_PER_DB)
     levels += np.float32(100 * LEVELS_PER_DB)
     half, nearest = training.bins // 2, training.guard + 1
     count, farthest = power.shape[1], nearest + (half - 1) * training.step
-    for span in (  # from bin to bin, with training bins behind, and ahead
+    for span in (  # first bin, end, whether training bins before and after are used
         (0, min(farthest, count - farthest), False, True),
         (farthest, count - farthest, True, True),
         (max(farthest, count - farthest), count, True, False),

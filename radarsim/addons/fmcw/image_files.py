@@ -1,19 +1,21 @@
-"""Turns as the images that data sets of turning radars consist of.
+"""Revolutions as images in the file formats of radar data sets.
 
-``oxford`` and ``boreas``: 8-bit grey, a row for each direction, clockwise from straight
-ahead. A row begins with 11 bytes: the time, int64 of us, and the encoder, uint16 of
-5600 in a turn, both with the lowest byte first, and 255 for a valid row, in Boreas for
-a sweep upwards. Its counts follow. Sources: the documentation and the kit of the Oxford
-Radar RobotCar Dataset; DATA_REFERENCE.md and utils/radar.py of pyboreas.
+``oxford`` and ``boreas``: 8-bit greyscale images with a row for each azimuth, clockwise
+from straight ahead. A row begins with 11 bytes: the time in us, int64; the encoder,
+uint16, with 5600 counts per revolution, both little-endian; and 255 for a valid row (in
+Boreas for an upward sweep). The counts follow. Sources: the documentation and the
+development kit of the Oxford Radar RobotCar Dataset; DATA_REFERENCE.md and
+utils/radar.py of pyboreas.
 
-``radiate``: a column for each direction and a row for each range, without times; and
-the same turn from above, 1152 x 1152 pixels, straight ahead up. Its files are PNG, but
-their pixels have been through JPEG of quality 80, as those of the published ones show:
-blocks of 8 x 8 pixels, and cosines that are multiples of the standard table's steps.
-Sources: the kit and images of the RADIATE data set.
+``radiate``: images with a column for each azimuth and a row for each range, without
+times; and the same revolution from above, 1152 x 1152 pixels, straight ahead up. The
+files are PNG, but their pixels were compressed by JPEG with quality 80 before, as the
+published images show: their blocks of 8 x 8 pixels have DCT coefficients that are
+multiples of the standard quantisation table. Sources: the development kit and images of
+the RADIATE data set.
 
-Readers of Oxford's and Boreas' images sort the names of files, which are times, as
-text. So times that have fewer digits than those of today are counted from an epoch.
+Readers of Oxford's and Boreas' images sort file names, which are times, as text. So an
+epoch is added to times that have fewer digits than today's.
 """
 
 import io
@@ -30,7 +32,7 @@ from PIL import Image
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Floats
 
-ENCODER_COUNTS: Final = 5600  # in a turn
+ENCODER_COUNTS: Final = 5600  # counts per revolution
 METADATA_BYTES: Final = 11
 VALID: Final = 255
 
@@ -38,12 +40,12 @@ VALID: Final = 255
 def put_metadata(
     counts: NDArray[np.uint8], times: NDArray[np.int64], encoder: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
-    """Return rows of Oxford's layout, (R, 11 + B).
+    """Return rows in Oxford's layout, (R, 11 + B).
 
     Args:
-        counts: (R, B) what is received from each direction.
-        times: (R,) us, when.
-        encoder: (R,) count of the encoder at each direction.
+        counts: Counts of each azimuth, (R, B).
+        times: Times of the azimuths, (R,) us.
+        encoder: Encoder counts of the azimuths, (R,).
     """
     rows = np.zeros((len(counts), METADATA_BYTES + counts.shape[1]), np.uint8)
     rows[:, :8] = times.astype("<i8").view(np.uint8).reshape(-1, 8)
@@ -54,39 +56,39 @@ def put_metadata(
 
 
 def encoder_counts(azimuths: int) -> NDArray[np.int64]:
-    """Return the encoder at each direction, (A,); 0 is straight ahead."""
+    """Return the encoder count of each azimuth, (A,); 0 is straight ahead."""
     counts: NDArray[np.int64] = np.arange(azimuths) * ENCODER_COUNTS // azimuths
     return counts
 
 
-# The folder in which each data set has its images, and the files that list them.
+# For each data set the folder of its images, and the files that list them.
 LAYOUTS: Final[dict[str, tuple[str, ...]]] = {
     "oxford": ("radar", "radar.timestamps"),
     "boreas": ("radar", "radar.timestamps"),
     "radiate": ("Navtech_Polar", "Navtech_Polar.txt", "Navtech_Cartesian.txt"),
 }
-_FASTEST: Final = 1  # of the levels of compression
+_FASTEST: Final = 1  # compression level of PNG files
 
-LEAST_TIME_US: Final = 10**15  # from which on times have as many digits as today's
+LEAST_TIME_US: Final = 10**15  # the least time with 16 digits, like current times
 EPOCH_US: Final = 1_600_000_000_000_000
-# From here on pyboreas takes finer bins; a path with those begins after it.
+# For times after this pyboreas assumes finer bins; paths with fine bins begin later.
 BOREAS_CHANGE_US: Final = 1_632_182_400_000_000
 _LATE_EPOCH_US: Final = 1_650_000_000_000_000
-COARSE_BIN, FINE_BIN = 0.0596, 0.04381  # m, of pyboreas before and after
-OXFORD_BIN: Final = 0.0432  # m, of the kit of the Oxford data set
-RADIATE_BIN: Final = 0.173611  # m, of that of RADIATE, also the size of a pixel
-RADIATE_HZ: Final = 4.0  # turns per second
+COARSE_BIN, FINE_BIN = 0.0596, 0.04381  # m, bins in pyboreas before and after this
+OXFORD_BIN: Final = 0.0432  # m, bins in the kit of the Oxford data set
+RADIATE_BIN: Final = 0.173611  # m, bins and pixels in the kit of RADIATE
+RADIATE_HZ: Final = 4.0  # revolutions per second
 CARTESIAN_SIZE: Final = 1152  # pixels
-RADIATE_QUALITY: Final = 80  # of the JPEG through which its images went
+RADIATE_QUALITY: Final = 80  # JPEG quality of the images
 
 
 def epoch_of(layout: str, bin_size: float, start_us: int) -> int:
-    """Return what is added to the times of a sequence, us.
+    """Return the epoch that is added to the times of a sequence, us.
 
     Args:
-        layout: Of which data set its images are.
-        bin_size: m, of the radar.
-        start_us: When the sequence begins, us.
+        layout: Name of the data set.
+        bin_size: Distance between range bins of the radar, m.
+        start_us: Time at which the sequence begins, us.
     """
     if start_us >= LEAST_TIME_US:
         return 0
@@ -98,7 +100,7 @@ def assumed_bin(layout: str, time_us: int) -> float:
     """Return the size of bins that the reader of a data set assumes, m.
 
     Args:
-        layout: Of which data set.
+        layout: Name of the data set.
         time_us: Time at which the sequence begins, us.
     """
     if layout == "boreas":
@@ -112,10 +114,10 @@ def sequence_notes(
     """Return the text of the file README.md of a sequence.
 
     Args:
-        layout: Of which data set its images are.
-        spectrum: Its first turn.
-        start_us: When it begins, with the epoch, us.
-        epoch_us: What was added to times, us.
+        layout: Name of the data set.
+        spectrum: The first revolution of the sequence.
+        start_us: Time at which it begins, with the epoch, us.
+        epoch_us: The epoch that was added to times, us.
     """
     images, names = LAYOUTS[layout][:2]
     settings = spectrum.settings
@@ -136,7 +138,7 @@ def sequence_notes(
 
 
 def through_jpeg(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return counts, (A, B), as images of RADIATE have them."""
+    """Return counts after JPEG compression as in images of RADIATE, (A, B)."""
     data = io.BytesIO()
     columns = Image.fromarray(np.ascontiguousarray(counts.T))
     columns.save(data, "JPEG", quality=RADIATE_QUALITY)
@@ -145,7 +147,7 @@ def through_jpeg(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def cartesian_image(spectrum: Spectrum) -> bytes:
-    """Return a turn from above as a PNG file, as RADIATE has it."""
+    """Return a revolution from above as a PNG file in the format of RADIATE."""
     from scipy.ndimage import map_coordinates  # noqa: PLC0415 - slow
 
     settings = spectrum.settings
@@ -154,7 +156,7 @@ def cartesian_image(spectrum: Spectrum) -> bytes:
     row = np.remainder(np.arctan2(right, ahead), 2 * np.pi) / settings.step
     places = np.stack([row, np.hypot(right, ahead) / settings.bin_size])
     counts = through_jpeg(spectrum.counts)
-    # After the last direction comes the first one again.
+    # The first azimuth is appended after the last for interpolation between them.
     turn = np.concatenate([counts, counts[:1]]).astype(np.float32)
     pixels = map_coordinates(turn, places, order=1, cval=0.0)
     return _as_png(np.rint(pixels).astype(np.uint8))
@@ -167,12 +169,12 @@ def _as_png(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
-    """Return a turn as a PNG file.
+    """Return a revolution as a PNG file.
 
     Args:
-        spectrum: The turn.
-        layout: Whose images it shall look like.
-        time_us: Time at which the turn begins, us.
+        spectrum: The revolution.
+        layout: Name of the data set whose format is used.
+        time_us: Time at which the revolution begins, us.
 
     Raises:
         ValueError: If there is no such layout.
@@ -189,7 +191,7 @@ def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
 
 
 def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
-    """Return when each row was recorded, (A,) us."""
+    """Return the time at which each row was recorded, (A,) us."""
     sweep_us = 1e6 * spectrum.settings.sweep_time
     elapsed = np.rint(np.arange(len(spectrum.angles)) * sweep_us)
     times: NDArray[np.int64] = elapsed.astype(np.int64) + time_us
@@ -197,14 +199,14 @@ def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
 
 
 def file_name(spectrum: Spectrum, layout: str, *, time_us: int, number: int) -> str:
-    """Return the name that a file of a data set has.
+    """Return the file name of an image in a data set.
 
     Args:
-        spectrum: The turn.
-        layout: Of which data set.
-        time_us: Time at which the turn begins, us; the name of Oxford's files. That of
-            Boreas' is the time in the middle.
-        number: Number of the turn, from 1; the name of RADIATE's files.
+        spectrum: The revolution.
+        layout: Name of the data set.
+        time_us: Time at which the revolution begins, us. Oxford's files are named after
+            this time, Boreas' files after the time in the middle.
+        number: Number of the revolution, from 1, which names RADIATE's files.
     """
     if layout == "radiate":
         return f"{number:06d}.png"
@@ -214,30 +216,30 @@ def file_name(spectrum: Spectrum, layout: str, *, time_us: int, number: int) -> 
 
 
 def list_line(layout: str, name: str, time_us: int) -> str:
-    """Return the line of an image in that file.
+    """Return the line for an image in the file that lists the images.
 
     Args:
-        layout: Of which data set.
+        layout: Name of the data set.
         name: Name of the image's file.
-        time_us: Time at which the turn begins, us.
+        time_us: Time at which the revolution begins, us.
     """
     stem = name.removesuffix(".png")
     if layout == "radiate":
         seconds, rest = divmod(time_us, 1_000_000)
         return f"Frame: {stem} Time: {seconds}.{rest:06d}000\n"
-    return f"{stem} 1\n"  # valid
+    return f"{stem} 1\n"  # 1 means a valid image
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RadarTurn:
-    """What an FMCW radar received in one turn: A directions of B range bins.
+    """The data of a revolution of an FMCW radar: A azimuths with B range bins.
 
     Attributes:
-        times: (A,) s, simulated times, or those of a data set.
-        angles: (A,) directions, rad, counter-clockwise from straight ahead; they fall
-            from 0 to -2 pi, as the radar turns clockwise.
-        ranges: (B,) m.
-        counts: (A, B) uint8, the power as the radar stores it.
+        times: Simulated times, or times of the data set, (A,) s.
+        angles: Azimuths, (A,) rad, counter-clockwise from straight ahead. The radar
+            rotates clockwise, so they fall from 0 to -2 pi.
+        ranges: Ranges of the bins, (B,) m.
+        counts: The power as the radar stores it, (A, B) uint8.
         frame: Frame of the radar, or the name of the image.
     """
 
@@ -259,16 +261,16 @@ class RadarTurn:
         frame: str,
         metadata_bytes: int = METADATA_BYTES,
     ) -> Self:
-        """Read rows of Oxford's layout.
+        """Create a revolution from rows in Oxford's layout.
 
         Args:
-            rows: (A, metadata_bytes + B).
+            rows: Rows of the image, (A, metadata_bytes + B).
             bin_size: Distance between range bins, m.
             frame: Frame of the radar, or the name of the image.
-            metadata_bytes: Bytes of a row before the counts.
+            metadata_bytes: Number of bytes in a row before the counts.
         """
         head, counts = np.split(rows, [metadata_bytes], axis=1)
-        # The views need contiguous bytes, which columns of a row are not.
+        # Views of another type need contiguous bytes, so the columns are copied.
         times = head[:, :8].copy().view("<i8")[:, 0]
         encoder = head[:, 8:10].copy().view("<u2")[:, 0]
         angles = -2 * np.pi / ENCODER_COUNTS * encoder
@@ -279,19 +281,19 @@ class RadarTurn:
 def load_turns(
     folder: Path | str, layout: str, *, bin_size: float | None = None
 ) -> Iterator[RadarTurn]:
-    """Yield the turns in a folder of a data set, or of ``radarsim spectrum --path``.
+    """Yield the revolutions in a data set or an output of ``radarsim spectrum --path``.
 
-    Images of RADIATE have no times of their directions: these are spread evenly from
-    the time of the image on, over the median time from one image to the next.
+    Images of RADIATE have no times for azimuths. Such times are evenly spaced from the
+    time of the image over the median interval between images.
 
     Args:
-        folder: The folder in which ``radar`` is, or ``Navtech_Polar``.
+        folder: The folder that contains ``radar`` or ``Navtech_Polar``.
         layout: ``oxford``, ``boreas`` or ``radiate``.
-        bin_size: Distance between range bins, m; None for that in the ``README.md`` of
-            radarsim, or else what the data set's own reader assumes.
+        bin_size: Distance between range bins, m; None for the size in a ``README.md``
+            of radarsim, or otherwise the size that the data set's reader assumes.
 
     Raises:
-        ValueError: If there is no such layout, no image, or no time of an image.
+        ValueError: If the layout is unknown, or an image or its time is missing.
         OSError: If a file cannot be read.
     """
     if layout not in LAYOUTS:
@@ -319,10 +321,10 @@ def load_turns(
 
 
 def _frame_times(list_name: Path, files: list[Path]) -> Floats:
-    """Return the times of images, s, by lines ``Frame: 000001 Time: 1.0``.
+    """Return the times of images, s, from lines such as ``Frame: 000001 Time: 1.0``.
 
     Raises:
-        ValueError: If an image has no such line.
+        ValueError: If there is no line for an image.
     """
     lines = list_name.read_text("utf-8").splitlines()
     times = {words[1]: float(words[3]) for words in map(str.split, lines) if words[3:]}

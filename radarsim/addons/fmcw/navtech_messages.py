@@ -1,11 +1,11 @@
-"""Messages between a turning radar of Navtech and its clients: Colossus, without I/O.
+"""Messages of the Colossus protocol between a Navtech radar and its clients.
 
-A message is a head of 22 bytes and its payload: a signature of 16 bytes, the version of
-the protocol, the type, and the length of the payload, with the highest byte first.
-Clients ask, with empty payloads, for the configuration, and to start or stop the data,
-of which each direction is a message. Sources: what the maker publishes of its own
-clients (IASDK, MIT licence); the numbers of a direction's time are sent with the lowest
-byte first, as these clients read them.
+This module does no I/O. A message is a header of 22 bytes and a payload. The header has
+a signature of 16 bytes, the protocol version, the message type, and the length of the
+payload, all big-endian. Clients send messages without payload to request the
+configuration, or to start or stop the data, which is sent as a message per azimuth. The
+time of an azimuth is little-endian, as the maker's clients expect it. Source: the
+client code that the maker publishes (IASDK, MIT licence).
 """
 
 import struct
@@ -14,7 +14,7 @@ from typing import Final
 
 SIGNATURE: Final = bytes.fromhex("0001030307070f0f1f1f3f3f7f7ffefe")
 VERSION: Final = 1
-MAX_REQUEST: Final = 4096  # bytes of a payload that a client may send
+MAX_REQUEST: Final = 4096  # maximum payload of a message from a client, bytes
 NANOSECONDS: Final = 1_000_000_000
 
 _HEAD: Final = struct.Struct(">16sBBI")
@@ -24,17 +24,17 @@ _TIME: Final = struct.Struct("<2I")
 
 
 class MessageType(IntEnum):
-    """Types of messages; there are others, which are ignored."""
+    """Types of messages; other types are ignored."""
 
     CONFIGURATION = 10
     CONFIGURATION_REQUEST = 20
     START = 21
     STOP = 22
-    DIRECTION = 30  # with counts of 8 bits
+    DIRECTION = 30  # data of an azimuth, with counts of 8 bits
 
 
 def encode_message(kind: int, payload: bytes = b"") -> bytes:
-    """Return the bytes of a message of a type."""
+    """Return the bytes of a message."""
     return _HEAD.pack(SIGNATURE, VERSION, kind, len(payload)) + payload
 
 
@@ -46,32 +46,32 @@ def configuration_message(
     rotation_hz: float,
     packet_rate: int,
 ) -> bytes:
-    """Return what a radar tells of itself; too large numbers are the largest.
+    """Return the message with a radar's configuration; numbers are limited to 16 bits.
 
     Args:
-        azimuths: Directions in a turn.
-        bin_size: Distance between range bins, m, to 0.1 mm.
-        bins: Range bins of a direction.
-        encoder_counts: Counts of the encoder in a turn.
-        rotation_hz: Turns per second, to a thousandth.
-        packet_rate: Directions per second.
+        azimuths: Number of azimuths per revolution.
+        bin_size: Distance between range bins, m; sent in units of 0.1 mm.
+        bins: Number of range bins of an azimuth.
+        encoder_counts: Encoder counts per revolution.
+        rotation_hz: Revolutions per second; sent in thousandths.
+        packet_rate: Azimuths per second.
     """
     thousandths, tenths_mm = rotation_hz * 1e3, bin_size * 1e4
     numbers = azimuths, tenths_mm, bins, encoder_counts, thousandths, packet_rate
-    # struct would raise an error for larger ones.
+    # struct would raise an error for larger numbers.
     limited = (min(round(number), 0xFFFF) for number in numbers)
-    gain, offset = 1.0, 0.0  # of ranges: clients are to take them as they are
+    gain, offset = 1.0, 0.0  # correction of ranges; these values change nothing
     payload = _CONFIGURATION.pack(*limited, gain, offset)
     return encode_message(MessageType.CONFIGURATION, payload)
 
 
 def direction_message(sweep: int, encoder: int, time: int, counts: bytes) -> bytes:
-    """Return what a radar received from one direction.
+    """Return the message with the data of an azimuth.
 
     Args:
-        sweep: Counts directions, 0 to 65535 and from the beginning again.
-        encoder: Count of the encoder, which is 0 straight ahead.
-        time: When the sweep began, ns.
+        sweep: Counter of azimuths, 0 to 65535, which wraps around.
+        encoder: Encoder count, 0 straight ahead.
+        time: Time at which the sweep began, ns.
         counts: The power in each range bin, a byte each.
     """
     place = _PLACE.pack(_PLACE.size + _TIME.size, sweep, encoder)
@@ -80,14 +80,14 @@ def direction_message(sweep: int, encoder: int, time: int, counts: bytes) -> byt
 
 
 class MessageBuffer:
-    """Finds messages in what is received, in pieces of any size.
+    """Splits a stream of received bytes into messages.
 
     Attributes:
-        problem: Why no more messages are found; empty while they are.
+        problem: The error that stopped the buffer; empty while there is none.
     """
 
     def __init__(self) -> None:
-        """Start without received bytes."""
+        """Create an empty buffer."""
         self.problem = ""
         self._received = bytearray()
 
@@ -96,7 +96,7 @@ class MessageBuffer:
         received, messages = self._received, []
         received += data
         while received and not self.problem:
-            # What cannot become the signature any more is not waited for.
+            # An error is reported as soon as the bytes cannot be a signature.
             if not SIGNATURE.startswith(received[: len(SIGNATURE)]):
                 self.problem = f"{bytes(received[:16])!r}, expected the signature"
                 break

@@ -1,17 +1,17 @@
-"""A server of one robot's FMCW radar, in the protocol of the radar's maker.
+"""A server for the FMCW radar of a robot, in the protocol of the radar's maker.
 
 Theory of operation
 ===================
-Clients are told the configuration of the radar when they connect, or as soon as there
-is one, and again whenever they ask. Each direction that the radar receives is sent to
-all clients that have asked for data, in the tick in which it is received.
+Clients receive the configuration of the radar when they connect, or as soon as there is
+a radar, and on request. The data of each azimuth is sent to all clients that have
+requested data, in the tick in which the radar receives it.
 
-Rule 1: a client that reads too slowly misses directions, which the sweep counter tells
-it; one that reads none for ``PATIENCE`` is dropped. Nobody waits for it.
-Rule 2: a client is read at most once in ``READ_PAUSE``, so that no flood takes much
-time from the ticks. What is no message of the protocol ends its connection.
-Rule 3: only while somebody has asked for data, or the radar has a detector, does its
-antenna turn.
+Rule 1: a slow client misses azimuths, which it notices by the sweep counter. A client
+that reads nothing for ``PATIENCE`` is disconnected. The server never waits for clients.
+Rule 2: messages of a client are read at most once per ``READ_PAUSE``, so that a flood
+of messages does not slow down the ticks. An invalid message ends the connection.
+Rule 3: the antenna rotates only while a client has requested data, or the radar has a
+detector.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("radarsim.server")
 
-PORT: Final = 6317  # of the real radars
+PORT: Final = 6317  # the port of real radars
 MAX_CLIENTS: Final = 8
-MOST_UNSENT: Final = 262_144  # bytes; some 60 directions
+MOST_UNSENT: Final = 262_144  # bytes; about 60 azimuths
 PATIENCE: Final = 10.0  # s
 
 
 class NavtechServer(PeerServer, HostObserver):
-    """Serves what the radar of one robot receives; an observer of its host."""
+    """Serves the data of a robot's radar; it observes the host of the simulation."""
 
     def __init__(self, *, port: int = PORT, robot: str | None = None) -> None:
         """Create a server that does not listen yet.
 
         Args:
-            port: Port to listen on; 0 for a free one.
-            robot: Name of the robot, in any case; None for the first one that carries
-                such a radar.
+            port: Port to listen on; 0 for a free port.
+            robot: Name of the robot, in upper or lower case; None for the first robot
+                that carries such a radar.
         """
         super().__init__(port, "radar clients")
         self._robot = robot
@@ -66,16 +66,16 @@ class NavtechServer(PeerServer, HostObserver):
         return RadarClient(self)
 
     def begin(self, simulation: Simulation) -> None:
-        """Serve a radar of a simulation from now on."""
+        """Serve a radar of a simulation."""
         self._simulation = simulation
 
     async def stop(self) -> None:
-        """Close the port and all connections at once; never raises."""
+        """Close the port and all connections immediately; raises no errors."""
         self._listen_to(None)
         await super().stop()
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
-        """Follow the robot, which can come or leave, and listen while clients do."""
+        """Find the radar, as robots come and go, and subscribe to it if needed."""
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
             each
@@ -103,7 +103,7 @@ class NavtechServer(PeerServer, HostObserver):
         self._listen_to(antenna if is_wanted else None)
 
     def _listen_to(self, antenna: Antenna | None) -> None:
-        """Listen to an antenna, and to no other."""
+        """Subscribe to the data of an antenna, or to none."""
         if self._antenna is None:
             return
         listeners = self._antenna.listeners
@@ -117,7 +117,7 @@ class NavtechServer(PeerServer, HostObserver):
         client.send(self._configuration)
 
     def _hear(self, sector: Sector, time: float) -> None:
-        """Send directions, received from a time on, s, to all who want them."""
+        """Send azimuths, received from ``time``, s, to all clients that want data."""
         settings = sector.spectrum.settings
         data = b"".join(
             direction_message(
@@ -128,35 +128,35 @@ class NavtechServer(PeerServer, HostObserver):
             )
             for k, row in enumerate(sector.rows)
         )
-        # A copy, as a client that is closed leaves the set.
+        # The set is copied, since closing a client removes it from the set.
         for client in list(self.peers):
             if client.wants_data:
                 client.send(data)
 
 
 class RadarClient(PeerConnection):
-    """One connection of a client.
+    """The connection of a client.
 
     Attributes:
-        wants_data: Whether it has asked for data.
+        wants_data: Whether the client has requested data.
     """
 
     KIND = "radar client"
     MOST = MAX_CLIENTS
 
     def __init__(self, server: NavtechServer) -> None:
-        """Create the protocol of a connection, which adds itself to the server."""
+        """Create the connection and add it to the server."""
         super().__init__(server)
         self.wants_data = False
         self._server = server
         self._messages = MessageBuffer()
-        self._read_at = 0.0  # when all that was sent had left last
+        self._read_at = 0.0  # time at which the send buffer was last empty
 
     def _begin(self, transport: asyncio.Transport) -> None:  # noqa: ARG002 - not needed
         self._server.tell(self)
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Act on received messages, and read no more for a while."""
+        """Handle received messages, then pause reading."""
         messages = self._messages.feed(bytes(self._buffer[:nbytes]))
         types = [kind for kind, _ in messages]
         if MessageType.CONFIGURATION_REQUEST in types:
@@ -171,7 +171,7 @@ class RadarClient(PeerConnection):
             self._rest()  # rule 2
 
     def send(self, data: bytes) -> None:
-        """Send whole messages, or none of them if too many still wait."""
+        """Send complete messages, or drop them if too many bytes are unsent."""
         if self._transport is None or not data:
             return
         now = asyncio.get_running_loop().time()
@@ -180,7 +180,7 @@ class RadarClient(PeerConnection):
             self._read_at = now
         if unsent <= MOST_UNSENT:
             self._transport.write(data)
-        # Rule 1: whole directions are left out, never a part of one.
+        # Rule 1: complete azimuths are left out, never parts of messages.
         elif now - self._read_at > PATIENCE:
             log.warning("%s: closed: it reads nothing", self.peer)
             self.close()

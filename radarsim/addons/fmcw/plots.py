@@ -1,6 +1,6 @@
-"""Pictures of spectra: from above, by direction and range, and one direction alone.
+"""Pictures of spectra: from above, by azimuth and range, and the A-scope of an azimuth.
 
-Over them lie the outlines of the map at the height of the sensor, if it is known.
+The outlines of the map at the height of the sensor are drawn over them, if known.
 """
 
 import math
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
     from radarsim.scene.scene import Scene
 
 SIZES: Final = {"cartesian": (9.2, 8.0), "polar": (11.0, 5.2), "ascope": (10.0, 4.2)}
-PIXELS: Final = 1000  # along a side of the picture from above
-DARKEST: Final = 10  # dB of the grey scale under the median of the noise
-BRIGHTEST: Final = 50  # and over it
-VISIBLE: Final = 3.0  # dB over the noise, from which on an echo shows
-LEAST_LOUD: Final = 2  # directions at a range, or it is not shown for them
-MARGIN: Final = 1.1  # what is shown, by what has echoes
-SHORTEST_REACH: Final = 5.0  # m
-PIECE: Final = 0.1  # m of an outline that are a straight line in every view
+PIXELS: Final = 1000  # width and height of the picture from above
+DARKEST: Final = 10  # range of the grey scale below the median of the noise, dB
+BRIGHTEST: Final = 50  # range of the grey scale above the median of the noise, dB
+VISIBLE: Final = 3.0  # least level above the noise of visible echoes, dB
+LEAST_LOUD: Final = 2  # least number of azimuths with visible echoes at a range
+MARGIN: Final = 1.1  # ratio of the range that is shown to the longest range of echoes
+SHORTEST_REACH: Final = 5.0  # m, least range that is shown
+PIECE: Final = 0.1  # m, longest piece of an outline, which is straight in every view
 _DECIBELS: Final = "power over the median of the noise, dB"
 _MARK: Final[dict[str, Any]] = {
     "marker": "o",
     "linestyle": "none",
     "markerfacecolor": "none",
-    "color": RADARS[2],  # which shows on black
+    "color": RADARS[2],  # visible on black
 }
 _GREY: Final[dict[str, Any]] = {
     "cmap": "gray",
@@ -57,17 +57,17 @@ def plot_spectrum(
     detections: "Detections | None" = None,
     scene: "Scene | None" = None,
 ) -> Axes:
-    """Draw a turn.
+    """Draw a revolution.
 
     Args:
-        spectrum: The turn.
-        ax: Axes of matplotlib; None for a figure of its own.
-        view: ``cartesian``, as seen from above with the front of the sensor upwards;
-            ``polar``, a row for each direction; ``ascope``, power over range.
-        azimuth: The direction of an A-scope.
-        reach: Longest range that is shown, m; None for what is above the noise.
-        detections: Targets to be marked.
-        scene: The map, whose outlines are drawn over the turn.
+        spectrum: The revolution.
+        ax: Axes of matplotlib; None for a new figure.
+        view: ``cartesian``, as seen from above with straight ahead up; ``polar``, with
+            a row for each azimuth; or ``ascope``, power over range.
+        azimuth: Index of the azimuth of an A-scope.
+        reach: Longest range that is shown, m; None to show all echoes above the noise.
+        detections: Targets to mark.
+        scene: The map, whose outlines are drawn.
 
     Raises:
         ValueError: If there is no such view or azimuth.
@@ -98,14 +98,14 @@ def plot_spectrum(
         if pieces is not None:
             seen = pieces[np.hypot(*pieces.T).max(axis=0) < reach]
             _draw_outlines(ax, seen @ [[0, 1], [-1, 0]])
-    # The legend of outlines is beside it.
+    # The title is on the left, since the legend of outlines is on the right.
     ax.set_title(f"{spectrum.sensor}, {title}", fontsize="medium", loc="left")
     return ax
 
 
 def echo_reach(spectrum: "Spectrum") -> float:
-    """Return the range up to which there are echoes above the noise, and a bit more."""
-    # By the mean power of echoes: noise that happens to be loud would move the edge.
+    """Return the longest range with echoes above the noise, plus a margin, m."""
+    # The mean power of echoes is used, since random peaks of noise would extend it.
     noise = spectrum.noise_floor * np.float32(10 ** (VISIBLE / 10))
     loud = (spectrum.echo_power > noise).sum(axis=0) >= LEAST_LOUD
     last = np.flatnonzero(loud).max(initial=0)
@@ -119,19 +119,20 @@ def _grey(spectrum: "Spectrum") -> NDArray[np.float32]:
 
 
 def outline_pieces(spectrum: "Spectrum", scene: "Scene") -> Floats:
-    """Return what the map has at the height of a sensor, as pieces of at most 0.1 m.
+    """Return the outlines of a map at the height of a sensor, in pieces up to 0.1 m.
 
     Args:
-        spectrum: A turn of the sensor.
+        spectrum: A revolution of the sensor.
         scene: The map.
 
     Returns:
-        (P, 2, 2) m: x ahead and y to the left of the sensor, of both ends.
+        Both ends of the pieces in the sensor frame, x ahead and y left, (P, 2, 2) m.
     """
     pose = spectrum.pose
     cuts = [slice_mesh(part.vertices, part.faces, pose.z) for part in scene.parts]
     ends = np.concatenate([np.zeros((0, 2, 2)), *cuts])
-    # A triangle whose corner just reaches that height is cut in a point.
+    # If only a corner of a triangle reaches the height, its section is a point, which
+    # is removed.
     lines = shapely.linestrings(ends[(ends[:, 0] != ends[:, 1]).any(axis=1)])
     coordinates, line = shapely.get_coordinates(
         shapely.segmentize(lines, PIECE), return_index=True
@@ -143,17 +144,17 @@ def outline_pieces(spectrum: "Spectrum", scene: "Scene") -> Floats:
 
 
 def _polar_lines(pieces: Floats) -> Floats:
-    """Return pieces of outlines as range, m, and azimuth, degrees clockwise."""
+    """Convert pieces of outlines to range, m, and azimuth, degrees clockwise."""
     x, y = pieces[..., 0], pieces[..., 1]
     degrees = np.degrees(np.arctan2(-y, x)) % 360
     lines = np.stack([np.hypot(x, y), degrees], axis=2)
-    return np.asarray(lines[np.ptp(degrees, axis=1) < 180])  # not across the edge
+    return np.asarray(lines[np.ptp(degrees, axis=1) < 180])  # none across 0 degrees
 
 
 def _draw_outlines(axes: Axes, lines: Floats) -> None:
-    """Draw outlines of the map over a picture, and say what they are."""
+    """Draw outlines of the map over a picture, with a legend."""
     limits = axes.get_xlim(), axes.get_ylim()
-    # Thin: it must not hide the echoes of what it shows.
+    # The lines are thin, so that they do not hide the echoes.
     style: dict[str, Any] = {"colors": TRUTH, "linewidths": 0.6, "alpha": 0.8}
     outlines = LineCollection(list(lines), **style, label="what is truly there")
     axes.add_collection(outlines, autolim=False)
@@ -163,10 +164,10 @@ def _draw_outlines(axes: Axes, lines: Floats) -> None:
 
 
 def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> None:
-    """Draw a line at each range at which a direction crosses an outline."""
+    """Draw a line at each range at which an azimuth crosses an outline."""
     cos, sin = math.cos(angle), math.sin(angle)
     pieces = pieces @ np.array([[cos, -sin], [sin, cos]])
-    # Pieces that meet share an end, so that one of them is crossed.
+    # Adjacent pieces share an end, so at least one of them is crossed there.
     (x0, y0), (x1, y1) = pieces[:, 0].T, pieces[:, 1].T
     share = np.divide(y0, y0 - y1, out=np.full(len(y0), np.inf), where=y0 != y1)
     ranges = (x0 + share * (x1 - x0))[(share >= 0) & (share <= 1)]
@@ -177,7 +178,7 @@ def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> No
 
 
 def _add_scale(axes: Axes, image: AxesImage) -> None:
-    """Draw the scale of a picture beside it."""
+    """Draw a colour bar next to a picture."""
     figure = axes.get_figure(root=True)
     if figure is not None:
         figure.colorbar(image, ax=axes, label=_DECIBELS, shrink=0.9, pad=0.02)
@@ -200,7 +201,7 @@ def _draw_cartesian(
 
 
 def _from_above(spectrum: "Spectrum", reach: float) -> NDArray[np.float32]:
-    """Return the grey of a turn as seen from above; nan beyond its range."""
+    """Return a revolution as seen from above, dB; nan beyond its range."""
     values, pixels = _grey(spectrum), PIXELS
     places: Floats = ((np.arange(pixels) + 0.5) / pixels * 2 - 1) * reach
     right, ahead = places[None, :], -places[:, None]
@@ -209,7 +210,7 @@ def _from_above(spectrum: "Spectrum", reach: float) -> NDArray[np.float32]:
     column = np.hypot(right, ahead) / spectrum.settings.bin_size
     low, near = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
     across, along = np.float32(row - low), np.float32(column - near)
-    # Linear interpolation needs the bin after as well.
+    # Linear interpolation also needs the next bin.
     outside = near >= bins - 1
     near = np.minimum(near, bins - 2)
     low, high = low % count, (low + 1) % count

@@ -1,20 +1,20 @@
-"""The echoes of points: the ways on which they are seen, and the tones of these.
+"""Echoes of points with multipath: propagation paths and their beat components.
 
 Theory of operation
 ===================
-A point, such as a corner reflector, is seen straight and by what reflects: mirrors,
-smooth walls and level ground. By a plane it is seen where its image is, at the image's
-distance. A wave goes out by one way and comes back by the same or another one, so that
-ways i and j make a tone at the range (Ri + Rj) / 2 of phase 2 pi (Ri + Rj) / lambda,
-of twice the field if they differ. Straight ways and those over level ground differ by
-less than a bin: their tones beat as heights and ranges change, between nothing and 12
-dB over the point alone.
+A point, such as a corner reflector, is visible directly and by reflections at mirrors,
+smooth walls and level ground. Through a plane it appears at its mirror image, at the
+distance of the image. A wave may travel out on one path and return on another. So paths
+i and j give a beat component at the range (Ri + Rj) / 2 with the phase 2 pi (Ri + Rj) /
+lambda, and with twice the field if they differ. The direct path and the path over level
+ground differ by less than a bin, so they interfere: as heights and ranges change, the
+power varies between zero and 12 dB above the point alone.
 
-What a surface reflects is that of Fresnel's formulas, the mean of both polarisations,
-for the refractive index that its head-on reflection tells. Roughness takes of it what
-Rayleigh's criterion says.
+The reflection of a surface follows from the Fresnel equations, as the mean of both
+polarisations, with the refractive index that gives its reflection at normal incidence.
+Roughness reduces it by Rayleigh's criterion.
 
-All directions receive all points: in their main lobes, or in their sidelobes.
+Every azimuth receives all points, in its main lobe or its sidelobes.
 
 Source: M. I. Skolnik, Introduction to Radar Systems, on the pattern over flat ground;
 P. Beckmann and A. Spizzichino, The Scattering of Electromagnetic Waves from Rough
@@ -46,19 +46,19 @@ from radarsim.scene.material import OPAQUE, Material
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.radar import FmcwRadar
 
-CLEARANCE: Final = 1e-3  # m; a surface this near a point does not hide it
-FAINT: Final = 0.01  # in units of the noise; a tone of less is left out
-MOST_PLANES: Final = 64  # that reflect points; the largest
-ROUGHNESS: Final = 1e-3  # m rms, of what is smooth but no mirror; estimate
-_DIGITS: Final = 4  # of normals and offsets, so that faces in one plane are one
+CLEARANCE: Final = 1e-3  # m; a surface that is closer to a point does not hide it
+FAINT: Final = 0.01  # power relative to the noise; weaker components are left out
+MOST_PLANES: Final = 64  # maximum number of planes that reflect points, largest first
+ROUGHNESS: Final = 1e-3  # m rms, for smooth surfaces that are not mirrors; estimate
+_DIGITS: Final = 4  # digits to which planes are rounded to merge their faces
 
 
 class Points(NamedTuple):
-    """Points that reflect; N of them.
+    """N reflecting points.
 
     Attributes:
-        positions: (N, 3) m, map frame.
-        rcs: (N,) m^2, their radar cross sections.
+        positions: Positions, (N, 3) m, map frame.
+        rcs: Radar cross sections, (N,) m^2.
     """
 
     positions: Floats
@@ -70,23 +70,22 @@ _PLANE: Final = np.dtype(
     [
         ("area", np.float64),  # m^2
         ("normal", np.float64, 3),  # unit vector, map frame
-        ("offset", np.float64),  # m, along the normal
+        ("offset", np.float64),  # m, distance from the origin along the normal
         ("part", np.int64),
-        ("reflected", np.float64),  # share of the power that it reflects head-on
-        ("is_mirror", np.bool_),  # whether it reflects that at all angles
-        ("absorbed_db", np.float64),  # what the tracer takes at it
+        ("reflected", np.float64),  # share of power reflected at normal incidence
+        ("is_mirror", np.bool_),  # whether that share is the same at all angles
+        ("absorbed_db", np.float64),  # absorption in the ray tracer
     ]
 )
 
 
 class Ways(NamedTuple):
-    """Ways from an antenna to points; K of them.
+    """K propagation paths from an antenna to points.
 
     Attributes:
-        points: (K,) int64, the point of each.
-        images: (K, 3) m, where the point seems to be, map frame.
-        fields: (K,) share of the field that is left one way, negative if its phase is
-            turned.
+        points: Indices of the points, (K,) int64.
+        images: Apparent positions (mirror images) of the points, (K, 3) m, map frame.
+        fields: One-way factors of the field, (K,); negative if the phase is inverted.
     """
 
     points: NDArray[np.int64]
@@ -95,14 +94,14 @@ class Ways(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What decides whether a point is seen.
+    """Traces the lines of sight between an antenna, surfaces and points.
 
     Attributes:
         radar: The radar.
         tracer: Tracer of the scene.
-        origin: (3,) m, place of the antenna, map frame.
-        boxes: The robots.
-        carrier_id: The robot that carries the radar; -1 for none.
+        origin: Position of the antenna, (3,) m, map frame.
+        boxes: The boxes of robots.
+        carrier_id: Id of the robot that carries the radar; -1 for none.
     """
 
     radar: "FmcwRadar"
@@ -112,11 +111,11 @@ class Sight(NamedTuple):
     carrier_id: int
 
     def losses(self, starts: Floats, ends: Floats) -> Floats:
-        """Return the loss between places, (N,) dB; inf if something is between them."""
+        """Return the one-way losses between positions, (N,) dB; inf if hidden."""
         loss = np.full(len(ends), np.inf)
         rows = np.flatnonzero(np.linalg.norm(ends - starts, axis=1) > 2 * CLEARANCE)
         if len(rows):
-            # A mirror on the way hides the point, as any other surface.
+            # A mirror in between hides the point like any other surface.
             traces, _ = self._trace(starts[rows], ends[rows], -CLEARANCE)
             passed = traces.outcomes == Outcome.NOTHING
             loss[rows[passed]] = self._decibels(traces.power[passed])
@@ -125,7 +124,7 @@ class Sight(NamedTuple):
     def losses_to_parts(
         self, ends: Floats, parts: NDArray[np.int64], absorbed_db: Floats
     ) -> Floats:
-        """Return the loss to places on parts, (N,) dB; inf if they are not seen."""
+        """Return the one-way losses to positions on parts, (N,) dB; inf if hidden."""
         starts = np.broadcast_to(self.origin, ends.shape)
         traces, reach = self._trace(starts, ends, CLEARANCE)
         met = (traces.outcomes == Outcome.HIT) & (traces.parts == parts)
@@ -135,7 +134,7 @@ class Sight(NamedTuple):
     def _trace(
         self, starts: Floats, ends: Floats, longer: float
     ) -> tuple[Traces, Floats]:
-        """Trace rays between places, and as far beyond; return how far as well."""
+        """Trace rays between positions plus ``longer``; also return their ranges."""
         offsets = ends - starts
         distance = np.linalg.norm(offsets, axis=1)
         reach, directions = distance + longer, offsets / distance[:, None]
@@ -155,7 +154,7 @@ _known: WeakKeyDictionary[Tracer, NDArray[np.void]] = WeakKeyDictionary()
 
 
 def reflecting_planes(tracer: Tracer) -> NDArray[np.void]:
-    """Return the largest flat surfaces of a scene that reflect, rows of ``_PLANE``."""
+    """Return the largest reflecting planes of a scene, rows of ``_PLANE``."""
     if tracer not in _known:
         planes = np.array(list(_find_planes(tracer)), _PLANE)
         largest = np.argsort(-planes["area"], kind="stable")[:MOST_PLANES]
@@ -179,13 +178,13 @@ def _find_planes(tracer: Tracer) -> Iterator[tuple[object, ...]]:
         absorbed = material.absorption_db if material.radar_mirror else 0.0
         kind = (number, reflected, material.radar_mirror, absorbed)
         for size, plane in zip(areas.tolist(), found, strict=True):
-            # The exact normal: a rounded one would shift far images.
+            # The exact normal is kept, as a rounded one would shift distant images.
             exact = planes[(np.abs(planes - plane) < 10**-_DIGITS).all(axis=1)][0]
             yield (size, exact[:3], exact[3], *kind)
 
 
 def head_on_reflection(material: Material) -> float:
-    """Return the share of the power that a flat piece of a surface reflects head-on."""
+    """Return the share of power that a flat surface reflects at normal incidence."""
     if material.density != OPAQUE or math.isinf(material.absorption_db):
         return 0.0
     if material.radar_mirror:
@@ -195,17 +194,17 @@ def head_on_reflection(material: Material) -> float:
 
 
 def fresnel_reflections(head_on: Floats, cosine: Floats) -> tuple[Floats, Floats]:
-    """Return the shares of the power that smooth surfaces reflect.
+    """Return the shares of power that smooth surfaces reflect (Fresnel equations).
 
     Args:
-        head_on: The share that they reflect head-on, below 1.
+        head_on: Share that is reflected at normal incidence, below 1.
         cosine: Cosine of the angle of incidence.
 
     Returns:
-        That of a field across the plane of incidence, and of one along it.
+        Shares for fields perpendicular and parallel to the plane of incidence.
     """
     root = np.sqrt(np.minimum(head_on, 0.999))
-    square = ((1 + root) / (1 - root)) ** 2  # of the refractive index
+    square = ((1 + root) / (1 - root)) ** 2  # square of the refractive index
     inside = np.sqrt(square - 1 + cosine**2)
     across = (cosine - inside) / (cosine + inside)
     along = (square * cosine - inside) / (square * cosine + inside)
@@ -213,7 +212,7 @@ def fresnel_reflections(head_on: Floats, cosine: Floats) -> tuple[Floats, Floats
 
 
 def straight_ways(sight: Sight, points: Points, _wavelength: float) -> Ways:
-    """Return the straight ways to the points that are seen so."""
+    """Return the direct paths to all points that are visible directly."""
     places = points.positions
     loss = sight.losses(np.broadcast_to(sight.origin, places.shape), places)
     seen = np.flatnonzero(np.isfinite(loss))
@@ -221,17 +220,17 @@ def straight_ways(sight: Sight, points: Points, _wavelength: float) -> Ways:
 
 
 def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
-    """Return the ways on which points are seen: straight, and by one plane each.
+    """Return the paths to points: direct paths, and paths with a single reflection.
 
     Args:
-        sight: From where.
+        sight: Lines of sight of the antenna.
         points: The points.
-        wavelength: m.
+        wavelength: Wavelength, m.
     """
     origin, places = sight.origin, points.positions
     found = [straight_ways(sight, points, wavelength)]
     planes = reflecting_planes(sight.tracer)
-    # A copy, whose products are rounded as those of any matrix.
+    # A contiguous copy, so that products are rounded as for other matrices.
     directions = planes["normal"].copy()
     height = directions @ origin - planes["offset"]
     heights = places @ directions.T - planes["offset"]  # (N, M)
@@ -258,9 +257,9 @@ def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
 def reflected_share(
     planes: NDArray[np.void], cosine: Floats, wavelength: float
 ) -> Floats:
-    """Return the share of the power that planes reflect as mirrors do."""
+    """Return the share of power that planes reflect specularly."""
     head_on = planes["reflected"]
-    # Heights of the surface turn the phase by as much out as back.
+    # The rms phase change from the height variations of the surface.
     turn = 4 * math.pi * ROUGHNESS * cosine / wavelength
     across, along = fresnel_reflections(head_on, cosine)
     smooth = (across + along) / 2 * np.exp(-(turn**2))
@@ -270,14 +269,14 @@ def reflected_share(
 def point_tones(
     settings: FmcwSettings, view: Viewpoints, rows: range, points: Points, ways: Ways
 ) -> Tones:
-    """Return the tones of points in directions.
+    """Return the beat components of points at azimuths.
 
     Args:
-        settings: The radar.
-        view: From where its antenna looks into the directions.
-        rows: The directions.
+        settings: Settings of the radar.
+        view: Viewpoints of the antenna at the azimuths.
+        rows: Indices of the azimuths.
         points: The points.
-        ways: Those on which they are seen.
+        ways: Paths to the points.
     """
     offsets = ways.images[None, :, :] - view.positions[:, None, :]
     distance = np.linalg.norm(offsets, axis=2)  # (R, K)
@@ -286,7 +285,7 @@ def point_tones(
     across = across + np.arctan2(seen[..., 1], seen[..., 0])
     across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
     elevation = np.arcsin(np.clip(seen[..., 2] / np.maximum(distance, 1e-9), -1, 1))
-    # One way the sidelobes have half the decibels that they have out and back.
+    # The one-way sidelobes have half of the two-way decibels.
     pattern = azimuth_pattern(settings, across)
     pattern = np.maximum(pattern, 10 ** (settings.sidelobe_db / 20))
     pattern *= elevation_pattern(settings, elevation)
@@ -300,8 +299,8 @@ def point_tones(
     row, pair = np.nonzero((power > FAINT) & (distance[:, first] > CLEARANCE))
     length = (distance[row, first[pair]] + distance[row, second[pair]]) / 2
     approach = (speed[row, first[pair]] + speed[row, second[pair]]) / 2
-    # The phase follows the true distance, the tone what Doppler makes of it. In an
-    # up-sweep both rise with the distance, as those of the speckle do.
+    # The phase depends on the true distance, the beat frequency also on the Doppler
+    # shift. In an up-sweep both rise with the distance, as for speckle.
     phases = 4 * math.pi * length / settings.wavelength
     phases += np.where(both[row, pair] < 0, math.pi, 0.0)
     shifted = length + doppler_shift(settings, approach)
@@ -309,7 +308,7 @@ def point_tones(
 
 
 def _pairs(points: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the numbers of all pairs of ways to the same point, each pair once."""
+    """Return the indices of all pairs of paths to the same point, each pair once."""
     numbers = np.arange(len(points))
     same = points[:, None] == points[None, :]
     first, second = np.nonzero(same & (numbers[:, None] <= numbers[None, :]))

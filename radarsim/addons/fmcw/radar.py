@@ -1,4 +1,4 @@
-"""A turning FMCW radar in a scene."""
+"""A rotating FMCW radar, which computes spectra, beat signals and scans of a scene."""
 
 import math
 from dataclasses import replace
@@ -56,22 +56,22 @@ from radarsim.sensors.scan import Scan
 # The bounding boxes of the parts of each scene, (P, 2, 3) m.
 _bounds: WeakKeyDictionary[Scene, Floats] = WeakKeyDictionary()
 
-MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the noise
-CORNER_BOUNCES: Final = 3  # of the mirrors of a trihedral, which every ray follows
-# Sets of scatterers of the speckle.
+MAX_LOSS_DB: Final = 75.0  # one-way loss that ends a ray; 150 dB is far below noise
+CORNER_BOUNCES: Final = 3  # reflections in a trihedral, which every ray follows
+# Numbers of independent sets of scatterers.
 _IN_BEAMS: Final = 0
 _IN_SIDELOBES: Final = 1
 
 
 class FmcwRadar:
-    """A turning FMCW radar.
+    """A rotating FMCW radar.
 
     Attributes:
-        name: Name of its preset.
-        settings: Its settings.
-        sensor: Settings of its range scanner.
-        ray_class: The class of its rays.
-        full_power: The power with which they start.
+        name: Name of the preset.
+        settings: Settings of the radar.
+        sensor: Settings of the range scanner that the radar implements.
+        ray_class: Class of the radar's rays.
+        full_power: Initial power of the rays.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class FmcwRadar:
         """Create a radar.
 
         Args:
-            name: Name of its preset.
-            settings: Its settings.
-            sensor: Those of its range scanner: the band of the materials, the decibels
-                in a unit of density, how many mirrors are followed beyond the three of
-                a corner, and the detector.
+            name: Name of the preset.
+            settings: Settings of the radar.
+            sensor: Settings of the range scanner: the band of the materials, the
+                decibels per unit of density, the maximum number of reflections, which
+                is at least three, and the detector.
         """
         self.name = name
         self.settings = settings
@@ -108,7 +108,7 @@ class FmcwRadar:
 
     @cached_property
     def angles(self) -> Floats:
-        """Directions of a turn, (A,) rad, clockwise from straight ahead: 0 to -2 pi."""
+        """Azimuths of a revolution, (A,) rad, from 0 (straight ahead) to -2 pi."""
         return np.asarray(-self.settings.step * np.arange(self.settings.azimuths))
 
     @cached_property
@@ -117,15 +117,15 @@ class FmcwRadar:
         return np.asarray(self.settings.bin_size * np.arange(self.settings.bins))
 
     def scan(self, scene: Scene, pose: Pose3, rng: np.random.Generator) -> Scan:
-        """Scan a scene: the targets that the detector finds in a turn.
+        """Scan a scene: find targets in the spectrum of a revolution by the detector.
 
-        Its rays are the middles of its beams. It lists no echoes: a spectrum does not
-        tell the objects that targets are.
+        The rays of the scan are the axes of the beams. The scan has no echoes, since a
+        spectrum does not show to which objects targets belong.
 
         Args:
             scene: The map.
             pose: Pose of the antenna, map frame.
-            rng: As for ``spectrum``.
+            rng: Source of speckle and noise, as in ``spectrum``.
         """
         settings = self.sensor
         targets = find_targets(self.spectrum(scene, pose, rng), settings)
@@ -173,14 +173,14 @@ class FmcwRadar:
         pose: Pose3,
         rng: np.random.Generator,
     ) -> Spectrum:
-        """Record a turn of a radar that stands still.
+        """Record a revolution of a radar that does not move.
 
         Args:
             scene: The map.
             pose: Pose of the antenna, map frame.
-            rng: Source of speckle and noise. It is not drawn from, but has a child for
-                each turn that is: what others draw from it stays the same. Speckle is
-                that of its seed, the same in all turns.
+            rng: Source of speckle and noise. No numbers are drawn from it; a new
+                generator is spawned from it for the noise of each revolution. Speckle
+                depends on its seed and is the same in all revolutions.
         """
         rows = range(self.settings.azimuths)
         turn = self.receive(pose, rows, *self._standing(scene, pose, rng))
@@ -189,7 +189,7 @@ class FmcwRadar:
     def beat_signal(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator
     ) -> NDArray[np.float32]:
-        """Return the samples of a turn; see ``RangeScanner.beat_signal``."""
+        """Return the samples of a revolution; see ``RangeScanner.beat_signal``."""
         _, echoes, tones, streams = self._standing(scene, pose, rng)
         sweeps = sample_sweeps(self.settings, 0, echoes.field, tones, streams)
         scale = np.float32(math.sqrt(noise_power(self.settings)))
@@ -198,7 +198,7 @@ class FmcwRadar:
     def _standing(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator
     ) -> tuple[Viewpoints, Echoes, Tones, NumberedStreams]:
-        """Return what ``receive`` needs for a turn; arguments as of ``spectrum``."""
+        """Compute the arguments of ``receive``; arguments as in ``spectrum``."""
         rows = range(self.settings.azimuths)
         view = fixed_viewpoints(pose, self.times(_count_children(rng)))
         key, echoes = fixed_number(rng), self.new_turn(scene)
@@ -208,12 +208,12 @@ class FmcwRadar:
         return view, whole, self.tones(scene, view, rows), NumberedStreams(rng)
 
     def times(self, turn: int) -> Floats:
-        """Return when a turn looks into its directions, (A,) s; turns count from 0."""
+        """Return the times of the azimuths of revolution ``turn``, from 0, (A,) s."""
         rows = np.arange(self.settings.azimuths) + turn * self.settings.azimuths
         return np.asarray(self.settings.sweep_time * rows)
 
     def new_turn(self, scene: Scene) -> TurnEchoes:
-        """Return the echoes of a turn in a scene, none so far."""
+        """Return an object for the echoes of a revolution, without echoes."""
         parts = scene_scattering(tracer_of(scene), self.ray_class).parts
         return TurnEchoes(self.settings, sways=bool(parts["sway"].any()))
 
@@ -226,20 +226,20 @@ class FmcwRadar:
         tones: Tones,
         streams: NumberedStreams,
     ) -> Spectrum:
-        """Return the spectrum of some directions of a turn.
+        """Return the spectrum of some azimuths of a revolution.
 
         Args:
             pose: Pose of the antenna, map frame.
-            rows: The directions.
-            view: From where the antenna looks into these.
-            echoes: Theirs; the power becomes the ``echo_power`` of the spectrum.
+            rows: Indices of the azimuths.
+            view: Viewpoints of the antenna at these azimuths.
+            echoes: Echoes at these azimuths; their power becomes the ``echo_power``.
             tones: The echoes of points.
             streams: Source of noise.
         """
         settings, mean = self.settings, echoes.power
         power = beat_rows(settings, rows.start, echoes.field, tones, streams)
-        # Points are in the signal, not in its mean; here the echo power of each is that
-        # of its nearest bin.
+        # Points are part of the signal, but not yet of its mean power, so their power
+        # is added to the nearest bins.
         bins = np.rint(tones.ranges / settings.bin_size).astype(np.int64)
         within = (bins >= 0) & (bins < settings.bins)
         within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)
@@ -270,9 +270,9 @@ class FmcwRadar:
     def aim(
         self, scene: Scene, view: Viewpoints, carrier_id: int, rows: range
     ) -> tuple[RayFan, Rays]:
-        """Return the rays of directions, as a fan and in the map.
+        """Return the rays of azimuths, as a fan and in the map frame.
 
-        Arguments as of ``add_echoes``.
+        The arguments are the same as in ``add_echoes``.
         """
         bounds = _bounds.get(scene)
         if bounds is None:
@@ -282,7 +282,7 @@ class FmcwRadar:
         fan = refined_fan(self.settings, bounds, *place, rows)
         row = fan.column // self.settings.rays_across - rows.start
         directions = np.empty_like(fan.directions)
-        # Not a product of matrices, which rounds by how many rows there are.
+        # A matrix product would round differently for different numbers of rows.
         engine.turn_directions(fan.directions, view.rotations, row, directions)
         return fan, self.rays(view.positions[row], directions, carrier_id=carrier_id)
 
@@ -294,7 +294,7 @@ class FmcwRadar:
         max_range: float | Floats | None = None,
         carrier_id: int = -1,
     ) -> Rays:
-        """Return rays of this radar, as far as it sees by default, map frame."""
+        """Return rays of this radar in the map frame, by default up to its range."""
         return Rays.uniform(
             origins,
             directions,
@@ -315,22 +315,22 @@ class FmcwRadar:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> None:
-        """Trace the rays of directions, and add what comes back to them.
+        """Trace the rays of azimuths, and add their echoes.
 
         Args:
-            echoes: Added to.
+            echoes: Echoes of the revolution, to which echoes are added.
             scene: The map.
-            view: From where the antenna looks into each direction.
-            rows: The directions.
-            key: Of the amplitudes of what is rough; see ``speckle``.
-            boxes: The robots.
-            carrier_id: The robot that carries the radar; -1 for none.
+            view: Viewpoints of the antenna at the azimuths.
+            rows: Indices of the azimuths.
+            key: Key of the random amplitudes of scatterers; see ``speckle``.
+            boxes: The boxes of robots.
+            carrier_id: Id of the robot that carries the radar; -1 for none.
         """
         settings, tracer = self.settings, tracer_of(scene)
         fan, rays = self.aim(scene, view, carrier_id, rows)
         traces = tracer.trace(rays, boxes, events=True, incidence=True)
         row = fan.column // settings.rays_across - rows.start
-        # m/s, how fast the antenna and what ends each ray come nearer.
+        # Speed at which the antenna approaches the object that ends each ray, m/s.
         approach = np.einsum("mi,mi->m", rays.directions, view.velocities[row])
         if boxes is not None and boxes.velocities is not None:
             met, which = boxes.find(traces.parts - len(tracer.parts))
@@ -358,14 +358,14 @@ class FmcwRadar:
         echoes.add(rows, packed, traces.events, scattering, scatterers)
 
     def _scatterers(self, rows: range, view: Viewpoints, key: int) -> Scatterers:
-        """Return the scatterers of columns, and of the one after the last."""
+        """Return the scatterers of the columns of azimuths, and of the next column."""
         parts = self.settings.rays_across
         columns = np.arange(rows.start * parts, rows.stop * parts + 1)
         azimuths = np.asarray(columns * (self.settings.step / parts), np.float64)
         row = np.minimum(columns // parts - rows.start, len(rows) - 1)
         found = scatterers_in(self.settings, azimuths, view.of(row), key, _IN_BEAMS)
-        # After the last column of a turn the first one follows. What both add is power,
-        # so that the scatterers are others.
+        # The column after the last column of a revolution is the first one again. The
+        # powers of both add up, so their scatterers must be independent.
         found["key"][-1] ^= ~np.uint64(0)
         return found
 
@@ -377,14 +377,14 @@ class FmcwRadar:
         view: Viewpoints,
         key: int,
     ) -> None:
-        """Add what the sidelobes of directions receive.
+        """Add the echoes that the sidelobes receive at some azimuths.
 
         Args:
-            echoes: Of the directions; added to.
-            turn: The turn whose echoes the sidelobes receive.
-            rows: The directions.
-            view: From where the antenna looks into these.
-            key: Of the amplitudes of what is rough; see ``speckle``.
+            echoes: Echoes at the azimuths, to which echoes are added.
+            turn: The revolution whose echoes the sidelobes receive.
+            rows: Indices of the azimuths.
+            view: Viewpoints of the antenna at these azimuths.
+            key: Key of the random amplitudes of scatterers; see ``speckle``.
         """
         power = turn.sidelobes()
         azimuths = self.settings.step * np.array(rows)
@@ -401,7 +401,7 @@ class FmcwRadar:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> Tones:
-        """Return the echoes of points; arguments as of ``add_echoes``."""
+        """Return the echoes of points; arguments as in ``add_echoes``."""
         settings, tracer = self.settings, tracer_of(scene)
         wavelength, origin = settings.wavelength, view.positions[0]
         sight = Sight(self, tracer, origin, boxes, carrier_id)
@@ -424,6 +424,6 @@ class FmcwRadar:
 
 
 def _count_children(rng: np.random.Generator) -> int:
-    """Return how many children a generator has spawned: one for each turn."""
+    """Return how many generators were spawned from ``rng``: one per revolution."""
     seed: Any = rng.bit_generator.seed_seq
     return int(seed.n_children_spawned)

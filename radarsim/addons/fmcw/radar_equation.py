@@ -1,8 +1,9 @@
 """The radar equation: received power, and the window and the noise of a sweep.
 
-Source: M. I. Skolnik, Introduction to Radar Systems.
+The window over the samples of a sweep determines the noise bandwidth and the width of
+echoes in range.
 
-The window over the samples of a sweep determines how wide noise and echoes are.
+Source: M. I. Skolnik, Introduction to Radar Systems.
 """
 
 import math
@@ -17,10 +18,10 @@ from radarsim.addons.fmcw.antenna import directivity
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-WRAPPED: Final = 8.0  # resolutions; at that distance windows are below -58 dB
-# Shares of a window that are a constant, one turn of a cosine, and two turns (Harris,
-# On the use of windows for harmonic analysis, 1978). scipy.signal has them as well, and
-# takes .35 s of each start of a server to import.
+WRAPPED: Final = 8.0  # resolutions; farther away all windows are below -58 dB
+# Coefficients of the constant, the first and the second cosine of each window (Harris,
+# On the use of windows for harmonic analysis, 1978). scipy.signal has these windows,
+# but its import would add 0.35 s to each start of a server.
 _COSINES: Final = {
     "rectangular": (1.0,),
     "hann": (0.5, 0.5),
@@ -32,9 +33,9 @@ _COSINES: Final = {
 def fft_length(settings: FmcwSettings) -> int:
     """Return the length of the FFT of a sweep, an even number.
 
-    The receiver has one channel: of the spectrum of its real samples the first half
-    counts. That is longer than the bins, so that the main lobe of what is beyond the
-    last of them does not show in it.
+    The receiver has a single channel, so only the first half of the spectrum of its
+    real samples counts. This half is longer than the bins, so that echoes beyond the
+    last bin do not alias into the bins.
     """
     half = settings.bins + math.ceil(WRAPPED * settings.padding)
     return 2 * int(next_fast_len(half, real=True))
@@ -48,27 +49,27 @@ def sample_count(settings: FmcwSettings) -> int:
 @lru_cache(maxsize=16)
 def window_of(settings: FmcwSettings) -> Floats:
     """Return the window over the samples of a sweep, (S,), with a sum of 1."""
-    # Of a whole period, as the FFT takes it: the first sample would follow the last.
+    # The window is periodic, as the FFT assumes: the next sample would equal the first.
     phase = np.linspace(-np.pi, np.pi, sample_count(settings) + 1)[:-1]
     shares = enumerate(_COSINES[settings.window])
     window = sum((a * np.cos(k * phase) for k, a in shares), np.zeros_like(phase))
-    # So a tone of amplitude 1 has a peak of 1, whatever the window.
+    # A beat component with amplitude 1 has a peak of 1 for every window.
     window /= window.sum()
     window.setflags(write=False)
     return window
 
 
 def noise_correlation(settings: FmcwSettings, bins: Floats) -> Floats:
-    """Return the correlation of the noise's field between bins, real.
+    """Return the real correlation of the noise's amplitude between bins.
 
     Args:
-        settings: The radar.
-        bins: (N,) distances between bins.
+        settings: Settings of the radar.
+        bins: Distances between bins, (N,).
 
     Returns:
-        (N,) correlations; their squares are those of the power.
+        Correlations, (N,); their squares are the correlations of the power.
     """
-    # White noise behind a window: its spectrum is correlated as the window's square.
+    # The correlation of windowed white noise is the spectrum of the squared window.
     square = window_of(settings) ** 2
     middle = np.arange(len(square)) - len(square) / 2
     turns = np.outer(bins / fft_length(settings), middle)
@@ -76,7 +77,7 @@ def noise_correlation(settings: FmcwSettings, bins: Floats) -> Floats:
 
 
 BOLTZMANN: Final = 1.380649e-23  # J/K
-REFERENCE_TEMPERATURE: Final = 290.0  # K, to which noise figures refer
+REFERENCE_TEMPERATURE: Final = 290.0  # K, reference of noise figures
 
 
 def watts(dbm: ArrayLike) -> Floats:
@@ -85,20 +86,20 @@ def watts(dbm: ArrayLike) -> Floats:
 
 
 def dbm_of(power: ArrayLike) -> Floats:
-    """Convert W to dBm; no power is -inf."""
+    """Convert W to dBm; 0 W gives -inf."""
     with np.errstate(divide="ignore"):
         return np.asarray(10 * np.log10(np.asarray(power, np.float64)) + 30)
 
 
 def radar_constant(settings: FmcwSettings) -> float:
-    """Return Pt G^2 lambda^2 / ((4 pi)^3 L), W m^2; power by sigma / R^4."""
+    """Return Pt G^2 lambda^2 / ((4 pi)^3 L), W m^2: received power per sigma / R^4."""
     sent = watts(settings.transmit_dbm - settings.loss_db)
     gain = directivity(settings)
     return float(sent * gain**2 * settings.wavelength**2 / (4 * math.pi) ** 3)
 
 
 def noise_power(settings: FmcwSettings) -> float:
-    """Return kTBF in a bin, W; B is the window's noise bandwidth over the sweep."""
+    """Return the noise power k T B F in a bin, W; B is the window's noise bandwidth."""
     window = window_of(settings)
     bandwidth = float(len(window) * (window**2).sum()) / settings.sweep_time
     density = BOLTZMANN * REFERENCE_TEMPERATURE * 10 ** (settings.noise_figure_db / 10)
@@ -118,12 +119,12 @@ def noise_shape(settings: FmcwSettings) -> NDArray[np.float32]:
 
 
 def doppler_shift(settings: FmcwSettings, speed: ArrayLike) -> Floats:
-    """Return by how much a point seems farther away as the radar approaches it, m.
+    """Return the shift of a point's range by the Doppler effect, m.
 
-    The frequency rises during a sweep.
+    The frequency rises during a sweep, so approaching points appear closer.
 
     Args:
-        settings: The radar.
+        settings: Settings of the radar.
         speed: Speed towards the point, m/s.
     """
     hertz, sweep = settings.carrier_ghz * 1e9, settings.bandwidth_mhz * 1e6

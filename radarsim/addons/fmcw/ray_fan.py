@@ -1,19 +1,19 @@
-"""The rays of a turn: one set for all directions, finer where things are thin.
+"""The rays of a revolution: a fan for all azimuths, with more rays at thin objects.
 
 Theory of operation
 ===================
-The circle is divided into narrow columns, several for each direction of the radar, and
-each column from the lower edge of the beam to the upper one into cells, which are
-smaller where the pattern is stronger. Each cell has one ray. Within the cells the rays
-follow a sequence of low discrepancy: a fixed grid would draw rings on the ground that
-are not there, and random places would let a pole flicker. The same radar has the same
-rays in every turn.
+The circle is divided into narrow columns, several for each azimuth of the radar. Each
+column is divided from the lower to the upper edge of the beam into cells, which are
+smaller where the antenna pattern is stronger. Each cell has one ray. The positions of
+rays in their cells are a low-discrepancy sequence: a fixed grid would give artificial
+rings on the ground, and random positions would let thin poles flicker. The rays of a
+radar are the same in every revolution.
 
-What is narrower than a few cells would be met by few rays or none. So the cells in
-which something thin stands are divided further, in both angles, until enough rays meet
-it. A ray stands for the solid angle of its cell, so that the sum over all of them
-stays that over the beam. Where things stand is measured by their bounding boxes, as the
-antenna sees them.
+Objects that are narrower than a few cells would be hit by few or no rays. So the cells
+around thin objects are subdivided, in both angles, until enough rays hit the object.
+The weight of a ray is the solid angle of its cell, so the sum over all rays does not
+change. The directions of objects follow from their bounding boxes as seen from the
+antenna.
 """
 
 import math
@@ -28,36 +28,36 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-# Multiples of these, without their integers, fill a square evenly: powers of the
-# inverse of the plastic number. Source: M. Roberts, "The Unreasonable Effectiveness of
-# Quasirandom Sequences".
+# The fractional parts of multiples of these numbers, powers of the inverse of the
+# plastic number, fill a square evenly. Source: M. Roberts, "The Unreasonable
+# Effectiveness of Quasirandom Sequences".
 _FILL_ACROSS: Final = 0.5698402909980532
 _FILL_UP: Final = 0.7548776662466927
 _EDGE_STEPS: Final = 2001
 
-WIDEST_GAP: Final = 2.5  # of mean gaps between the elevations of the rays of a beam
-ENOUGH_RAYS: Final = 32  # on a thing in one beam: its power is right within 1 dB
-RAYS_ACROSS: Final = 10  # on the bounding box of a thing that has fewer
-RAYS_UP: Final = 8
-MOST_PARTS: Final = 40  # of a cell, in each angle
-MOST_RAYS: Final = 100_000  # that are added; the nearest things come first
-THINGS_AT_ONCE: Final = 256
+WIDEST_GAP: Final = 2.5  # largest gap between elevations of rays in a beam, in means
+ENOUGH_RAYS: Final = 32  # rays on an object in a beam, for an error of at most 1 dB
+RAYS_ACROSS: Final = 10  # rays in azimuth on the bounding box of a thin object
+RAYS_UP: Final = 8  # rays in elevation on the bounding box of a thin object
+MOST_PARTS: Final = 40  # maximum number of parts of a cell in each angle
+MOST_RAYS: Final = 100_000  # maximum number of added rays; nearest objects come first
+THINGS_AT_ONCE: Final = 256  # objects that are processed together
 
-# (6, K) of things: the first and last column, the lowest row of cells and that above
-# the highest, and into how many parts these cells are divided across and up.
+# Subdivisions around K objects, (6, K): first and last column, lowest row of cells, row
+# above the highest, and the numbers of parts of these cells in azimuth and elevation.
 Divisions = NDArray[np.int64]
 
 
 class RayFan(NamedTuple):
-    """The rays of a turn, ordered by their column; M rays.
+    """The M rays of a revolution, ordered by column.
 
     Attributes:
-        directions: (M, 3) unit vectors, sensor frame.
-        column: (M,) int64, the column of each, clockwise from straight ahead.
-        across: (M,) how far into its column each is, 0 to 1.
-        weights: (M,) sr, the solid angle of its cell times the two-way pattern in
-            elevation.
-        spread: (M,) rad, the greatest distance to the next ray of the same beam.
+        directions: Unit vectors, (M, 3), sensor frame.
+        column: Columns, clockwise from straight ahead, (M,) int64.
+        across: Positions within the columns, 0 to 1, (M,).
+        weights: Solid angles of the cells times the two-way pattern in elevation, (M,)
+            sr.
+        spread: Largest angle to the next ray of the same beam, (M,) rad.
     """
 
     directions: Floats
@@ -69,10 +69,11 @@ class RayFan(NamedTuple):
 
 @lru_cache(maxsize=16)
 def cell_edges(settings: FmcwSettings) -> Floats:
-    """Return the elevations at which the cells of a column begin and end, rad."""
+    """Return the elevations of the cell borders of a column, rad."""
     low, high = elevation_limits(settings)
     elevations = np.linspace(low, high, _EDGE_STEPS)
-    # By the square root of the one-way power, so that the weak fan gets some of them.
+    # The density of cells follows the square root of the one-way pattern, so that the
+    # weak fan also has some.
     density = np.sqrt(elevation_pattern(settings, elevations)) + 0.02
     share = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
     places = np.linspace(0.0, share[-1], settings.rays_up + 1)
@@ -81,7 +82,7 @@ def cell_edges(settings: FmcwSettings) -> Floats:
 
 @lru_cache(maxsize=16)
 def plain_fan(settings: FmcwSettings) -> RayFan:
-    """Return the fan of a radar, one ray in each cell."""
+    """Return the fan of a radar without subdivided cells, with one ray per cell."""
     columns = settings.azimuths * settings.rays_across
     ones = np.ones(columns * settings.rays_up, np.int64)
     return _fill_cells(settings, np.arange(len(ones)), ones, ones)
@@ -94,20 +95,20 @@ def refined_fan(
     rotation: Floats,
     rows: range,
 ) -> RayFan:
-    """Return the rays of directions, more where things are thinner than a few cells.
+    """Return the rays of azimuths, with subdivided cells around thin objects.
 
-    They are the same rays as those of a whole turn.
+    The rays are the same as in the fan of a whole revolution.
 
     Args:
-        settings: The radar.
-        bounds: (N, 2, 3) m, the bounding boxes of things, map frame.
-        position: (3,) m, the antenna, map frame.
-        rotation: (3, 3) from its frame to that of the map.
-        rows: The directions.
+        settings: Settings of the radar.
+        bounds: Bounding boxes of objects, (N, 2, 3) m, map frame.
+        position: Position of the antenna, (3,) m, map frame.
+        rotation: Rotation from the antenna to the map frame, (3, 3).
+        rows: Indices of the azimuths.
     """
     columns = range(rows.start * settings.rays_across, rows.stop * settings.rays_across)
     first, last = columns.start * settings.rays_up, columns.stop * settings.rays_up
-    # Most turns meet nothing thin: then the fan is that of all turns, not a copy.
+    # If there is no thin object, as usual, views of the plain fan are returned.
     fan = RayFan._make(column[first:last] for column in plain_fan(settings))
     things = _thin_things(settings, bounds, position, rotation)
     across, up = _divisions(settings, things, columns)
@@ -130,17 +131,18 @@ def _fill_cells(
     across: NDArray[np.int64],
     up: NDArray[np.int64],
 ) -> RayFan:
-    """Return the rays of cells, each divided into ``across`` times ``up`` parts."""
+    """Return the rays of cells, each subdivided into ``across`` times ``up`` parts."""
     edges, columns = cell_edges(settings), settings.azimuths * settings.rays_across
     counts = across * up
     owner = np.repeat(np.arange(len(cell)), counts)
     part = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     column, row = np.divmod(cell[owner], settings.rays_up)
-    # The sequence goes on along the columns of a row, from another start in each row.
+    # The sequence continues along the columns of a row, with another start per row.
     number = (column + 1) * 1.0 + 0.5 * row * columns + part * 1.0
     beside = (part % across[owner] + number * _FILL_ACROSS % 1.0) / across[owner]
     inside = (number // 2) * _FILL_UP % 1.0
-    # Every other ray is mirrored: a pattern that rises within a cell evens out.
+    # Every other ray is mirrored within its cell, so that the slope of the antenna
+    # pattern within a cell averages out.
     inside = np.where(number % 2 >= 1, 1.0 - inside, inside)
     above = (part // across[owner] + inside) / up[owner]
     heights = np.diff(edges)[row]
@@ -153,7 +155,7 @@ def _fill_cells(
     )
     solid = width * heights * level / counts[owner]
     weights = solid * elevation_pattern(settings, elevation) ** 2
-    # The rays of all columns in the beam fill up the gaps between those of one column.
+    # Rays of the other columns in the beam fill the gaps between rays of a column.
     in_beam = math.radians(settings.beamwidth_az_deg) / width
     spread = np.maximum(WIDEST_GAP * heights / up[owner] / max(in_beam, 1.0), width)
     return RayFan(directions, column, beside, weights, spread)
@@ -162,9 +164,9 @@ def _fill_cells(
 def _thin_things(
     settings: FmcwSettings, bounds: Floats, position: Floats, rotation: Floats
 ) -> Divisions:
-    """Return the things that few rays would meet, the nearest first.
+    """Return the subdivisions around objects that few rays would hit, nearest first.
 
-    There are as many as ``MOST_RAYS`` permits. Arguments are those of ``refined_fan``.
+    ``MOST_RAYS`` limits their number. The arguments are the same as in ``refined_fan``.
     """
     distances = np.linalg.norm(bounds.mean(axis=1) - position, axis=1)
     nearest = np.argsort(distances, kind="stable")
@@ -184,13 +186,13 @@ def _thin_things(
 
 
 def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
-    """Return the cells around the thin ones of things, and how these are divided.
+    """Return the subdivisions of the cells around thin objects.
 
     Args:
-        settings: The radar.
-        extents: (4, N) rad, what directions things take up, seen from the antenna: the
-            azimuth of the right edge, clockwise from straight ahead, the width, and the
-            elevations of the lower and the upper edge.
+        settings: Settings of the radar.
+        extents: Angular extents of objects as seen from the antenna, (4, N) rad: the
+            azimuth at which each begins, clockwise from straight ahead, the width, and
+            the elevations of the lower and the upper edge.
     """
     width = 2 * math.pi / (settings.azimuths * settings.rays_across)
     in_beam = math.radians(settings.beamwidth_az_deg) / width
@@ -198,12 +200,12 @@ def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
     edges, rows = cell_edges(settings), np.arange(settings.rays_up + 1)
     low, high = (np.interp(edge, edges, rows) for edge in (lowest, highest))
     wide, tall = widths / width, high - low
-    # A thing that is wider than the beam has the rays of one beam in each direction.
+    # An object that is wider than the beam has the rays of a whole beam per azimuth.
     few = np.minimum(wide, in_beam) * tall < ENOUGH_RAYS
     some = few & (tall > 0) & (widths < math.pi) & np.isfinite(wide)
     sides = azimuths[some], azimuths[some] + widths[some]
     found = (
-        # The first column may lie in the turn before, the last one in the turn after.
+        # The first column may be negative, and the last one beyond the full circle.
         *(np.floor(each / width) for each in sides),
         np.floor(low[some]),
         np.ceil(high[some]),
@@ -218,15 +220,15 @@ def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
 def _divisions(
     settings: FmcwSettings, things: Divisions, columns: range
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return into how many parts the cells of some columns are divided, across and up.
+    """Return the numbers of parts of the cells of some columns, in both angles.
 
-    Things divide the rectangles of cells around them.
+    An object subdivides a rectangle of cells around it.
     """
     count = settings.azimuths * settings.rays_across
     first, last, bottom, top, across, up = things
     divided_across = np.ones((len(columns), settings.rays_up), np.int64)
     divided_up = np.ones_like(divided_across)
-    # Where each rectangle begins, counted from the first of these columns.
+    # The first column of each rectangle, relative to the first of these columns.
     begin = (first - columns.start) % count
     reach = begin + last - first
     seen = (begin < len(columns)) | (reach >= count)

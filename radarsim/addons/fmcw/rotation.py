@@ -1,20 +1,19 @@
-"""The turning antenna of an FMCW radar on something that moves.
+"""The rotating antenna of an FMCW radar that moves.
 
 Theory of operation
 ===================
-The antenna turns without a pause. The directions that it has passed since something was
-last received are traced together, each from where the radar was then, and added to the
-echoes of the turn. A direction is received when all others that its main lobe reaches
-have been traced, a few sweeps later. So each direction costs its share of a turn, at
-the time at which the radar looks there, and the image of a turn is smeared by motion as
-that of a real radar is.
+The antenna rotates continuously. The azimuths that it has passed since the last call
+are traced together, each from its own pose, and added to the echoes of the revolution.
+The spectrum of an azimuth is computed when all azimuths that its main lobe covers have
+been traced, a few sweeps later. So the computing time is spread evenly over a
+revolution, and motion distorts its image as in a real radar.
 
-What the sidelobes receive is that of the turn before, as the rest of this one is still
-to come; so the first turn after the start is not received. A radar that stands still
-records what ``FmcwRadar.spectrum`` does, turn by turn.
+The sidelobes receive the echoes of the previous revolution, since the current one is
+not complete; so the first revolution after the start is not received. A radar that does
+not move records the same revolutions as ``FmcwRadar.spectrum``.
 
-A ``TurnReceiver`` adds the detector of a scanner. Nothing here reads the simulation, so
-that a thread can do it while time goes on.
+A ``TurnReceiver`` adds the detector of a scanner. This module does not access the
+simulation, so a thread can run it while simulated time advances.
 """
 
 from collections import deque
@@ -45,13 +44,12 @@ from radarsim.sensors.scan import Targets
 
 
 class Sector(NamedTuple):
-    """Neighbouring directions of a turn.
+    """Consecutive azimuths of a revolution.
 
     Attributes:
-        turn: Number of the turn, from 0.
-        first: The first direction.
-        spectrum: What is received from them, from the pose at which the radar looked
-            into the first.
+        turn: Number of the revolution, from 0.
+        first: Index of the first azimuth.
+        spectrum: Spectrum of the azimuths, with the pose at the first azimuth.
     """
 
     turn: int
@@ -60,17 +58,17 @@ class Sector(NamedTuple):
 
     @property
     def rows(self) -> range:
-        """The directions."""
+        """Indices of the azimuths."""
         return range(self.first, self.first + len(self.spectrum.angles))
 
     @property
     def ends_turn(self) -> bool:
-        """Whether the last direction of the turn is among them."""
+        """Whether the sector contains the last azimuth of the revolution."""
         return self.rows.stop == self.spectrum.settings.azimuths
 
 
 def join_sectors(sectors: Iterable[Sector]) -> Spectrum:
-    """Return a turn of its sectors, from the pose at which it began."""
+    """Join the sectors of a revolution to a spectrum, with the pose at its start."""
     parts = [each.spectrum for each in sectors]
     return replace(
         parts[0],
@@ -82,16 +80,16 @@ def join_sectors(sectors: Iterable[Sector]) -> Spectrum:
 
 
 class _TracedLook(NamedTuple):
-    """Directions that were traced together; they count from the start."""
+    """Azimuths that were traced together."""
 
-    rows: range
-    poses: list[Pose3]  # the antenna's after the step that passed each
+    rows: range  # numbers of the azimuths since the start
+    poses: list[Pose3]  # poses of the antenna at the end of each azimuth's tick
     view: Viewpoints
     tones: Tones
 
 
 class Rotation:
-    """The turning antenna of a radar.
+    """The rotating antenna of a radar.
 
     Attributes:
         radar: The radar.
@@ -100,24 +98,24 @@ class Rotation:
     def __init__(
         self, radar: FmcwRadar, scene: Scene, rng: np.random.Generator
     ) -> None:
-        """Create an antenna that looks straight ahead.
+        """Create an antenna that points straight ahead.
 
         Args:
             radar: The radar.
             scene: The map.
-            rng: Source of speckle and noise, of which each turn has a child, as each
-                ``FmcwRadar.spectrum`` has: what others draw from it stays the same.
+            rng: Source of speckle and noise. No numbers are drawn from it; as in
+                ``FmcwRadar.spectrum``, a generator is spawned for each revolution.
         """
         self.radar = radar
         self._scene = scene
         self._rng = rng
-        self._key = fixed_number(rng)  # of speckle
-        self._passed: list[tuple[Viewpoints, Pose3]] = []  # what is not yet traced
-        self._traced = 0  # directions since the start
-        self._received = radar.settings.azimuths  # those of the first turn are not
-        self._echoes: dict[int, TurnEchoes] = {}  # of turns that are needed
+        self._key = fixed_number(rng)  # key of the speckle
+        self._passed: list[tuple[Viewpoints, Pose3]] = []  # azimuths not yet traced
+        self._traced = 0  # number of traced azimuths since the start
+        self._received = radar.settings.azimuths  # skips the first revolution
+        self._echoes: dict[int, TurnEchoes] = {}  # echoes of the needed revolutions
         self._looks: deque[_TracedLook] = deque()
-        self._streams: NumberedStreams | None = None  # of the turn that is received
+        self._streams: NumberedStreams | None = None  # noise of the current revolution
 
     def advance(
         self,
@@ -130,22 +128,22 @@ class Rotation:
         velocity: Velocity = STANDING,
         receives: bool = True,
     ) -> list[Sector]:
-        """Turn the antenna, and return what has been received meanwhile.
+        """Rotate the antenna, and return the azimuths that are received.
 
         Args:
-            pose: Pose of the antenna after it, map frame.
-            count: By how many directions it turns.
-            start: Its pose as it looks into the first of them; it moves evenly to
-                ``pose``. None for that pose.
-            boxes: The robots.
-            carrier_id: The robot that carries the radar; -1 for none.
-            velocity: Of the antenna, m/s, map frame.
-            receives: Whether to trace and return that now; else the next call does,
-                with its robots. It takes less time for more directions at once.
+            pose: Pose of the antenna after the rotation, map frame.
+            count: Number of azimuths by which the antenna rotates.
+            start: Pose at the first of these azimuths, from which the antenna moves to
+                ``pose`` at constant speed; None for ``pose``.
+            boxes: The boxes of robots.
+            carrier_id: Id of the robot that carries the radar; -1 for none.
+            velocity: Velocity of the antenna, m/s, map frame.
+            receives: Whether to trace the azimuths now. Otherwise the next call traces
+                them, with its boxes; it is faster to trace many azimuths together.
         """
         azimuths = self.radar.settings.azimuths
         begin = self._traced + sum(len(view.times) for view, _ in self._passed)
-        # The turn before the first that is received has the number -1.
+        # The first revolution, which is not received, has the number -1.
         numbers = np.arange(begin, begin + count) - azimuths
         times = np.asarray(self.radar.settings.sweep_time * numbers, np.float64)
         view = moving_viewpoints(start or pose, pose, times, velocity)
@@ -154,7 +152,7 @@ class Rotation:
             return []
         self._trace_passed(boxes, carrier_id)
         sectors = []
-        # A direction is complete when those that its main lobe reaches are traced.
+        # An azimuth is complete when all azimuths in its main lobe are traced.
         last = self._traced - rows_in_beam(self.radar.settings)
         while self._received < last:
             turn, first = divmod(self._received, azimuths)
@@ -167,7 +165,7 @@ class Rotation:
         return sectors
 
     def _trace_passed(self, boxes: Boxes | None, carrier_id: int) -> None:
-        """Trace all directions that have been passed."""
+        """Trace all azimuths that have been passed."""
         views = zip(*(view for view, _ in self._passed), strict=True)
         view = Viewpoints._make(map(np.concatenate, views))
         poses = [pose for seen, pose in self._passed for _ in seen.times]
@@ -190,7 +188,7 @@ class Rotation:
         boxes: Boxes | None,
         carrier_id: int,
     ) -> Tones:
-        """Add the echoes of directions to a turn; return those of points."""
+        """Add the echoes of azimuths to a revolution; return the echoes of points."""
         radar, scene = self.radar, self._scene
         if turn not in self._echoes:
             self._echoes[turn] = radar.new_turn(scene)
@@ -203,10 +201,10 @@ class Rotation:
             self._streams = NumberedStreams(self._rng)
             self._echoes.pop(turn - 2, None)
         own, before = self._echoes[turn], self._echoes[turn - 1]
-        # Where the turn after this one is needed, it has begun.
+        # If the next revolution is needed, it has already begun.
         after = self._echoes.get(turn + 1, own)
         echoes = own.rows(rows.start, rows.stop, before, after)
-        # The looks into these directions: of several ticks, if they are received late.
+        # The azimuths may have been traced together with others, in several calls.
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
         offset = start - looks[0].rows.start
@@ -220,44 +218,45 @@ class Rotation:
         return self.radar.receive(pose, rows, view, echoes, tones, self._streams)
 
 
-# The number of a turn, as of its sectors, the targets in it, and the settings that the
-# scanner had when it began.
+# The number of a revolution, its targets, and the settings of the scanner at its
+# beginning.
 FoundTurn: TypeAlias = tuple[int, Targets, SensorSettings]
 Received: TypeAlias = tuple[list[Sector], FoundTurn | None]
 
 
 class TurnReceiver(Rotation):
-    """The antenna of a radar, and the detector of its scanner."""
+    """The rotating antenna of a radar with the detector of its scanner."""
 
     def __init__(
         self, radar: FmcwRadar, scene: Scene, rng: np.random.Generator
     ) -> None:
-        """Create an antenna that looks straight ahead; arguments as of ``Rotation``."""
+        """Create an antenna that points straight ahead; see ``Rotation``."""
         super().__init__(radar, scene, rng)
-        # Of the turn that is received; it has the settings with which it began.
+        # Settings at the beginning of the current revolution, which uses them until its
+        # end; None without detector.
         self._settings: SensorSettings | None = None
         self._targets: list[Targets] = []
 
     def receive(
         self, settings: SensorSettings, is_recorded: bool, /, *args: Any, **kwargs: Any
     ) -> Received:
-        """Turn the antenna, and detect targets in what has been received meanwhile.
+        """Rotate the antenna, and detect targets in the azimuths that are received.
 
         Args:
             settings: Settings of the scanner.
-            is_recorded: Whether the counts of the directions are needed.
-            args: As of ``advance``.
-            kwargs: As of ``advance``.
+            is_recorded: Whether the counts of the azimuths are needed.
+            args: Arguments of ``advance``.
+            kwargs: Keyword arguments of ``advance``.
 
         Returns:
-            The directions, and what was found in the turn that they complete, if they
-            do, and the scanner has a detector.
+            The received azimuths, and the targets of the revolution that they complete;
+            None if they complete none, or the scanner has no detector.
         """
         found = None
         sectors = self.advance(*args, **kwargs)
         for sector in sectors:
             if is_recorded:
-                _ = sector.spectrum.counts  # computed once, here
+                _ = sector.spectrum.counts  # computed in this thread, and cached
             if sector.first == 0:
                 self._settings = settings if settings.has_detector else None
                 self._targets.clear()

@@ -1,16 +1,16 @@
-"""The turning antennas of FMCW radars on robots.
+"""The rotating antennas of FMCW radars on robots, and the schedule of their reception.
 
 Theory of operation
 ===================
-In each tick an antenna turns by the directions that it passes in that time, each seen
-from where the robot was then. A thread computes what it receives in every
-``RECEPTION_TICKS`` together, while time goes on: that is there ``LATENCY`` ticks later,
-always, so that nothing depends on how fast the machine is. When a turn is complete,
-what its detector found becomes a scan. The first turn after a spawn is not read.
+In each tick an antenna passes several azimuths, each from the pose of the robot at that
+time. A thread computes the received data of ``RECEPTION_TICKS`` ticks together, while
+simulated time advances. The data is always available ``LATENCY`` ticks later, so
+results do not depend on the speed of the machine. When a revolution is complete, the
+targets of its detector become a scan. The first revolution after a spawn is not read.
 
-Where the thread is not done by then, the tick waits for it, before anything else is
-computed, and so simulated time waits. What takes longer in one tick than in others is
-made up for meanwhile, and delays nothing.
+If the thread is late, the tick, and with it simulated time, waits for the thread. A
+tick that takes longer than others causes no delay as long as the thread catches up
+within ``LATENCY`` ticks.
 """
 
 from __future__ import annotations
@@ -42,33 +42,32 @@ if TYPE_CHECKING:
     from radarsim.sensors.scan import Targets
     from radarsim.simulation.simulation import Simulation
 
-# In a tick no more antennas turn: each takes a good part of a processor.
+# Maximum number of antennas that rotate, since each needs a large part of a processor.
 MOST_TURNING: Final = 1
-LATENCY: Final = 5  # ticks until what is received is there
-RECEPTION_TICKS: Final = 2  # of which all is received at once, which takes less time
-ROUNDING: Final = 1e-9  # of directions
+LATENCY: Final = 5  # ticks until received data is available
+RECEPTION_TICKS: Final = 2  # ticks that are computed together, which is faster
+ROUNDING: Final = 1e-9  # tolerance of the number of azimuths for rounding errors
 
 
-# Called with neighbouring directions of a turn, and when the antenna began to look into
-# the first of them, s.
+# A function that receives consecutive azimuths, and the time of the first azimuth, s.
 Listener: TypeAlias = Callable[["Sector", float], None]
 
 
 @dataclass(slots=True, eq=False)
 class Antenna:
-    """The antenna of one scanner.
+    """The antenna of a scanner.
 
     Attributes:
         vehicle: The robot.
         mounted: The scanner.
-        receiver: Computes what it receives; None before it turns.
-        listeners: Called with all that is received; it turns for them.
-        observers: Called likewise, but it does not turn for them.
-        since: Tick in which it began to turn.
-        turned: Tick in which it last turned.
-        pose: Where it was then; None at first.
-        computed: What is computed, or waits until its tick has come: the tick, since
-            when the antenna has turned by then, and the result.
+        receiver: Computes the received data; None before the antenna rotates.
+        listeners: Functions that receive all data; the antenna rotates for them.
+        observers: Functions that receive all data, but do not start the rotation.
+        since: Tick in which the rotation began.
+        turned: Last tick in which the antenna rotated.
+        pose: Pose in that tick; None at first.
+        computed: Data that is being computed, or not yet available: the tick, the tick
+            in which the rotation began, and the result.
     """
 
     vehicle: Vehicle
@@ -83,24 +82,25 @@ class Antenna:
 
     @property
     def turns(self) -> bool:
-        """Whether it turns, as somebody needs what it receives."""
+        """Whether the antenna rotates: if a detector or a listener needs its data."""
         needed = self.mounted.scanner.settings.has_detector or bool(self.listeners)
         return needed and self.vehicle.alive
 
     def advance(
         self, scene: Scene, ticks: int, boxes: Boxes, worker: BackgroundThread
     ) -> None:
-        """Turn for a tick; begin anew if it did not turn in the tick before.
+        """Rotate for a tick; start again if the antenna was at rest in the last tick.
 
         Args:
             scene: The map.
             ticks: The tick.
-            boxes: The robots.
-            worker: Computes what it receives.
+            boxes: The boxes of robots.
+            worker: Thread that computes the received data.
         """
         from radarsim.addons.fmcw import rotation  # noqa: PLC0415 - scipy is slow
 
-        # After a rest the robot may be elsewhere: parts of two turns would be mixed.
+        # During a rest the robot may have moved, so old and new azimuths must not be
+        # mixed in a revolution.
         if self.receiver is None or self.turned != ticks - 1:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
             self.receiver = rotation.TurnReceiver(radar, scene, rng)
@@ -111,7 +111,8 @@ class Antenna:
         pose = self.vehicle.sensor_pose(self.mounted.item)
         before = self.pose or pose
         vx, vy, vz = ((pose.position() - before.position()) / TICK).tolist()
-        # These are all that it needs of this tick: the thread reads no simulation.
+        # The arguments are all data that the thread needs; it does not access the
+        # simulation.
         result = worker.submit(
             self.receiver.receive,
             self.mounted.scanner.settings,
@@ -128,7 +129,7 @@ class Antenna:
         self.turned, self.pose = ticks, pose
 
     def receive(self, ticks: int) -> list[DueScan]:
-        """Tell listeners what is received, and return the scans of whole turns."""
+        """Pass data to listeners, and return the scans of complete revolutions."""
         scans = []
         while self.computed and self.computed[0][0] + LATENCY <= ticks:
             _, since, result = self.computed.popleft()
@@ -140,7 +141,7 @@ class Antenna:
                     f"in the thread of antennas: {name!r} of robot {robot!r}"
                 )
                 raise
-            # The robot has left while the thread computed.
+            # Data of a robot that has left meanwhile is dropped.
             if not self.vehicle.alive:
                 continue
             for sector in sectors:
@@ -155,7 +156,7 @@ class Antenna:
     def _read(
         self, number: int, targets: Targets, settings: SensorSettings, since: int
     ) -> DueScan:
-        """Return the scan that reads what was found in a turn."""
+        """Return the scan with the targets of a revolution."""
         assert self.receiver is not None
         vehicle, item = self.vehicle, self.mounted.item
         time = _time_after(number + 1, self.receiver.radar.settings, since)
@@ -170,7 +171,7 @@ class Antenna:
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:
-    """Return when an antenna has made so many turns after the first one, s."""
+    """Return the time at which an antenna completes revolutions after the first, s."""
     return (since - 1) * TICK + (turns + 1) / settings.rotation_hz
 
 
@@ -179,11 +180,11 @@ class Antennas:
 
     Attributes:
         all: The antennas, in the order in which their robots were spawned.
-        worker: Computes what they receive.
+        worker: Thread that computes the received data.
     """
 
     def __init__(self, scene: Scene, clock: Clock) -> None:
-        """Start without any.
+        """Create an empty collection.
 
         Args:
             scene: The map.
@@ -209,17 +210,17 @@ class Antennas:
 
     @property
     def turning(self) -> list[Antenna]:
-        """Those that turn, of the robots that have been there for longest."""
+        """The rotating antennas, limited to the robots that were spawned first."""
         return [each for each in self.all if each.turns][:MOST_TURNING]
 
     def read_due(
         self, find_boxes: Callable[[], Boxes], faults: Faults
     ) -> list[DueScan]:
-        """Turn all that turn for a tick; return the scans that are received in it.
+        """Rotate all rotating antennas for a tick, and return the received scans.
 
         Args:
-            find_boxes: Returns the robots.
-            faults: For errors of single robots.
+            find_boxes: Returns the boxes of robots.
+            faults: Handles errors of single robots.
         """
         ticks, turning = self._clock.ticks, self.turning
         if turning:
@@ -240,7 +241,7 @@ class Antennas:
         ]
 
     def _with_velocities(self, boxes: Boxes, ticks: int) -> Boxes:
-        """Return boxes with their velocities since the last tick; new ones stand."""
+        """Return boxes with velocities since the last tick; 0 for new robots."""
         last, before = self._before
         velocities = np.zeros((len(boxes.rows), 2))
         if last == ticks - 1:
@@ -259,10 +260,11 @@ def antennas_of(simulation: Simulation) -> Antennas:
 
 
 class TurnCollection:
-    """Joins what an antenna receives to whole turns.
+    """Collects the data of an antenna into complete revolutions.
 
     Attributes:
-        newest: The last whole turn, from the pose at which it began; None before it.
+        newest: The last complete revolution, with the pose at its beginning; None
+            before the first.
     """
 
     def __init__(self) -> None:
@@ -270,10 +272,10 @@ class TurnCollection:
         self._sectors: list[Sector] = []
 
     def take(self, sector: Sector, _: float) -> None:
-        """Add what is received from neighbouring directions."""
+        """Add consecutive azimuths."""
         if sector.first == 0:
-            self._sectors.clear()  # of a turn that the antenna did not end
-        elif not self._sectors:  # the turn began before anybody listened
+            self._sectors.clear()  # the previous revolution may be incomplete
+        elif not self._sectors:  # the beginning of this revolution was not received
             return
         self._sectors.append(sector)
         if sector.ends_turn:
@@ -285,12 +287,12 @@ class TurnCollection:
 def collect_turns(
     simulation: Simulation, vehicle: Vehicle, scanner: str | None
 ) -> TurnCollection:
-    """Let the FMCW radar of a robot turn, and collect what it receives.
+    """Start the rotation of a robot's FMCW radar, and collect its revolutions.
 
     Args:
         simulation: The simulation.
         vehicle: The robot.
-        scanner: Name of the radar, in any case; None for the robot's first.
+        scanner: Name of the radar, in upper or lower case; None for the robot's first.
 
     Raises:
         ClientError: If the robot has no such FMCW radar.

@@ -1,25 +1,25 @@
-"""Round things of metal, such as posts and spheres, which return as points.
+"""Echoes of round metal objects, such as posts and spheres, modelled as points.
 
 Theory of operation
 ===================
-What is round returns from where it faces the antenna. By geometrical optics that is a
-cross section of
+A round object returns from the point at which it faces the antenna. By geometrical
+optics its cross section is
 
     pi / (1 / r + 1 / R)^2
 
-of the radius of curvature r at a distance R, which is pi r^2 of a small sphere, and pi
-R^2 of a flat mirror. What is round in one direction only, such as a post, returns by
-physical optics along the line at which it faces the antenna,
+for the radius of curvature r and the distance R, which is pi r^2 for a small sphere and
+pi R^2 for a flat mirror. An object that is curved in one direction only, such as a
+post, returns by physical optics from the line at which it faces the antenna:
 
-    2 pi F / (lambda (1 / r + 1 / R)), F = |integral of e^(2 i k z^2 / 2 R) dz|^2:
+    2 pi F / (lambda (1 / r + 1 / R)), F = |integral of e^(2 i k z^2 / 2 R) dz|^2
 
-far away F is the square of its length L, so that a cylinder has 2 pi r L^2 / lambda.
+Far away F is the square of the length L, so a cylinder has 2 pi r L^2 / lambda.
 
-Meshes have flat faces, so that their curvature is that of their corners: the angle that
-the faces around a vertex lack of a whole turn is the product of both curvatures, times
-a third of their area. Two faces at an edge, each of width w, that turn by an angle a
-are as round as w / (2 sin(a / 2)); edges that are longer than that are those of posts.
-A vertex, or an edge, faces the antenna if all around it is farther away.
+Meshes have flat faces, so their curvature is concentrated in vertices and edges: the
+angle defect at a vertex (2 pi minus the angles of the faces around it) is the product
+of both curvatures times a third of the faces' area. Two faces at an edge, each of width
+w and at an angle a, have a radius of w / (2 sin(a / 2)); longer edges than this belong
+to posts. A vertex or an edge faces the antenna if its neighbours are farther away.
 
 Source: E. F. Knott, J. F. Shaeffer and M. T. Tuley, Radar Cross Section, chapters 5
 and 6; for meshes: M. Meyer et al., Discrete Differential-Geometry Operators, 2003.
@@ -37,23 +37,23 @@ from radarsim.addons.fmcw.point_echoes import Points, head_on_reflection
 from radarsim.geometry import Floats
 from radarsim.raycast.tracer import Tracer
 
-BENT: Final = 0.8  # cosine between the normals of faces that are round, at least
-FLAT: Final = 1e-6  # how far that cosine of faces of one plane is off 1
-LEAST_ROUND: Final = 1e-4  # m^2, of a cross section that counts
-MOST_ROUND: Final = 64  # of one antenna; the strongest
-MOST_TRIANGLES: Final = 20_000  # of a part: meshes of more are scanned
-LEAST_LACK: Final = 1e-5  # rad, of the angle that the faces around a vertex lack
-TIE: Final = 1e-9 * np.array([1.0, 2.0, 3.0])  # m, by which no two places are as near
-OFF: Final = 0.002  # m off a surface, which then does not hide the point
-_DIGITS: Final = 6  # of places, so that vertices at one place are one
+BENT: Final = 0.8  # least cosine between the normals of adjacent faces of round objects
+FLAT: Final = 1e-6  # faces are in a plane if this cosine differs from 1 by less
+LEAST_ROUND: Final = 1e-4  # m^2, least cross section of a point
+MOST_ROUND: Final = 64  # maximum number of points for an antenna, strongest first
+MOST_TRIANGLES: Final = 20_000  # parts with more triangles are scanned meshes
+LEAST_LACK: Final = 1e-5  # rad, least angle defect at a vertex of a round object
+TIE: Final = 1e-9 * np.array([1.0, 2.0, 3.0])  # m, offset that breaks ties of distance
+OFF: Final = 0.002  # m, offset of points from surfaces, so that these do not hide them
+_DIGITS: Final = 6  # digits to which positions are rounded to merge vertices
 
 # A vertex or an edge of a round part.
 _ROUND: Final = np.dtype(
     [
-        ("foot", np.float64, 3),  # m, map frame; of an edge its beginning
-        ("along", np.float64, 3),  # unit vector of an edge; 0 of a vertex
-        ("normal", np.float64, 3),  # unit vector of one of the faces around
-        ("length", np.float64),  # m, of an edge
+        ("foot", np.float64, 3),  # m, vertex or beginning of the edge, map frame
+        ("along", np.float64, 3),  # unit vector of the edge; 0 for a vertex
+        ("normal", np.float64, 3),  # unit normal of an adjacent face
+        ("length", np.float64),  # m, length of the edge; 0 for a vertex
         ("curvature", np.float64),  # 1/m
         ("part", np.int64),
     ]
@@ -61,36 +61,36 @@ _ROUND: Final = np.dtype(
 
 
 class _Round(NamedTuple):
-    """What is round in a scene of P parts; N vertices and edges."""
+    """The N round vertices and edges in a scene of P parts."""
 
-    parts: NDArray[np.bool_]  # (P,) whether each is round for the most part
-    rows: NDArray[np.void]  # (N,) of these parts
-    owners: NDArray[np.int64]  # (K,) rows that have neighbours
-    away: Floats  # (K, 3) m, from each neighbour to the row, across an edge
+    parts: NDArray[np.bool_]  # (P,) whether most of the part's surface is round
+    rows: NDArray[np.void]  # (N,) vertices and edges of these parts
+    owners: NDArray[np.int64]  # (K,) for each neighbour the row to which it belongs
+    away: Floats  # (K, 3) m, from each neighbour to its row, perpendicular to an edge
 
 
 _known: WeakKeyDictionary[Tracer, _Round] = WeakKeyDictionary()
 
 
 def round_parts(tracer: Tracer) -> NDArray[np.bool_]:
-    """Return which parts of a scene are mirrors that are round, (P,)."""
+    """Return a mask of the parts of a scene that are round mirrors, (P,)."""
     return _round_of(tracer).parts
 
 
 def round_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
-    """Return the points of round metal that return to an antenna.
+    """Return the strongest points of round metal objects, for an antenna.
 
     Args:
         tracer: Tracer of the scene.
-        origin: (3,) m, place of the antenna, map frame.
-        wavelength: m.
+        origin: Position of the antenna, (3,) m, map frame.
+        wavelength: Wavelength, m.
     """
     _, rows, owners, away = _round_of(tracer)
     way = origin - rows["foot"]
     place = np.einsum("ni,ni->n", way, rows["along"])
     across = way - place[:, None] * rows["along"]
     faces = np.einsum("ni,ni->n", across, rows["normal"]) > 0
-    # The nearest of its neighbours faces the antenna; of two as near, one.
+    # A row faces the antenna if it is closer than all its neighbours; TIE decides ties.
     middle = across[owners] + away / 2 + TIE
     np.logical_and.at(faces, owners, np.einsum("ki,ki->k", away, middle) > 0)
     rows, place, across = rows[faces], place[faces], across[faces]
@@ -108,14 +108,15 @@ def round_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
 
 
 def fresnel_square(ends: Floats, wavelength: float, distance: Floats) -> Floats:
-    """Return F of lines that an antenna sees from the side, (N,) m^2.
+    """Return the integral F of lines that an antenna sees from the side, (N,) m^2.
 
     Args:
-        ends: (N, 2) m, from where to where they are, from the foot of the antenna.
-        wavelength: m.
-        distance: (N,) m, from the antenna to its foot.
+        ends: Both ends along each line, from the foot of the perpendicular from the
+            antenna, (N, 2) m.
+        wavelength: Wavelength, m.
+        distance: Distances from the antenna to these feet, (N,) m.
     """
-    # The line integral of a spherical wave, by Fresnel's integrals.
+    # The line integral of a spherical wave by Fresnel integrals.
     scale = np.sqrt(4 / (wavelength * distance))
     sines, cosines = fresnel(ends * scale[:, None])
     square = np.diff(sines) ** 2 + np.diff(cosines) ** 2
@@ -138,14 +139,14 @@ def _round_of(tracer: Tracer) -> _Round:
 
 
 class _HalfEdges:
-    """Edges of meshes as each of their faces has them, from a corner to the next."""
+    """Half-edges of meshes: the sides of all faces, linked to their twins."""
 
     def __init__(self, triangles: Floats, part: NDArray[np.int64]) -> None:
-        """Link the halves.
+        """Link the half-edges.
 
         Args:
-            triangles: (F, 3, 3) m.
-            part: (F,) the part of each.
+            triangles: Corners of triangles, (F, 3, 3) m.
+            part: Parts of the triangles, (F,).
         """
         sides = np.roll(triangles, -1, axis=1) - triangles
         crosses = np.cross(sides[:, 0], sides[:, 1])
@@ -161,7 +162,7 @@ class _HalfEdges:
         _, self.first, begin = np.unique(
             keys, axis=0, return_index=True, return_inverse=True
         )
-        self.places = corners[self.first]  # of vertices
+        self.places = corners[self.first]  # positions of vertices
         self.begin = begin.ravel()
         self.end, self.third = (
             np.roll(self.begin.reshape(-1, 3), -k, axis=1).ravel() for k in (1, 2)
@@ -173,16 +174,16 @@ class _HalfEdges:
         order = np.argsort(here, kind="stable")
         found = np.searchsorted(here, there, sorter=order)
         self.twin = order[np.minimum(found, max(len(order) - 1, 0))]
-        # Between the normals of both faces; -1 at the rim of a mesh.
+        # The cosine between the normals of both faces; -1 at the boundary of a mesh.
         cosine = np.einsum("hi,hi->h", self.normals, self.normals[self.twin])
         self.cosine = np.where(here[self.twin] == there, cosine, -1.0)
 
     def find_round(self, count: int) -> _Round:
-        """Return what is round in as many parts."""
+        """Return the round vertices and edges; ``count`` is the number of parts."""
         beyond = self.places[self.third[self.twin]] - self.places[self.begin]
         is_bent = (self.cosine >= BENT) & (self.cosine < 1 - FLAT)
         is_bent &= np.einsum("hi,hi->h", beyond, self.normals) < 0
-        # Parts of most of whose area the faces are bent against others.
+        # A part is round if faces at bent edges make up most of its area.
         of_faces = np.repeat(is_bent.reshape(-1, 3).any(axis=1), 3)
         weights = np.where(of_faces, self.doubled, -self.doubled)
         parts = np.bincount(self.part, weights, count) > 0
@@ -209,7 +210,7 @@ class _HalfEdges:
     def _round_vertices(
         self, parts: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int64], Floats]:
-        """Return the vertices of some parts that are round, and their curvature."""
+        """Return the round vertices of the selected parts, and their curvatures."""
         count, along = len(self.places), self.along.reshape(-1, 3, 3)
         cosines = -(along * np.roll(along, 1, axis=1)).sum(axis=2)
         angles = np.arccos(np.clip(cosines, -1, 1)).ravel()
@@ -223,7 +224,7 @@ class _HalfEdges:
     def _round_edges(
         self, is_bent: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int64], Floats]:
-        """Return the bent edges that are those of posts, and their curvature."""
+        """Return the bent edges that belong to posts, and their curvatures."""
         width = (self.doubled + self.doubled[self.twin]) / (2 * self.length)
         curvature = np.sqrt(np.maximum(2 - 2 * self.cosine, 0)) / width
         found = is_bent & (self.begin < self.end) & (self.length * curvature > 1)

@@ -1,4 +1,4 @@
-"""Sequences: the turns that a radar records as it is driven along a path."""
+"""Sequences: the revolutions that a radar records while it moves along a path."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,17 +13,17 @@ from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.scene import Scene
 
-STEPS_IN_TURN = 25  # of even motion, in which the antenna looks around
+STEPS_IN_TURN = 25  # steps of constant speed in a revolution
 
 
 @dataclass(frozen=True, eq=False)
 class DrivenPath:
-    """Where a radar is at each time; N poses, between which it moves evenly.
+    """The path of a radar: N poses, between which it moves at constant speed.
 
     Attributes:
-        times: (N,) s, increasing.
-        positions: (N, 3) m, map frame.
-        orientations: (N, 4) unit quaternions, x, y, z, w.
+        times: Increasing times, (N,) s.
+        positions: Positions, (N, 3) m, map frame.
+        orientations: Unit quaternions x, y, z, w, (N, 4).
     """
 
     times: Floats
@@ -32,12 +32,12 @@ class DrivenPath:
 
     @property
     def duration(self) -> float:
-        """From the first pose to the last, s."""
+        """Time from the first to the last pose, s."""
         return float(self.times[-1] - self.times[0])
 
     def poses_at(self, times: Floats) -> list[Pose3]:
-        """Return the poses at some times; the first before it, the last after it."""
-        # Slerp refuses times outside of its own, where interp would hold the ends.
+        """Return poses at some times, limited to the first and the last pose."""
+        # Slerp raises an error for times outside of the path, so they are clipped.
         inside = np.clip(times, self.times[0], self.times[-1])
         turns = Slerp(self.times, Orientation.from_quat(self.orientations))(inside)
         angles = turns.as_euler("ZYX")
@@ -51,9 +51,9 @@ class DrivenPath:
 
 
 def read_tum(text: str) -> DrivenPath:
-    """Read a path in the format of TUM's tools.
+    """Read a path in the TUM trajectory format.
 
-    A line is ``time x y z qx qy qz qw``, in s and m; what begins with # is a comment.
+    A line is ``time x y z qx qy qz qw`` in s and m; comments begin with #.
 
     Raises:
         ValueError: If a line is not such a pose, times do not increase, or there are
@@ -84,7 +84,7 @@ def read_tum(text: str) -> DrivenPath:
 
 
 def tum_line(time: float, pose: Pose3) -> str:
-    """Return a pose at a time, s, as a line of a path in the format of TUM's tools."""
+    """Return a pose at a time, s, as a line in the TUM trajectory format."""
     turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
     numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
     return " ".join(f"{each:.6f}" for each in (time, *numbers)) + "\n"
@@ -93,26 +93,26 @@ def tum_line(time: float, pose: Pose3) -> str:
 def turns_along(
     radar: FmcwRadar, scene: Scene, path: DrivenPath, rng: np.random.Generator
 ) -> Iterator[tuple[float, Spectrum]]:
-    """Record all turns that end before a path does, each with the time when it began.
+    """Yield all revolutions that end before the path does, with their start times, s.
 
-    The pose of a turn is that in its middle. Before the path the radar stands at its
-    first pose for a turn.
+    The pose of a revolution is the pose in its middle. Before the path begins, the
+    radar stays at the first pose for a revolution.
 
     Args:
         radar: The radar.
         scene: The map.
-        path: Where the antenna is, map frame.
+        path: Path of the antenna, map frame.
         rng: Source of speckle and noise.
     """
     settings = radar.settings
     rotation = Rotation(radar, scene, rng)
     (start,) = path.poses_at(path.times[:1])
-    # The first turn is not received: its sidelobes would need the turn before.
+    # The first revolution is not received, since its sidelobes need the previous one.
     sectors = rotation.advance(start, settings.azimuths)
     step = max(settings.azimuths // STEPS_IN_TURN, 1)
     period = settings.azimuths * settings.sweep_time
     looked, done = 0, 0
-    # A path of a whole number of turns is not to lose the last one by rounding.
+    # Rounding errors must not remove the last revolution of the path.
     count = int(path.duration / period + 1e-9)
     while done < count:
         seconds = step * settings.sweep_time
@@ -121,8 +121,8 @@ def turns_along(
         dx, dy, dz = ((after.position() - pose.position()) / seconds).tolist()
         sectors += rotation.advance(after, step, start=pose, velocity=(dx, dy, dz))
         looked += step
-        # A turn is complete some looks after its last direction, by when the next has
-        # begun.
+        # A revolution is complete some azimuths after its last azimuth, when the next
+        # revolution has already begun.
         if any(each.turn == done and each.ends_turn for each in sectors):
             began = float(path.times[0] + done * period)
             (middle,) = path.poses_at(np.array([began + period / 2]))

@@ -1,34 +1,34 @@
-"""Speckle: the amplitudes of what is rough, tied to places in the map.
+"""Speckle: random amplitudes of rough surfaces, fixed to positions in the map.
 
 Theory of operation
 ===================
-What is rough or dense returns from many scatterers with random phases: the amplitude of
-a cell is a complex number of Gaussian distribution. It stays the same as long as
-nothing moves. When the radar moves, the phase of each scatterer changes by 4 pi /
-lambda times the change of its distance, and the pattern changes as far as the phases in
-a beam turn against each other.
+Rough surfaces and dense volumes consist of many scatterers with random phases, so the
+amplitude of a cell is a complex Gaussian number. It is constant while nothing moves.
+When the radar moves, the phase of each scatterer changes by 4 pi / lambda times the
+change of its distance, and the speckle pattern changes as far as the phases within a
+beam change relative to each other.
 
-Here scatterers stand on a lattice of the map: in directions that are one column of the
-fan apart, and, along a direction of unit vector e, a bin apart. The amplitude of each
-is a hash of a key, of its direction, and of its number i along it. An antenna at p sees
-scatterer i at the range i b - p e, b being the size of a bin, with the phase 4 pi /
-lambda of that. So scatterers ahead of a radar that drives come nearer as walls do, and
-one that turns sees them turn. Across the way the correlation of the power falls with
-the distance d as
+In this model scatterers form a lattice in the map: in directions that are a column of
+the fan apart, and along each direction, a unit vector e, a bin apart. The amplitude of
+a scatterer is a hash of a key, its direction, and its index i along the direction. An
+antenna at p sees scatterer i at the range i b - p e, where b is the size of a bin, and
+with the phase 4 pi / lambda times this range. So scatterers ahead of a moving radar
+approach like walls, and rotate for a rotating radar. Perpendicular to the line of sight
+the correlation of the power falls with the distance d as
 
     exp(-(4 pi s d / lambda)^2), s = beamwidth / (4 sqrt(ln 2)).
 
-The phases of directions that are one column apart repeat after lambda / (2 column):
-from there on, other scatterers take the place of the first ones.
+The phases of directions that are a column apart repeat after lambda / (2 column), so
+beyond this distance other scatterers are used.
 
-Scatterers in a wind, as leaves, each have a constant speed of their own, of normal
-distribution. Over a time t the field keeps exp(-(4 pi sigma t / lambda)^2 / 2) of its
-correlation, sigma being the rms speed.
+Scatterers that move in the wind, such as leaves, have constant speeds with a normal
+distribution. After a time t the correlation of the field is
+exp(-(4 pi sigma t / lambda)^2 / 2), where sigma is the rms speed.
 
-Ground, walls and plants do not scatter evenly. Where a radar has a ``clutter_shape``,
-the mean power of a place is multiplied by a factor of gamma distribution, of that shape
-and a mean of 1, which varies over a metre or so: with speckle on top, the power has a K
-distribution. The factors are a texture of the map, which is repeated after 128 m.
+Ground, walls and plants do not scatter uniformly. If a radar has a ``clutter_shape``,
+the mean power at a position is multiplied by a gamma-distributed factor with that shape
+and a mean of 1, which varies over about a metre; with speckle, the power then has a K
+distribution. The factors are a texture of the map, which repeats after 128 m.
 
 Sources: J. W. Goodman, Speckle Phenomena in Optics, 2007; for the wind: D. K. Barton,
 Radar System Analysis and Modeling, 2005; for the texture: K. D. Ward, R. J. A. Tough
@@ -57,30 +57,30 @@ from radarsim.rng import generator_for
 
 Words = NDArray[np.uint64]
 
-TEXTURE_CELLS: Final = 512  # along each side of the texture, which is repeated
+TEXTURE_CELLS: Final = 512  # cells along each side of the repeated texture
 TEXTURE_CELL: Final = 0.25  # m, side of a cell
-TEXTURE_LENGTH: Final = 1.0  # m, of the Gaussian that smooths it; estimate
-_LEVELS: Final = 1024  # of amplitudes, phases and speeds
+TEXTURE_LENGTH: Final = 1.0  # m, width of the Gaussian filter of the texture; estimate
+_LEVELS: Final = 1024  # number of levels of amplitudes, phases and speeds
 _MASK: Final = np.uint64(_LEVELS - 1)
-# Steps and factors of the generator SplitMix64 (Steele, Lea and Flood, 2014).
+# Increment and factors of the generator SplitMix64 (Steele, Lea and Flood, 2014).
 _STEP: Final = np.uint64(0x9E3779B97F4A7C15)
 _FIRST_FACTOR: Final = np.uint64(0xBF58476D1CE4E5B9)
 _SECOND_FACTOR: Final = np.uint64(0x94D049BB133111EB)
-# Those of a column of the fan, as an antenna sees them: rows of the engine.
+# The scatterers of columns of the fan as seen from the antenna: rows of the engine.
 Scatterers: TypeAlias = NDArray[np.void]
 
 
 def scatterers_in(
     settings: FmcwSettings, azimuths: Floats, view: Viewpoints, key: int, salt: int
 ) -> Scatterers:
-    """Return the scatterers in directions, (N,).
+    """Return the scatterers at azimuths, (N,).
 
     Args:
-        settings: The radar.
-        azimuths: (N,) rad, clockwise from straight ahead.
-        view: From where the antenna looks into each.
-        key: Another one makes other amplitudes.
-        salt: Number of a set of scatterers; those of two are independent.
+        settings: Settings of the radar.
+        azimuths: Azimuths, clockwise from straight ahead, (N,) rad.
+        view: Viewpoints of the antenna at these azimuths.
+        key: Key of the hash; different keys give independent amplitudes.
+        salt: Number of a set of scatterers; different sets are independent.
     """
     width = settings.step / settings.rays_across
     level = np.stack([np.cos(azimuths), -np.sin(azimuths)], axis=-1)
@@ -93,20 +93,21 @@ def scatterers_in(
     beside = y * np.cos(angle) - x * np.sin(angle)
     base = np.uint64((key + (salt + 1) * int(_STEP)) % 2**64)
     keys = _mixed(base + number.astype(np.uint64))
-    # Strips begin elsewhere in each direction, so that not all change at once.
+    # Strips have different offsets in each direction, so they do not change together.
     repeat = settings.wavelength / (2 * width)
     strips = np.floor(beside / repeat + keys / 2.0**64).astype(np.int64)
     keys = _mixed(keys + _STEP * strips.astype(np.uint64))
     shift = doppler_shift(settings, np.einsum("ni,ni->n", ahead, view.velocities))
     starts = np.rint((along - shift) / settings.bin_size).astype(np.int64)
-    # The phase is that in the middle of the sweep, by when a tone has turned too.
+    # The phase is given in the middle of the sweep, and includes the phase that the
+    # beat component accumulates until then.
     tone = 0.5 * sample_count(settings) / fft_length(settings)
     turns = np.remainder(starts * tone - 2 * along / settings.wavelength, 1.0)
     found = np.zeros(len(keys), engine.rows["Scatterers"])
     found["key"], found["start"] = keys, starts
     found["phase"] = (turns * _LEVELS).astype(np.uint64) & _MASK
     found["drift"] = _LEVELS * 2 * view.times / settings.wavelength
-    # Other keys begin elsewhere in the texture.
+    # The key determines the offset of the texture.
     begin = key % TEXTURE_CELLS, key // TEXTURE_CELLS % TEXTURE_CELLS
     for axis, turned in enumerate((np.cos(angle), np.sin(angle))):
         place = view.positions[:, axis] - shift * turned
@@ -117,7 +118,7 @@ def scatterers_in(
 
 @lru_cache(maxsize=4)
 def clutter_texture(shape: float) -> NDArray[np.float32]:
-    """Return the factors of the power by place, (N, N); (0, 0) of a shape of 0."""
+    """Return the factors of the power by position, (N, N); (0, 0) for a shape of 0."""
     if not shape:
         return np.zeros((0, 0), np.float32)
     noise = generator_for(0, "clutter").standard_normal([TEXTURE_CELLS] * 2)
@@ -134,13 +135,13 @@ def _mixed(words: Words) -> Words:
 
 @lru_cache(maxsize=1)
 def hash_levels() -> NDArray[np.void]:
-    """Return what each level of a hash stands for: rows of the engine."""
+    """Return amplitude, phase and speed for each hash level: rows of the engine."""
     shares = (np.arange(_LEVELS) + 0.5) / _LEVELS
     power = -np.log(shares)
     turns = 2 * math.pi * np.arange(_LEVELS) / _LEVELS
     speeds = ndtri(shares)
     levels = np.zeros(_LEVELS, engine.rows["HashLevel"])
-    # Of a mean power of 1 and exponential distribution; speeds are standard normal.
+    # Powers have an exponential distribution with mean 1; speeds are standard normal.
     levels["amplitude"] = np.sqrt(power / power.mean())
     levels["real"], levels["imaginary"] = np.cos(turns), np.sin(turns)
     levels["speed"] = speeds / speeds.std()

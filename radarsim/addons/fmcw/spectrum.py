@@ -1,4 +1,4 @@
-"""One turn of an FMCW radar: the power in each direction and range bin."""
+"""The spectrum of a revolution of an FMCW radar: the power by azimuth and range bin."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,29 +35,29 @@ from radarsim.scene.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MEDIAN = float(np.log(2))  # of an exponential distribution of mean 1
+MEDIAN = float(np.log(2))  # median of an exponential distribution with mean 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spectrum:
-    """One turn of an FMCW radar: A directions of B range bins.
+    """The spectrum of a revolution of an FMCW radar: A azimuths with B range bins.
 
     Attributes:
         sensor: Name of the preset.
         pose: Pose of the antenna, map frame.
         settings: Settings of the radar.
-        angles: (A,) directions, rad, counter-clockwise from straight ahead as anywhere;
-            the radar turns clockwise, so they fall from 0 to -2 pi.
-        ranges: (B,) m.
-        power: (A, B) float32 W, received in each bin.
-        echo_power: (A, B) float32 W, the mean power that returns from within each bin,
-            before speckle, window and noise; its sum over bins is all that returns.
-        noise_floor: (B,) float32 W, the mean power of the noise.
-        radial_velocity: (A, B) float32 m/s, how fast what is there moves away from the
-            antenna. It is the truth of the simulation: such a radar measures no
-            velocity, which only shifts ranges. Within a beamwidth and two resolutions
-            of a robot that drives it is that of the robot.
-        scene: The map; None for a turn in a simulation with its robots.
+        angles: Azimuths, (A,) rad, counter-clockwise from straight ahead. The radar
+            rotates clockwise, so they fall from 0 to -2 pi.
+        ranges: Ranges of the bins, (B,) m.
+        power: Received power in each bin, (A, B) float32, W.
+        echo_power: Mean power of the echoes from each bin, before speckle, window and
+            noise, (A, B) float32, W. Its sum over bins is the total echo power.
+        noise_floor: Mean power of the noise, (B,) float32, W.
+        radial_velocity: Speed at which objects move away from the antenna, (A, B)
+            float32, m/s. It is ground truth, since such a radar measures no velocity;
+            velocities only shift ranges. Within a beamwidth and two resolutions of a
+            moving robot it is the velocity of the robot.
+        scene: The map; None for a revolution in a simulation with robots.
     """
 
     sensor: str
@@ -81,29 +81,29 @@ class Spectrum:
 
     @cached_property
     def decibels(self) -> NDArray[np.float32]:
-        """The power, (A, B) dBm."""
+        """The received power, (A, B) dBm."""
         return dbm_of(self.power).astype(np.float32)
 
     @cached_property
     def counts(self) -> NDArray[np.uint8]:
-        """The power as the radar stores it, (A, B), 0 to 255.
+        """The received power as the radar stores it, 0 to 255, (A, B).
 
-        A count is ``count_db`` decibels; the median of the noise has ``floor_count``.
+        A count is ``count_db`` decibels; the noise has a median of ``floor_count``.
         """
         return counts_of(self.settings, self.power)
 
     @cached_property
     def mean(self) -> NDArray[np.float32]:
-        """The power that is expected over many seeds, (A, B) W: no speckle, but noise.
+        """The expected power over many seeds, (A, B) W: without speckle, with noise.
 
-        Each echo is spread over the bins as the window does it.
+        The window spreads each echo over several bins.
         """
         length = fft_length(self.settings)
         shape = self.noise_floor / np.float32(noise_power(self.settings))
         spread = np.abs(fft.fft(window_of(self.settings), length)) ** 2
         scale = np.float32(noise_power(self.settings))
-        # A convolution with the main lobe of the window, by FFT; rounding may go below
-        # 0.
+        # Convolve with the spectrum of the window by FFT; rounding errors may give
+        # negative values.
         echoes = fft.rfft(self.echo_power / scale / shape, length, axis=1)
         echoes *= fft.rfft(spread).astype(np.complex64)
         seen = fft.irfft(echoes, length, axis=1)[:, : len(self.ranges)]
@@ -115,18 +115,18 @@ class Spectrum:
         """Detect targets.
 
         Args:
-            detector: ``ca`` compares each bin with the mean of those around it, ``os``
-                with one of them in order of power, both at a constant rate of false
-                alarms; ``k`` takes the strongest bins of each direction.
+            detector: ``ca`` compares each bin with the mean of training bins around it,
+                ``os`` with one of them by its rank in power, both at a constant false
+                alarm rate; ``k`` selects the strongest bins of each azimuth.
             pfa: Probability of a false alarm in a bin of noise, for ``ca`` and ``os``.
-            count: How many bins ``k`` takes in each direction, at most.
+            count: Maximum number of bins that ``k`` selects in each azimuth.
 
         Raises:
             ValueError: If there is no such detector, or a number is out of range.
         """
         allowed = self.ranges >= MIN_RANGE
         if detector == "k":
-            # Counts, not watts: the algorithm was published for what radars store.
+            # The published algorithm uses the counts that radars store, not watts.
             mask = strongest_mask(self.counts, count, allowed, MIN_COUNT)
         elif detector in DETECTORS:
             training, power = training_of(self.settings), self.power / self.noise_floor
@@ -140,7 +140,8 @@ class Spectrum:
             raise ValueError(f"detector {detector!r}, expected one of {DETECTORS}")
         rows, bins = np.nonzero(mask)
         ranges, dbm = self.ranges[bins], dbm_of(self.power[rows, bins])
-        # Of a point: its power falls with the fourth power of the range.
+        # The cross section of a point, whose power falls with the fourth power of the
+        # range.
         rcs_dbsm = dbm - dbm_of(radar_constant(self.settings)) + 40 * np.log10(ranges)
         snr_db = dbm - dbm_of(self.noise_floor[bins])
         velocity = self.radial_velocity[rows, bins].astype(np.float64)
@@ -151,13 +152,13 @@ class Spectrum:
     def plot(
         self, ax: "Axes | None" = None, *, view: str = "cartesian", azimuth: int = 0
     ) -> "Axes":
-        """Draw the turn.
+        """Draw the revolution.
 
         Args:
-            ax: Axes of matplotlib; None for a figure of its own.
+            ax: Axes of matplotlib; None for a new figure.
             view: ``cartesian`` as seen from above, ``polar`` with a row for each
-                direction, or ``ascope``, the power over range in one direction.
-            azimuth: The direction of an A-scope, 0 to A - 1.
+                azimuth, or ``ascope``, the power over range at an azimuth.
+            azimuth: Index of the azimuth of an A-scope, 0 to A - 1.
 
         Raises:
             ValueError: If there is no such view or azimuth.
@@ -168,9 +169,9 @@ class Spectrum:
 
 
 def counts_of(settings: FmcwSettings, power: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return powers, W, as counts."""
+    """Convert powers, W, to the counts that a radar stores."""
     median = noise_power(settings) * MEDIAN
-    # No logarithm of 0, in place: a turn has a million bins.
+    # Logarithms of 0 are avoided. Arrays are changed in place, as they are large.
     tiny = np.float32(np.finfo(np.float32).tiny)
     counts = np.log10(np.maximum(power, tiny))
     counts -= np.float32(np.log10(median))
