@@ -26,7 +26,7 @@ CLOSE_GRACE = 0.2  # s in which a server can read what was sent last
 LOCAL_HOSTS = ("", "localhost", "0.0.0.0", "::", "::1")
 DEFAULT_PORT = 3000  # of USARSim
 CLOSED = "the connection is closed"
-STUCK = "the server takes nothing any more"
+STUCK = "the server has stopped reading"
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:

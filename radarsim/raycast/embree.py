@@ -115,7 +115,7 @@ def load_library(paths: list[Path]) -> ctypes.CDLL:
     """
     if len(paths) != 1:
         names = [path.name for path in paths]
-        raise EngineError(f"{names!r} in embreex, expected one library of Embree 4")
+        raise EngineError(f"embreex has {names!r}, expected one library of Embree 4")
     try:
         library = ctypes.CDLL(str(paths[0]))
         # Without declared types ctypes would cut pointers to 32 bits.
@@ -136,13 +136,14 @@ def expect_version(library: ctypes.CDLL) -> None:
     """
     device = library.rtcNewDevice(None)
     if not device:
-        raise EngineError("Embree made no device, expected one with its defaults")
+        raise EngineError("Embree could not create a device with its defaults")
     version = library.rtcGetDeviceProperty(device, PROPERTY_VERSION)
     boxes = library.rtcGetDeviceProperty(device, PROPERTY_USER_GEOMETRY)
     library.rtcReleaseDevice(device)
     if version // 10000 != 4 or not boxes:
         raise EngineError(
-            f"Embree {version}, user geometries {bool(boxes)}, expected 4xxxx and True"
+            f"Embree version {version}, user geometries {bool(boxes)},"
+            " expected 4xxxx and True"
         )
 
 
@@ -323,7 +324,8 @@ def _build(
     # When Python ends, a daemon thread may still trace rays in the scene.
     close.atexit = False
     if error:
-        raise EngineError(f"Embree error {error} over {len(triangles)} triangles")
+        text = f"Embree error {error} while it built {len(triangles)} triangles"
+        raise EngineError(text)
     return packed
 
 

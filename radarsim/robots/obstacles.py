@@ -78,7 +78,8 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
     faces = np.ascontiguousarray(faces, np.int32)
     count = engine.slice_faces(vertices, faces, height, segments)
     if count < 0:
-        raise ValueError(f"faces of more than the {len(vertices)} vertices of a mesh")
+        text = f"a face refers to a vertex beyond the {len(vertices)} of the mesh"
+        raise ValueError(text)
     return segments[:count].copy()
 
 

@@ -226,7 +226,7 @@ class WirelessClient(QuestionClient):
             return "ERROR {Reason Robot.Alread.Exists}"  # as the original spells it
         self.name, self.ports = robot, ports
         self._wireless.robots[robot] = self
-        log.info("%s: is %s", self.peer, printable_name(robot))
+        log.info("%s: registered as %s", self.peer, printable_name(robot))
         return "INITREPLY {Status OK}"
 
     def _tell_strength(self, name: str) -> str:

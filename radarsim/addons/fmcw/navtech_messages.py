@@ -98,7 +98,7 @@ class MessageBuffer:
         while received and not self.problem:
             # What cannot become the signature any more is not waited for.
             if not SIGNATURE.startswith(received[: len(SIGNATURE)]):
-                self.problem = f"{bytes(received[:16])!r}, expected the signature"
+                self.problem = f"{bytes(received[:16])!r}, expected Navtech's signature"
                 break
             if len(received) < _HEAD.size:
                 break

@@ -182,7 +182,7 @@ class RadarClient(PeerConnection):
             self._transport.write(data)
         # Rule 1: whole directions are left out, never a part of one.
         elif now - self._read_at > PATIENCE:
-            log.warning("%s: closed: it reads nothing", self.peer)
+            log.warning("%s: closed: the client does not read", self.peer)
             self.close()
 
     def _forget(self) -> None:

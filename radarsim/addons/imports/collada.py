@@ -164,14 +164,15 @@ def _triangles(primitive: Any, collada: Any) -> Mesh:
         # As many indices are allocated as the polygons are said to have.
         corners, said = len(primitive.index), int(primitive.vcounts.sum())
         if corners != said:
-            raise MeshError(f"polygons of {said} corners, expected {corners}")
+            text = f"<vcount> adds up to {said} corners, expected {corners} as in <p>"
+            raise MeshError(text)
         primitive = primitive.triangleset()
     if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
         return _NOTHING
     # The vertices are those of all parts.
     used, corner = np.unique(primitive.vertex_index, return_inverse=True)
     if used[0] < 0:
-        raise MeshError(f"vertex {used[0]}, expected at least 0")
+        raise MeshError(f"vertex index {used[0]}, expected at least 0")
     vertices: Floats = primitive.vertex[used].astype(np.float64)
     check_vertices(vertices)
     return vertices, corner.reshape(-1, 3).astype(np.int32)
