@@ -9,8 +9,7 @@
 
 from __future__ import annotations
 
-# The module typing takes longer to import than all that a command does before it
-# handles Ctrl-C.
+# The import of typing would delay the moment from which a command handles Ctrl-C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
@@ -38,8 +37,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Modules are imported on first use, so that the command line starts fast, and so that
-# values such as scenes and scans can be drawn by what lies above them.
+# Modules are imported on first use, so that commands start fast, and so that scenes and
+# scans can call plotting functions of higher layers.
 _NAMES = {
     "addons.fmcw.image_files": ("load_turns",),
     "addons.recording.recording": ("Recording", "load_recording"),
@@ -62,7 +61,7 @@ _MODULES = {
     name: f"radarsim.{module}" for module, names in _NAMES.items() for name in names
 }
 
-# Of other parts than the core, found through its door.
+# Names of parts outside the core, with the plugin group that provides them.
 _PLUGINS = {"evaluate": "radarsim.local"}
 
 __all__ = [
@@ -102,7 +101,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _MODULES and name not in _PLUGINS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from radarsim import plugins  # noqa: PLC0415 - it imports others
+    from radarsim import plugins  # noqa: PLC0415 - it imports further modules
 
     if name in _PLUGINS:
         return plugins.load(_PLUGINS[name], name)

@@ -1,4 +1,4 @@
-"""``python -m radarsim``."""
+"""The entry point of ``python -m radarsim``."""
 
 from radarsim.cli import main
 

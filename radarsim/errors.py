@@ -1,29 +1,28 @@
-"""All exceptions that radarsim raises on purpose.
+"""All exceptions of radarsim, and functions that format their messages.
 
 * RadarsimError
-    * ProtocolError -- the peer broke the USARSim text protocol
-        * MalformedMessage -- a line, a number or a vector that cannot be read
-        * LineTooLong -- the only one that closes the connection
-    * MapError -- a file under maps/ is wrong; names the file, the place and the key
-    * ForeignFileError -- a file of another program cannot be imported; names the place
+    * ProtocolError -- the peer violated the USARSim text protocol
+        * MalformedMessage -- a line, a number or a vector cannot be parsed
+        * LineTooLong -- a line is too long, which closes the connection
+    * MapError -- a map file is invalid; names the file, the line and the key
+    * ForeignFileError -- a file of another program cannot be imported; names the line
     * PresetError -- an unknown sensor, robot class or setting, or a value out of range
-    * EngineError -- Embree cannot be loaded, or got input that it would misread
+    * EngineError -- Embree cannot be loaded, or the engine got invalid input
     * ServerError -- the server cannot start: its address is not available
         * PortUnavailable -- the port is in use, or reserved; port 0 takes a free one
     * ClientError -- a server is not reachable, disconnected, or lacks a feature
         * ClientTimeout -- no answer in time; the connection stays open
-    * MappingError -- no map can be made from what a server sends
+    * MappingError -- no map can be built from a server's messages
     * NavigationError -- a robot cannot do a task: it has no scanner, or is too wide
         * TooNearError -- a start or a goal is inside the safety distance
     * RecordingError -- a recording cannot be written, read, or repeated
-    * SweepError -- a sweep file is wrong, or a sweep cannot be run
+    * SweepError -- a sweep file is invalid, or a sweep cannot be run
     * MissingPackage -- an optional package is not installed; names the extra
 
-Programming errors stay ValueError, TypeError and AssertionError.
+Programming errors are ValueError, TypeError and AssertionError.
 
-Below the exceptions stand the words that their messages share: names from outside
-without escape sequences, which a terminal would obey; what an unknown name may mean;
-and plain words for the errors of the operating system.
+The functions escape control characters, which a terminal would execute, suggest known
+names for an unknown name, and describe errors of the operating system.
 """
 
 import errno
@@ -40,11 +39,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-CUTOFF: Final = 0.6  # of difflib's ratio, from 0 to 1, above which names are similar
-MAX_LENGTH: Final = 80  # of a name in a message
-MAX_NAMES: Final = 100  # that are listed in a message, and that are compared
-# Where the words of the operating system say less; for both kinds of permission, and
-# for full disks and quotas, one wording.
+CUTOFF: Final = 0.6  # difflib's ratio, 0 to 1, above which names are similar
+MAX_LENGTH: Final = 80  # characters of a name in a message
+MAX_NAMES: Final = 100  # largest number of names in a message, and in a comparison
+# Texts that replace less clear messages of the operating system. Both permission errors
+# have one text, and so have full disks and exceeded quotas.
 _WORDS: Final = {
     errno.EACCES: "no permission",
     errno.EADDRINUSE: "the port is in use by another program",
@@ -58,11 +57,11 @@ _WORDS: Final = {
 
 
 def escape_unprintable(text: str) -> str:
-    r"""Return a text with all characters escaped that Python calls not printable.
+    r"""Escape all characters of a text that ``str.isprintable`` rejects.
 
-    These are control characters, also line ends, marks that change the direction of
-    text, invisible separators, and halves of characters; ``repr`` escapes the same
-    ones. Escape sequences stay as they are.
+    They are control characters, line ends, marks that change the direction of text,
+    invisible separators and surrogates; ``repr`` escapes the same characters.
+    Backslashes in the text are not escaped.
 
     >>> escape_unprintable("wall\x1b[2J\n")
     'wall\\x1b[2J\\n'
@@ -73,7 +72,7 @@ def escape_unprintable(text: str) -> str:
 
 
 def escape_lines(text: str) -> str:
-    r"""Return a text of several lines, each with ``escape_unprintable``.
+    r"""Apply ``escape_unprintable`` to each line of a text.
 
     >>> escape_lines("wall\x07\nbush")
     'wall\\x07\nbush'
@@ -82,30 +81,30 @@ def escape_lines(text: str) -> str:
 
 
 class RadarsimError(Exception):
-    """The root of the tree; messages are printable, whatever names are in them."""
+    """Base of all exceptions of radarsim; unprintable characters are escaped."""
 
     def __init__(self, message: str = "", *details: object) -> None:
         super().__init__(escape_lines(message), *details)
 
 
 class ProtocolError(RadarsimError):
-    """The peer broke the USARSim text protocol."""
+    """The peer violated the USARSim text protocol."""
 
 
 class MalformedMessage(ProtocolError):
-    """A line, a number or a vector that cannot be read."""
+    """A line, a number or a vector cannot be parsed."""
 
 
 class LineTooLong(ProtocolError):
-    """More bytes without a line end than any client sends."""
+    """A line is longer than the limit; the connection is closed."""
 
 
 class MapError(RadarsimError):
-    """A map file is wrong.
+    """A map file is invalid.
 
     Attributes:
         problems: One text for each problem, ``file:line:column: key.path: message``;
-            of very many the first, and a last text that says how many more.
+            if there are many, the first problems and the number of the others.
     """
 
     def __init__(self, problems: list[str]) -> None:
@@ -113,7 +112,7 @@ class MapError(RadarsimError):
         super().__init__("\n".join(self.problems))
 
     def __reduce__(self) -> tuple[type["MapError"], tuple[list[str]]]:
-        """Pickle the problems, not the message that joins them."""
+        """Pickle the list of problems, from which the message is built again."""
         return type(self), (self.problems,)
 
 
@@ -126,7 +125,7 @@ class PresetError(RadarsimError):
 
 
 class EngineError(RadarsimError):
-    """Embree cannot be loaded, or got input that it would misread."""
+    """Embree cannot be loaded, or the engine got invalid input."""
 
 
 class ServerError(RadarsimError):
@@ -134,7 +133,7 @@ class ServerError(RadarsimError):
 
 
 class PortUnavailable(ServerError):
-    """The port to listen on is in use, or reserved; port 0 would take a free one.
+    """The port to listen on is in use, or reserved; port 0 selects a free port.
 
     Attributes:
         port: The port.
@@ -157,7 +156,7 @@ class ClientTimeout(ClientError):
 
 
 class MappingError(RadarsimError):
-    """No map can be made from what a server sends."""
+    """No map can be built from a server's messages."""
 
 
 class NavigationError(RadarsimError):
@@ -165,7 +164,7 @@ class NavigationError(RadarsimError):
 
 
 class TooNearError(NavigationError):
-    """A start or a goal is nearer to something than the safety distance."""
+    """A start or a goal is nearer to an obstacle than the safety distance."""
 
 
 class RecordingError(RadarsimError):
@@ -173,7 +172,7 @@ class RecordingError(RadarsimError):
 
 
 class SweepError(RadarsimError):
-    """A sweep file is wrong, or a sweep cannot be run where it was asked to."""
+    """A sweep file is invalid, or a sweep cannot be run, such as without workers."""
 
 
 class MissingPackage(RadarsimError, ImportError):
@@ -181,14 +180,14 @@ class MissingPackage(RadarsimError, ImportError):
 
 
 def import_optional(name: str, extra: str) -> Any:
-    """Import and return a module of an extra.
+    """Import and return a module of an optional dependency.
 
     Args:
         name: Name of the module.
-        extra: The extra of radarsim that installs its package.
+        extra: The extra of radarsim that installs the package of the module.
 
     Raises:
-        MissingPackage: If it is not installed; it names the extra.
+        MissingPackage: If the module is not installed; the message names the extra.
     """
     try:
         return importlib.import_module(name)
@@ -198,9 +197,9 @@ def import_optional(name: str, extra: str) -> Any:
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs an extra into this environment, and where."""
+    """Return the pip command that installs an extra, and the folder to run it in."""
     pip = Path(sysconfig.get_path("scripts"), "pip")
-    with suppress(OSError, ValueError):  # it is not below the current folder
+    with suppress(OSError, ValueError):  # pip is not below the current folder
         pip = pip.relative_to(Path.cwd())
     command = f"{shlex.quote(str(pip))} install '.[{extra}]'"
     return f"{command} in the checkout of radarsim"
@@ -210,8 +209,8 @@ def expected_one_of(name: object, known: Collection[str]) -> str:
     """Return the message for a name that is not among the known ones.
 
     Args:
-        name: What was given; programs may have given something else than a text.
-        known: What would have been valid, in the order of the message.
+        name: The unknown name; values of other types than text are converted.
+        known: The valid names, in the order in which the message lists them.
 
     >>> expected_one_of("sqare", ["circle", "square"])
     "'sqare' (did you mean 'square'?), expected one of ['circle', 'square']"
@@ -219,12 +218,12 @@ def expected_one_of(name: object, known: Collection[str]) -> str:
     "'line', expected one of ['circle', 'square']"
     """
     text = str(name)
-    meant = did_you_mean(text, known)  # before the list, which may be long
+    meant = did_you_mean(text, known)  # placed before the list, which may be long
     return f"{text[:MAX_LENGTH]!r}{meant}, expected one of {list_names(known)}"
 
 
 def list_names(names: Collection[str]) -> str:
-    """Return a list of names for a message; of many, the first and how many more.
+    """Format names for a message: the first ``MAX_NAMES``, and the number of others.
 
     >>> list_names(["circle", "square"])
     "['circle', 'square']"
@@ -235,9 +234,9 @@ def list_names(names: Collection[str]) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return what to write after a name that is not known; empty if none is similar.
+    """Return a suggestion for an unknown name; empty if no known name is similar.
 
-    Upper and lower case are equal. Only the first of very many names are compared.
+    The comparison ignores case and is limited to the first ``MAX_NAMES`` names.
 
     >>> did_you_mean("RADRA", ["laser", "radar"])
     " (did you mean 'radar'?)"
@@ -249,9 +248,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def describe_os_error(error: OSError | UnicodeError) -> str:
-    """Return the reason of an error in words that fit after a colon.
+    """Return the reason of an error as text that can follow a colon.
 
-    Names of hosts that no resolver takes raise UnicodeError.
+    UnicodeError is accepted too, since invalid host names raise it.
 
     >>> describe_os_error(PermissionError(13, "Permission denied", "map.yaml"))
     'no permission'
@@ -262,13 +261,13 @@ def describe_os_error(error: OSError | UnicodeError) -> str:
     if number in _WORDS:
         return _WORDS[number]
     if isinstance(error, TimeoutError):
-        number = errno.ETIMEDOUT  # that of asyncio has none
+        number = errno.ETIMEDOUT  # since asyncio's TimeoutError has no number
     text = os.strerror(number) if number > 0 else str(error)
     return text[:1].lower() + text[1:]
 
 
 def join_address(host: str, port: int) -> str:
-    """Return a host and a port as one text; a host with colons is in brackets.
+    """Return ``host:port``; a host with colons is put in brackets.
 
     >>> join_address("::1", 3000)
     '[::1]:3000'
@@ -279,8 +278,8 @@ def join_address(host: str, port: int) -> str:
 def error_number(error: OSError) -> int:
     """Return the number of an error; 0 if it has none.
 
-    asyncio reports the attempts to connect to several addresses of a host as one error
-    without a number; it is then that of the first attempt.
+    If connections to several addresses of a host fail, asyncio raises one error without
+    a number; then the number of the first attempt is returned.
     """
     if error.errno is not None:
         return error.errno

@@ -16,25 +16,26 @@ PAGE_MARK: Final = '<meta name="generator" content="radarsim">'
 _MARKS: Final = (
     PICTURE_MARK,
     PAGE_MARK.encode(),
-    b"<dc:title>radarsim</dc:title>",  # the creator of an SVG file
-    b"/Creator (radarsim)",  # of a PDF file, at its end
+    b"<dc:title>radarsim</dc:title>",  # the creator in an SVG file
+    b"/Creator (radarsim)",  # at the end of a PDF file
 )
-_MARKED_SIZE: Final = 2**20  # bytes; no picture that may be replaced is larger
+_MARKED_SIZE: Final = 2**20  # bytes; only marks within this size are found
 
 
 def write_atomically(files: Mapping[Path, bytes]) -> None:
     """Write files that belong together, each one completely or not at all.
 
-    Writes all of them to temporary files in the same folders, and renames these one
-    right after the other, in order, when all are complete. A full disk therefore leaves
-    the old files, and no process leaves a partial one; one that is killed by SIGKILL
-    leaves at worst a hidden temporary file that ends in ``.part``.
+    The files are written to temporary files in the same folders. When all are complete,
+    they are renamed one after the other, in order. So a full disk leaves the old files
+    unchanged, and there are no partial files. A process that is killed by SIGKILL can
+    leave hidden temporary files with the suffix ``.part``.
 
-    Symbolic links stay, and the files that they lead to are replaced. Devices and pipes
-    are written to directly.
+    Symbolic links stay, and their targets are replaced. Devices and pipes are written
+    to directly.
 
     Args:
-        files: The content of each file. A file that names another should come after it.
+        files: The content of each file. A file that refers to another file should come
+            after it.
 
     Raises:
         OSError: If a file cannot be written; then no file is changed, unless the last
@@ -49,8 +50,8 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
             parts.append((part, target))
             with _report_as(path):
                 _write_new(part, files[path])
-        # Late, when the temporary files are complete: what a device has got stays
-        # there.
+        # Devices come after the temporary files, since writing to a device cannot be
+        # undone.
         for path in special:
             with _report_as(path):
                 path.write_bytes(files[path])
@@ -60,17 +61,16 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
 
 @contextlib.contextmanager
 def written_atomically(path: Path) -> Iterator[Path]:
-    """Let a file be written bit by bit; it appears when it is complete, or never.
+    """Write a file in several steps; it replaces the old file only when complete.
 
-    For files that are too large to be held in memory. Of an error, or an interrupt,
-    nothing is left, and an old file stays as it was.
+    Use it for files that are too large for the memory. After an error or an interrupt,
+    the temporary file is removed, and an old file stays unchanged.
 
     Args:
-        path: The file. A symbolic link stays, and the file that it leads to is
-            replaced.
+        path: The file. A symbolic link stays, and its target is replaced.
 
     Yields:
-        The hidden temporary file in the same folder that is to be written.
+        The hidden temporary file in the same folder, to which the caller writes.
 
     Raises:
         OSError: If the file cannot be written, or is a device or a pipe.
@@ -104,7 +104,7 @@ def _is_special(path: Path) -> bool:
 
 @contextlib.contextmanager
 def _temporary_file(target: str) -> Iterator[Path]:
-    """Yield an unused hidden name in a file's folder; a file there is removed."""
+    """Yield an unused hidden path in a file's folder; remove the file at the end."""
     part = Path(target).with_name(f".{secrets.token_hex(8)}.part")
     try:
         yield part
@@ -115,9 +115,9 @@ def _temporary_file(target: str) -> Iterator[Path]:
 
 
 def _write_new(path: Path, data: bytes) -> None:
-    """Write a new file; raise if it exists."""
+    """Write a new file; raise FileExistsError if the path exists."""
     unfinished_files.add(str(path))
-    # Not by tempfile, whose files nobody but their owner may read.
+    # Files created by tempfile would be readable by their owner only.
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(handle, "wb") as file:
         file.write(data)

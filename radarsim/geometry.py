@@ -1,6 +1,6 @@
 """Poses and angles, and the definition of the frames.
 
-Everything inside radarsim follows REP-103: right-handed, x forward, y left, z up,
+All code of radarsim follows REP-103: right-handed frames, x forward, y left, z up,
 metres, seconds, radians, yaw counter-clockwise seen from above. Roll, pitch and yaw
 rotate about the fixed x, then y, then z axis: ``R = Rz(yaw) @ Ry(pitch) @ Rx(roll)``.
 The axes of the protocol (y right, z down) are used in ``radarsim.protocol`` only.
@@ -37,30 +37,30 @@ class Pose2:
     yaw: float = 0.0
 
     def compose(self, inner: "Pose2") -> "Pose2":
-        """Transform a pose from the frame of this pose to the frame that this is in."""
+        """Transform a pose from the frame of this pose to this pose's parent frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         x = self.x + c * inner.x - s * inner.y
         y = self.y + s * inner.x + c * inner.y
         return Pose2(x, y, wrap_angle(self.yaw + inner.yaw))
 
     def relative_to(self, other: "Pose2") -> "Pose2":
-        """Return this pose in the frame of another one; both are in the same frame."""
+        """Return this pose relative to another pose in the same parent frame."""
         c, s = math.cos(other.yaw), math.sin(other.yaw)
         dx, dy = self.x - other.x, self.y - other.y
         turn = wrap_angle(self.yaw - other.yaw)
         return Pose2(c * dx + s * dy, c * dy - s * dx, turn)
 
     def distance(self, other: "Pose2") -> float:
-        """Return the distance from another pose, m."""
+        """Return the distance to another pose, m."""
         return math.hypot(self.x - other.x, self.y - other.y)
 
     def point(self, bearing: float, distance: float) -> Point:
-        """Return the point at a bearing, rad, and a distance, m, from here."""
+        """Return the point at a bearing, rad, and a distance, m, from this pose."""
         angle = self.yaw + bearing
         return self.x + distance * math.cos(angle), self.y + distance * math.sin(angle)
 
     def is_apart(self, other: "Pose2", distance: float, turn: float) -> bool:
-        """Return whether another pose is farther than m, or turned by more than rad."""
+        """Return whether poses differ by more than a distance, m, or an angle, rad."""
         turned = abs(wrap_angle(self.yaw - other.yaw))
         return self.distance(other) > distance or turned > turn
 
@@ -81,7 +81,7 @@ class Pose3:
         """Create a pose from ``x, y, z, roll, pitch, yaw``.
 
         Raises:
-            ValueError: If these are not six finite numbers.
+            ValueError: If the sequence does not consist of six finite numbers.
         """
         if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
             raise ValueError(f"pose {list(numbers)!r}, expected six finite numbers")
@@ -96,14 +96,15 @@ class Pose3:
         return np.array([self.x, self.y, self.z], np.float64)
 
     def rotation(self) -> Floats:
-        """Return the matrix, (3, 3), that rotates vectors to the outer frame."""
+        """Return the matrix, (3, 3), that rotates vectors to the parent frame."""
         return rotation_matrix(self.roll, self.pitch, self.yaw)
 
     def compose(self, inner: "Pose3") -> "Pose3":
-        """Transform a pose from the frame of this pose to the frame that this is in."""
+        """Transform a pose from the frame of this pose to this pose's parent frame."""
         tilt = self.roll or self.pitch or inner.roll or inner.pitch
         if not (tilt or inner.y or inner.yaw):
-            # A scanner ahead of the centre of a level robot: the same numbers, faster.
+            # This faster path for a forward-mounted sensor on a level robot gives the
+            # same numbers.
             c, s = math.cos(self.yaw), math.sin(self.yaw)
             x, y = self.x + c * inner.x, self.y + s * inner.x
             z, yaw = float(self.z + inner.z), math.atan2(s, c) + 0.0
@@ -114,7 +115,7 @@ class Pose3:
         return Pose3(float(x), float(y), float(z), roll, pitch, yaw)
 
     def inverse(self) -> "Pose3":
-        """Return the pose of the outer frame in the frame of this pose."""
+        """Return the pose of the parent frame in the frame of this pose."""
         back = self.rotation().T
         x, y, z = -back @ self.position()
         return Pose3(float(x), float(y), float(z), *_roll_pitch_yaw(back))
@@ -135,7 +136,7 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> Floats:
 
 
 def _roll_pitch_yaw(rotation: Floats) -> tuple[float, float, float]:
-    """Return the angles of a rotation matrix; at a pitch of 90° roll is 0."""
+    """Return roll, pitch and yaw of a rotation matrix; roll is 0 at a pitch of 90°."""
     horizontal = math.hypot(rotation[0, 0], rotation[1, 0])
     pitch = math.atan2(-rotation[2, 0], horizontal)
     if horizontal < 1e-12:

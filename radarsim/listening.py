@@ -1,4 +1,4 @@
-"""Listening: ports, options of sockets, open files, and the signals that end it."""
+"""Helpers for TCP servers: ports, socket options, open files and exit signals."""
 
 import asyncio
 import errno
@@ -37,22 +37,21 @@ T = TypeVar("T")
 
 OUT_OF_FILES = (errno.EMFILE, errno.ENFILE)
 ACCEPT_LOG_INTERVAL = 10.0  # s between two lines
-# Connections accepted before others are served, and those that may wait meanwhile.
-ACCEPTED_AT_ONCE = 16
-MAX_WAITING = 128
-# A peer that is gone without a word is noticed after about two minutes.
+ACCEPTED_AT_ONCE = 16  # connections accepted in one round of the event loop
+MAX_WAITING = 128  # connections that may wait for acceptance, the backlog
+# A peer that vanishes without closing its connection is detected after two minutes.
 KEEP_ALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}  # s, s, times
-SEND_BUFFER_BYTES = 131_072  # what waits in the kernel is stale when it arrives
+SEND_BUFFER_BYTES = 131_072  # small, since buffered data is old when it arrives
 
 
 @contextmanager
 def signal_callbacks(
     numbers: Iterable[int], callback: Callable[[int], object]
 ) -> Iterator[None]:
-    """Call a function in the running event loop when a signal comes.
+    """Call a function in the running event loop when a signal arrives.
 
     Args:
-        numbers: The signals, which would otherwise end the process.
+        numbers: Numbers of the signals.
         callback: Called with the number of the signal.
     """
     loop = asyncio.get_running_loop()
@@ -61,19 +60,18 @@ def signal_callbacks(
         with suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(callback, number)
 
-    # Not loop.add_signal_handler: when that is undone, the default action is back, and
-    # a second signal would kill the process while it shuts down.
+    # loop.add_signal_handler is not used, since its removal restores the default
+    # action, and a second signal would kill the process while it shuts down.
     with signal_handlers(dict.fromkeys(numbers, handle)):
         yield
 
 
 @contextmanager
 def exit_code_of_signal() -> Iterator[asyncio.Future[int]]:
-    """Turn the signals that end a process into the result of a future.
+    """Convert the first exit signal to the result of a future.
 
     Yields:
-        The exit code, once the first signal has come: 130 after an interrupt, 0 after
-        a request to terminate, 129 after the terminal was closed.
+        A future of the exit code: 130 after SIGINT, 0 after SIGTERM, 129 after SIGHUP.
     """
     codes: dict[int, int] = {signal.SIGINT: INTERRUPTED, signal.SIGTERM: 0}
     if sys.platform != "win32" and not is_ignored(signal.SIGHUP):
@@ -91,11 +89,11 @@ def exit_code_of_signal() -> Iterator[asyncio.Future[int]]:
 def check_port(address: str, port: int) -> None:
     """Check that a port is free, before work that takes long.
 
-    Other obstacles, such as an address of another machine, are left to ``listen``.
+    Other errors, such as an address of another machine, are only found by ``listen``.
 
     Args:
-        address: Address to listen on, or several with commas between them.
-        port: Port to listen on; 0, for a free one, is always right.
+        address: Address to listen on, or several addresses separated by commas.
+        port: Port to listen on; 0, for a free port, always passes.
 
     Raises:
         PortUnavailable: If the port is in use, or reserved.
@@ -121,9 +119,9 @@ def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
     """Return a socket that is bound, and does not listen yet.
 
     Args:
-        address: Address to listen on; of a name, the first one.
-        port: Port to listen on; 0 for a free one.
-        only_ipv6: Whether ``::`` leaves the addresses of IPv4 to another socket.
+        address: Address to listen on; the first address of a host name.
+        port: Port to listen on; 0 for a free port.
+        only_ipv6: Whether ``::`` excludes IPv4 addresses (IPV6_V6ONLY).
 
     Raises:
         PortUnavailable: If the port is in use, or reserved.
@@ -161,8 +159,8 @@ async def listen(
 
     Args:
         protocol_factory: Creates the protocol of a connection.
-        address: Address to listen on, or several with commas between them.
-        port: Port to listen on at all of them; 0 for a free one.
+        address: Address to listen on, or several addresses separated by commas.
+        port: Port to listen on at all addresses; 0 for a free port.
 
     Returns:
         The listening server, and the first host and the port that it listens on.
@@ -173,7 +171,7 @@ async def listen(
     """
     loop = asyncio.get_running_loop()
     addresses = address.split(",")
-    if not port and len(addresses) > 1:  # asyncio would take another one at each
+    if not port and len(addresses) > 1:  # asyncio would use a different port for each
         with bind(addresses[0], 0) as free:
             port = free.getsockname()[1]
     try:
@@ -182,8 +180,8 @@ async def listen(
             addresses,
             port,
             reuse_address=True,
-            # asyncio accepts as many connections in one round of its loop as the
-            # backlog says: with a large one, a flood of connections would delay ticks.
+            # asyncio accepts up to ``backlog`` connections in one round of its loop;
+            # with a large value, a flood of connections would delay ticks.
             backlog=ACCEPTED_AT_ONCE,
         )
     except (OSError, UnicodeError) as error:
@@ -191,18 +189,18 @@ async def listen(
     if not listener.sockets:
         raise ServerError(f"cannot listen on {_join(address, port)}: no socket there")
     for listening in listener.sockets:
-        with listening.dup() as same:  # asyncio has one number for both
+        with listening.dup() as same:  # to set the backlog of the kernel separately
             same.listen(MAX_WAITING)
-    places = [each.getsockname()[:2] for each in listener.sockets]  # in any order
+    places = [each.getsockname()[:2] for each in listener.sockets]  # unordered
     places.sort(key=lambda place: place[0] != addresses[0])
     host, bound_port = places[0]
     return listener, (host, bound_port)
 
 
 def log_refused_accepts(log: logging.Logger) -> None:
-    """Log in one line if the running loop accepts nothing as no file may be opened.
+    """Log one line if the event loop cannot accept connections (too many open files).
 
-    asyncio tries again every second, and logs a traceback each time.
+    Without this handler, asyncio logs a traceback every second.
     """
     loop = asyncio.get_running_loop()
     next_line = 0.0
@@ -234,18 +232,19 @@ def _join(addresses: str, port: int) -> str:
 
 
 def configure_socket(transport: asyncio.BaseTransport) -> None:
-    """Detect peers that are gone, and let little data wait in the kernel."""
+    """Enable TCP keepalive, and set a small send buffer."""
     sock = transport.get_extra_info("socket")
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in KEEP_ALIVE.items():
-        if hasattr(socket, name):  # not on every system
+        if hasattr(socket, name):  # Some systems lack these options.
             sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-    # A large buffer would hide a slow reader for seconds, until all it gets is old.
+    # With a large buffer, a slow reader would be detected only after seconds, and would
+    # receive old data.
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
 
 
 def waiting_bytes(transport: asyncio.BaseTransport) -> int:
-    """Return how much a socket has received that is not read; 0 if nobody can say."""
+    """Return the number of received bytes not read yet; 0 if it is not known."""
     if sys.platform != "linux":
         return 0
     number = transport.get_extra_info("socket").fileno()
@@ -254,20 +253,20 @@ def waiting_bytes(transport: asyncio.BaseTransport) -> int:
 
 
 def find_hung_up(numbers: Iterable[int]) -> list[tuple[int, bool]]:
-    """Return the sockets whose peers send no more, and whether these are gone.
+    """Return the sockets whose peers have stopped sending, and whether they are gone.
 
-    A transport that is not read does not report that. Empty where the system cannot
-    say.
+    A transport with paused reading does not report this. The list is empty on systems
+    other than Linux.
 
     Args:
-        numbers: Numbers of the open files that are sockets.
+        numbers: File descriptors of the sockets.
     """
     if sys.platform != "linux":
         return []
     poller = select.poll()
     for number in numbers:
         poller.register(number, select.POLLRDHUP)
-    gone = select.POLLHUP | select.POLLERR  # which poll reports without being asked
+    gone = select.POLLHUP | select.POLLERR  # poll always reports these events
     return [(number, bool(event & gone)) for number, event in poller.poll(0)]
 
 
@@ -278,18 +277,18 @@ def peer_name(transport: asyncio.BaseTransport) -> str:
 
 
 def raise_file_limit(count: int) -> int:
-    """Let this process have so many files open, as far as the system permits.
+    """Raise the limit of open files of this process, as far as the system permits.
 
     The limit is never lowered.
 
     Args:
-        count: Number of files and sockets.
+        count: Required number of files and sockets.
 
     Returns:
-        How many of ``count`` it may have open.
+        The permitted number of files, at most ``count``.
     """
     try:
-        import resource  # noqa: PLC0415 - Windows does not have it, nor such a limit
+        import resource  # noqa: PLC0415 - Windows has neither the module nor the limit
     except ImportError:
         return count
     limit, ceiling = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -297,17 +296,17 @@ def raise_file_limit(count: int) -> int:
         return count
     wanted = count if ceiling == resource.RLIM_INFINITY else min(count, ceiling)
     if limit < wanted:
-        with suppress(ValueError, OSError):  # macOS permits less than it says
+        with suppress(ValueError, OSError):  # macOS permits less than it reports
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, ceiling))
             limit = wanted
     return min(count, limit)
 
 
 async def first_of(*work: Awaitable[Any]) -> Any:
-    """Run all until one ends, and return or raise what that does.
+    """Run awaitables until one ends, and return its result or raise its error.
 
-    The others are cancelled, and have ended as well when this does. Of several that end
-    at once, the first one in order counts.
+    The other awaitables are cancelled and awaited. If several end at the same time, the
+    first in order counts.
     """
     tasks = [asyncio.ensure_future(each) for each in work]
     try:
@@ -322,15 +321,15 @@ async def first_of(*work: Awaitable[Any]) -> Any:
 async def in_daemon_thread(
     function: Callable[P, T], *args: P.args, **kwargs: P.kwargs
 ) -> T:
-    """Call a function in a thread for which the end of the program does not wait."""
+    """Call a function in a daemon thread, and return its result."""
     future: Future[T] = Future()
-    # Who awaits it may be cancelled, but a call that runs cannot be.
+    # Marked as running, since a call that runs in a thread cannot be cancelled.
     future.set_running_or_notify_cancel()
 
     def run() -> None:
         try:
             future.set_result(function(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 - raised where it is awaited
+        except Exception as error:  # noqa: BLE001 - raised in the awaiting task
             future.set_exception(error)
 
     threading.Thread(target=run, daemon=True).start()

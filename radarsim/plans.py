@@ -1,12 +1,12 @@
-"""Plans: dataclasses that Python users pass, and whose fields are options of commands.
+"""Plans: dataclasses for the Python API whose fields are also command-line options.
 
 A field is documented once, in the section ``Attributes:`` of its class, and its range
-is part of its type: ``speed: Annotated[float, Gt(0), Unit("m/s")] = 0.3``. Base classes
-are shared. A plan may have these class variables:
+is part of its type: ``speed: Annotated[float, Gt(0), Unit("m/s")] = 0.3``. Plans can
+share base classes. A plan may have these class variables:
 
-- ``option_group``: the heading of its options in the help of commands;
-- ``one_required``: sets of fields of which exactly one has to be given;
-- ``at_most_one``: sets of fields of which no two may be given.
+- ``option_group``: heading of the options in the help of commands;
+- ``one_required``: sets of fields, from each of which exactly one must be given;
+- ``at_most_one``: sets of fields that exclude each other.
 """
 
 import inspect
@@ -29,8 +29,8 @@ from typing import (
     get_type_hints,
 )
 
-Sets: TypeAlias = tuple[tuple[str, ...], ...]  # of fields
-REQUIRED: Final = inspect.Parameter.empty  # the default of what has none
+Sets: TypeAlias = tuple[tuple[str, ...], ...]  # sets of names of fields
+REQUIRED: Final = inspect.Parameter.empty  # marks a field without a default
 _SECTION: Final = re.compile(r"\n(?:Attributes|Args):\n((?:(?: +.*)?\n)*)")
 _ENTRY: Final = re.compile(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)
 
@@ -39,16 +39,17 @@ Marker = TypeVar("Marker")
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """How a command shows a field, as far as its name and type do not tell.
+    """Properties of a field's command-line option beyond its name and type.
 
     Attributes:
-        names: Such as ``("-o", "--output")``; by default the field's, with hyphens.
-        is_argument: Whether it is given by its position, without a name.
-        metavar: What stands for the value in help.
-        is_rare: Whether only ``--help-all`` lists it.
-        words: What a shell completes: ``maps``, ``sensors`` or ``robots``.
-        needs: Fields of which one has to be given with it.
-        is_config_file: Whether it is a file with values of the other options.
+        names: Option names, such as ``("-o", "--output")``; by default the name of the
+            field with hyphens.
+        is_argument: Whether the field is a positional argument.
+        metavar: Placeholder of the value in the help.
+        is_rare: Whether only ``--help-all`` lists the option.
+        words: Values for shell completion: ``maps``, ``sensors`` or ``robots``.
+        needs: Fields, one of which must be given with this option.
+        is_config_file: Whether the value is a file with values of the other options.
         may_be_infinite: Whether a number may be ``inf``.
     """
 
@@ -67,11 +68,11 @@ RARE: Final = Option(is_rare=True)
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """How a value is written.
+    """The text format of a value.
 
     Attributes:
-        name: The form, such as ``X,Y``.
-        read: Returns the value of a text; raises a ValueError for another form.
+        name: Description of the format, such as ``X,Y``.
+        read: Parses a text; raises ValueError if the format is wrong.
     """
 
     name: str
@@ -83,13 +84,13 @@ class PlanField:
     """A field of a plan, or a parameter of a function.
 
     Attributes:
-        name: Its name in Python.
-        type: Type of the value; of one value, if it is repeated.
-        markers: What ``Annotated`` adds to the type.
-        is_repeated: Whether it holds any number of values.
-        default: ``REQUIRED`` if it has none.
-        help: Its documentation.
-        group: Heading of its class.
+        name: Name in Python.
+        type: Type of the value; type of one element if the field is repeated.
+        markers: Metadata that ``Annotated`` adds to the type.
+        is_repeated: Whether the field has any number of values.
+        default: Default value; ``REQUIRED`` if there is none.
+        help: Documentation of the field.
+        group: ``option_group`` of the class that defines the field.
     """
 
     name: str
@@ -107,19 +108,19 @@ class PlanField:
 
     @property
     def option(self) -> Option:
-        """How a command shows it: all markers together, the last one first."""
+        """All ``Option`` markers merged into one; later markers take precedence."""
         merged = Option()
         for each in self.markers:
             if isinstance(each, Option):
                 own = {f.name: getattr(each, f.name) for f in fields(Option)}
-                # Only what is set: RARE after another option adds to it, and takes
-                # nothing away.
+                # Unset attributes are skipped, so RARE after another option keeps the
+                # attributes of that option.
                 merged = replace(merged, **{k: v for k, v in own.items() if v})
         return merged
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The words that are possible; empty if it is no choice of words."""
+        """The allowed words of a Literal or an Enum; empty for other types."""
         if get_origin(self.type) is Literal:
             return tuple(map(str, get_args(self.type)))
         if isinstance(self.type, type) and issubclass(self.type, Enum):
@@ -128,20 +129,20 @@ class PlanField:
 
 
 def read_point(text: str) -> tuple[float, float]:
-    """Read ``X,Y``.
+    """Parse the format ``X,Y``.
 
     Raises:
-        ValueError: If these are not two finite numbers.
+        ValueError: If the text does not consist of two finite numbers.
     """
     x, y = read_numbers(text)
     return x, y
 
 
 def read_numbers(text: str) -> list[float]:
-    """Read finite numbers with commas between them.
+    """Parse finite numbers separated by commas.
 
     Raises:
-        ValueError: If they are none.
+        ValueError: If a part is not a finite number.
     """
     numbers = [float(number) for number in text.split(",")]
     if not all(map(math.isfinite, numbers)):
@@ -153,16 +154,16 @@ PointXY = Annotated[tuple[float, float], Form("X,Y", read_point)]
 
 
 def plan_fields(plan: type) -> tuple[PlanField, ...]:
-    """Return the fields of a dataclass with their documentation, its own ones first."""
+    """Return the fields of a plan; its own fields come before inherited fields."""
     texts: dict[str, str] = {}
     owners: dict[str, type] = {}
-    # From the most general class on: one that documents a field anew has the last word.
+    # Base classes come first, so a subclass can override the documentation of a field.
     for owner in reversed(plan.__mro__):
         texts |= read_help(owner.__doc__ or "")
         owners |= dict.fromkeys(vars(owner).get("__annotations__", ()), owner)
     hints = get_type_hints(plan, include_extras=True)
     found = []
-    # Stable, so that fields of one class keep their order.
+    # The sort is stable, so fields of one class keep their order.
     known = sorted(fields(plan), key=lambda each: plan.__mro__.index(owners[each.name]))
     for each in known:
         default = REQUIRED if each.default is MISSING else each.default
@@ -189,7 +190,7 @@ def read_help(docstring: str) -> Mapping[str, str]:
     r"""Return the documentation of fields or parameters by their names.
 
     Args:
-        docstring: Of a class or a function, in Google's style.
+        docstring: Docstring of a class or a function, in Google's style.
 
     >>> read_help("Drive.\n\nAttributes:\n    speed: Maximum, ``m/s``.")
     {'speed': 'Maximum, m/s.'}
@@ -204,12 +205,12 @@ def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         if any(isinstance(each, Form) for each in inner[1:]):
-            return inner[0], inner[1:], False  # all of it is one text
+            return inner[0], inner[1:], False  # The format reads the text as a whole.
         kind, markers, is_repeated = _split_hint(inner[0])
         return kind, (*markers, *inner[1:]), is_repeated
     if origin in (Union, UnionType):
-        # A field of two types fails here, when its command is made: a text cannot tell
-        # which is meant.
+        # A field may have one type in addition to None, since text would be ambiguous.
+        # With more types, this unpacking fails when the command is created.
         (kept,) = (each for each in inner if each is not NoneType)
         return _split_hint(kept)
     if origin is list or (origin is tuple and inner[-1] is Ellipsis):

@@ -1,8 +1,8 @@
-"""What the core finds by name and never imports: commands, sensors, servers.
+"""Plugins: commands, sensors and servers that the core loads by name.
 
-A door of the core is a group of entries. The core runs without them as well. Entries of
-this package are in ``OWN``; other packages add theirs as entry points of the same
-groups.
+Each extension point of the core is a group of entries, and the core also runs without
+them. Entries of this package are in ``OWN``; other packages add entry points with the
+same group names.
 """
 
 import functools
@@ -13,8 +13,8 @@ from typing import Any, Final
 
 from radarsim.errors import MissingPackage
 
-# Not in pyproject.toml: that is read from the metadata of an installation, which a
-# source tree may not have, and which takes 20 ms where many packages are installed.
+# These entries are not in pyproject.toml: entry points need the metadata of an
+# installation, which a source tree may lack, and whose scan can take 20 ms.
 OWN: Final[dict[str, dict[str, str]]] = {
     # Tables of commands, in the order of 'radarsim --help'.
     "radarsim.commands": {
@@ -23,21 +23,21 @@ OWN: Final[dict[str, dict[str, str]]] = {
         "addons": "radarsim.addons.entries:COMMANDS",
         "sweep": "radarsim.sweep:COMMANDS",
     },
-    # Radars, by the section of a sensor preset that describes them.
+    # Radar classes, by the section of a sensor preset that has their settings.
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
-    # Kinds of sensors, which classes of robots know by the types of items.
+    # Sensor classes by item type, which the files of robot classes refer to.
     "radarsim.kinds": {"core": "radarsim.sensors.sensor:kinds"},
-    # Scanners of robots that are read outside of the simulation, at times of their own.
+    # Scanners of robots that add-ons read, at times of their own.
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.rotation_schedule:Antennas"},
-    # What 'radarsim explain' can print instead of what a beam meets.
+    # Alternative outputs of 'radarsim explain'.
     "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
-    # What simulations in Python can do besides.
+    # Additional functions of simulations in Python.
     "radarsim.local": {
         "evaluate": "radarsim.autonomy.evaluation.own_controllers:evaluate",
         "record": "radarsim.addons.recording.recording_process:record_host",
         "spectra": "radarsim.addons.fmcw.rotation_schedule:collect_turns",
     },
-    # What records runs of 'radarsim navigate' and 'radarsim map'.
+    # Recorders for runs of 'radarsim navigate' and 'radarsim map'.
     "radarsim.runs": {
         "record": "radarsim.addons.recording.run_recording:RunRecording",
     },
@@ -52,37 +52,38 @@ OWN: Final[dict[str, dict[str, str]]] = {
 
 
 def names(group: str) -> list[str]:
-    """Return the names of the entries of a group that are there, in order."""
+    """Return the names of the available entries of a group, sorted."""
     own = [each for each in OWN.get(group, {}) if has(group, each)]
     return sorted({*own, *_installed(group)})
 
 
 @functools.cache
 def has(group: str, name: str) -> bool:
-    """Return whether there is an entry of this name; nothing heavy is imported."""
+    """Return whether an entry is available, without importing its module."""
     own = OWN.get(group, {}).get(name)
     if own is None:
         return name in _installed(group)
     try:
         return find_spec(own.partition(":")[0]) is not None
-    except ModuleNotFoundError:  # of a folder around it
+    except ModuleNotFoundError:  # A parent package is missing.
         return False
 
 
 def import_part(module: str, wanted_by: str = "") -> Any:
-    """Import and return a module of a part of radarsim that may have been left out.
+    """Import and return a module of a part of radarsim that may be missing.
 
     Args:
         module: Name of the module.
-        wanted_by: Begin of the message if it is not there.
+        wanted_by: Prefix of the error message.
 
     Raises:
-        MissingPackage: If it is not there; it names the part that is missing.
+        MissingPackage: If the part is missing; the message names it.
     """
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        # Other packages say which extra they need.
+        # Errors for other packages are not converted: importers of optional packages
+        # name the extra.
         if not (error.name or "").startswith("radarsim."):
             raise
         raise MissingPackage(f"{wanted_by}{error.name} is not installed") from error
@@ -90,10 +91,10 @@ def import_part(module: str, wanted_by: str = "") -> Any:
 
 @functools.cache
 def load(group: str, name: str) -> Any:
-    """Import and return what an entry stands for.
+    """Import and return the object of an entry.
 
     Raises:
-        MissingPackage: If it is not there; it names the part that is missing.
+        MissingPackage: If the entry is not available; the message names its part.
     """
     own = OWN.get(group, {}).get(name)
     if not has(group, name):

@@ -1,11 +1,11 @@
 """Worker processes, a background thread, and the signals that end the program.
 
-SIGINT, SIGTERM and SIGHUP end it at once, or by an exception. At once is the default,
-also while modules are imported: an exception gets lost in callbacks from C, or ends in
-a traceback or a crash there. Only where something is to be saved or restored the
-signals raise an exception.
+SIGINT, SIGTERM and SIGHUP end the program at once, or by an exception. The default is
+at once, even while modules are imported, since an exception in a callback from C would
+be lost, print a traceback, or crash. The signals raise an exception only while there is
+work to save or state to restore.
 
-Imports next to nothing, so that a program can install its handlers first of all.
+This module imports very little, so a program can install its handlers first.
 """
 
 import os
@@ -22,11 +22,11 @@ from typing import Final, NoReturn, ParamSpec, TypeVar
 
 HUNG_UP: Final = 129  # exit codes as shells report them
 INTERRUPTED: Final = 130
-BROKEN_PIPE: Final = 141  # the reader of the output has gone, such as ``head``
+BROKEN_PIPE: Final = 141  # the reader of the output, such as ``head``, has ended
 TERMINATED: Final = 143
 
-MOST_THREADS: Final = 1024  # of the engine
-_LOOK_INTERVAL: Final = 1.0  # s between two looks of a worker at its main process
+MOST_THREADS: Final = 1024  # limit of the engine
+_LOOK_INTERVAL: Final = 1.0  # s between two checks whether the main process runs
 
 _LEFT_TO_THE_MAIN_PROCESS = {signal.SIGINT}
 _exit_codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
@@ -45,9 +45,9 @@ T = TypeVar("T")
 def signal_handlers(
     handlers: Mapping[int, Callable[[int, FrameType | None], object]],
 ) -> Iterator[None]:
-    """Install signal handlers, and put the previous ones back at the end.
+    """Install signal handlers, and restore the previous handlers at the end.
 
-    A handler that has been replaced meanwhile by still another one stays replaced.
+    A handler that other code has replaced meanwhile is not restored.
 
     Args:
         handlers: Handler by signal number.
@@ -65,10 +65,10 @@ def signal_handlers(
 
 @contextmanager
 def exit_immediately_on_signals() -> Iterator[None]:
-    """Make these signals end the process at once, without raising an exception.
+    """Make exit signals end the process at once, without raising an exception.
 
-    Does nothing outside of the main thread, which alone gets signals, nor for signals
-    that the parent process has set to be ignored.
+    Does nothing outside of the main thread, since only the main thread handles signals,
+    and nothing for signals that the parent process has set to be ignored.
     """
     with signal_handlers(dict.fromkeys(_heeded_signals(), _exit_immediately)):
         yield
@@ -76,24 +76,24 @@ def exit_immediately_on_signals() -> Iterator[None]:
 
 @contextmanager
 def raise_on_signals() -> Iterator[None]:
-    """Make these signals raise SystemExit, so that work can be saved.
+    """Make exit signals raise SystemExit, so that work can be saved.
 
-    Every signal does, also those that come while work is saved. Does nothing where
-    ``exit_immediately_on_signals`` does nothing.
+    Each signal raises, even while work is being saved. Does nothing in the cases in
+    which ``exit_immediately_on_signals`` does nothing.
     """
     with signal_handlers(dict.fromkeys(_heeded_signals(), _raise_exit)):
         yield
 
 
 def set_exit_code_of_sigterm(code: int) -> None:
-    """Set what SIGTERM makes of the process: 143 if work is left, 0 if it is done."""
+    """Set the exit code after SIGTERM: 143 if work is unfinished, 0 if it is done."""
     _exit_codes[signal.SIGTERM] = code
 
 
 def exit_immediately(code: int) -> NoReturn:
-    """End the process at once, though other threads still run, with all output written.
+    """End the process at once after flushing output, without waiting for threads.
 
-    Threads that load the engine would crash while Python shuts down.
+    Threads that load the engine would crash during a regular shutdown of Python.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
@@ -103,10 +103,10 @@ def exit_immediately(code: int) -> NoReturn:
 
 
 def ignore_signals() -> None:
-    """Ignore these signals, as the process ends by itself.
+    """Ignore exit signals while the process ends by itself.
 
-    Python restores the default handlers before the process has ended; a second signal
-    would then kill it. Signals that are ignored stay ignored.
+    Python restores the default handlers before the process has ended, so a second
+    signal would kill the process. Ignored signals stay ignored.
     """
     for number in _exit_codes:
         signal.signal(number, signal.SIG_IGN)
@@ -126,7 +126,7 @@ def _heeded_signals() -> list[int]:
 def _exit_immediately(number: int, _: FrameType | None) -> None:
     with suppress(OSError):  # the terminal is closed
         if os.isatty(2):  # a line may be half written there
-            # Not by print: the code that was interrupted may be writing to the same
+            # print is not used, since the interrupted code may be writing to the same
             # stream.
             os.write(2, b"\n")
     _remove_unfinished_files()
@@ -144,24 +144,24 @@ def _raise_exit(number: int, _: FrameType | None) -> None:
 
 
 class BackgroundThread:
-    """Runs functions one after the other, in parallel to the thread that asks for them.
+    """Runs functions one after the other in a thread of its own.
 
-    The thread is there from the first function on. It ends when nobody needs it any
-    more, or with the process. A fork of the process gets a thread of its own.
+    The thread starts with the first function. It ends when this object is freed, or
+    with the process. A fork of the process starts its own thread.
     """
 
     def __init__(self) -> None:
-        """Start nothing yet."""
+        """Create the object; the thread is not started yet."""
         self._pool: ThreadPoolExecutor | None = None
         self._process = os.getpid()
 
     def submit(
         self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> Future[T]:
-        """Run a function after those that were given before.
+        """Run a function after all functions submitted before.
 
         Returns:
-            Waits for what the function returns, or raises.
+            A future of the function's result.
         """
         if self._pool is None or self._process != os.getpid():
             self._process = os.getpid()
@@ -178,10 +178,10 @@ def process_cpu_count() -> int:
 
 
 def thread_count() -> int:
-    """Return on how many threads the engine may work, at least 1.
+    """Return the number of threads that the engine may use, at least 1.
 
-    ``OMP_NUM_THREADS`` limits them: joblib and dask set it in worker processes, so that
-    all of these together have as many threads as processors.
+    ``OMP_NUM_THREADS`` limits the number: joblib and dask set it in worker processes,
+    so that all workers together have one thread per processor.
     """
     limit = os.environ.get("OMP_NUM_THREADS", "")
     count = process_cpu_count()
@@ -193,8 +193,9 @@ def thread_count() -> int:
 def starting_workers() -> Iterator[None]:
     """Start worker processes with Ctrl-C blocked, until ``start_worker`` ignores it.
 
-    Python needs a moment to start, in which Ctrl-C would end in a traceback. Signals to
-    this process wait meanwhile: one that is half started would not be ended.
+    While Python starts, Ctrl-C would print a traceback. Signals to this process are
+    delayed until the end of the block, since a worker that is only partly started would
+    not be terminated.
     """
     came: list[int] = []
     handlers = dict.fromkeys(_heeded_signals(), lambda number, _: came.append(number))
@@ -209,7 +210,7 @@ def _block_for_children() -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
-    resource_tracker.ensure_running()  # which would unblock the signals
+    resource_tracker.ensure_running()  # before blocking, since it unblocks signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _LEFT_TO_THE_MAIN_PROCESS)
     try:
         yield
@@ -218,17 +219,17 @@ def _block_for_children() -> Iterator[None]:
 
 
 def start_worker(parent: int, prepare: Callable[[], object]) -> None:
-    """Leave Ctrl-C to the main process, which ends its workers, then prepare this one.
+    """Initialise a worker process: ignore Ctrl-C and SIGHUP, and call ``prepare``.
 
-    The same holds for a terminal that is closed.
+    The main process handles these signals and terminates its workers.
 
     Args:
-        parent: The main process.
+        parent: Process id of the main process.
         prepare: Called once.
     """
     for number in _LEFT_TO_THE_MAIN_PROCESS:
         signal.signal(number, signal.SIG_IGN)
-    # A main process that is killed ends nobody; its workers would run on.
+    # A main process that is killed cannot terminate its workers, so they check it.
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     prepare()
 
@@ -241,15 +242,15 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def worker_process(prepare: Callable[[], object]) -> Iterator[ProcessPoolExecutor]:
-    """Start a process; leaving it early terminates what still runs there.
+    """Start a worker process; leaving the block terminates it with running tasks.
 
     Args:
         prepare: Called in the process before its first task. The process is a fresh
-            interpreter, so it can only be given functions of modules.
+            interpreter, so it accepts only functions defined at module level.
     """
     # Other pools of this process keep their workers.
     others = {*active_children()}
-    # Spawned, because threads of this process would not survive a fork.
+    # The method is spawn, since threads of this process would not survive a fork.
     pool = ProcessPoolExecutor(
         1,
         mp_context=get_context("spawn"),

@@ -1,8 +1,8 @@
 """Random generators: an independent stream for each seed and name.
 
-Every robot and sensor draws from a generator keyed by the seed and its own name, so
-that adding one does not change the numbers of another, and the same seed gives the
-same bytes.
+Each robot and sensor has a generator that depends on the seed and its own name only. So
+adding a sensor does not change the random numbers of others, and the same seed gives
+the same bytes.
 """
 
 import hashlib
@@ -12,23 +12,23 @@ import numpy as np
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
-    """Create the generator of a seed and names.
+    """Create the generator for a seed and names.
 
     Args:
         seed: The run's seed, at least 0.
-        names: Names that identify the user, such as ``"R1", "lms200"``.
+        names: Names that identify the stream, such as ``"R1", "lms200"``.
 
     Raises:
-        TypeError: If the seed is no whole number.
-        ValueError: If it is negative.
+        TypeError: If the seed is not a whole number.
+        ValueError: If the seed is negative.
     """
     text = f"seed {seed!r}, expected a whole number of at least 0"
     if not isinstance(seed, int | np.integer):
         raise TypeError(text)
     if seed < 0:
         raise ValueError(text)
-    # A hash of the language differs from run to run, and names may have any characters
-    # but NUL, which separates them.
+    # Python's hash() differs from run to run, so SHA-256 is used. NUL separates the
+    # names, since it is the only character that names cannot contain.
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "big") for i in range(0, 16, 4))
     return np.random.Generator(
@@ -39,10 +39,10 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
 def as_generator(
     rng: np.random.Generator | int | None, *names: str
 ) -> np.random.Generator | None:
-    """Return a generator, or that of a seed and names; None stays None.
+    """Return a generator unchanged, or create one for a seed and names; None is kept.
 
     Raises:
-        TypeError: If it is neither.
+        TypeError: If the argument is neither a generator nor a seed.
         ValueError: If a seed is negative.
     """
     if rng is None or isinstance(rng, np.random.Generator):
@@ -53,12 +53,12 @@ def as_generator(
 
 
 def fixed_number(rng: np.random.Generator) -> int:
-    """Return a number of 64 bits of a generator's seed, whatever was drawn from it.
+    """Return a 64-bit number that depends only on the seed of a generator.
 
     Args:
-        rng: It is not drawn from.
+        rng: The generator; its state is not used or changed.
     """
     seed: Any = rng.bit_generator.seed_seq
-    # Children have the numbers from 0 on: none is ever as large as this.
+    # Spawned generators are numbered from 0, so none of them has this number.
     own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 2**32 - 1))
     return int(own.generate_state(1, np.uint64)[0])

@@ -1,7 +1,7 @@
-"""The words for problems: in YAML files, settings, requests and arguments.
+"""Messages for invalid values in YAML files, settings, requests and arguments.
 
-Models of pydantic find most of it. `yaml_reader` adds the place in the file; checks of
-maps that concern several keys have their own words, in `scene.map_checks`.
+pydantic models find most invalid values. `yaml_reader` adds the position in the file;
+`scene.map_checks` has the checks and messages for several keys of maps.
 """
 
 import math
@@ -43,16 +43,16 @@ _EXPECTED: Final = {
 
 
 def rejection(describe: Callable[[], str]) -> PydanticCustomError:
-    """Create the error of a validator whose message is made only if it is needed.
+    """Create a validation error whose message is computed only if it is reported.
 
     Args:
-        describe: Returns the message; names that are similar take long to find.
+        describe: Returns the message; the search for similar names can be slow.
     """
     return PydanticCustomError("rejected", "invalid", {"describe": describe})
 
 
 def describe_invalid(details: ErrorDetails) -> str:
-    """Return what a value is and what was expected instead.
+    """Return the message for an invalid value: the value and what was expected.
 
     Args:
         details: One of the errors of a ``ValidationError``.
@@ -60,7 +60,7 @@ def describe_invalid(details: ErrorDetails) -> str:
     error_type, context = details["type"], details.get("ctx", {})
     if error_type == "missing":
         return "missing"
-    # Worded only now: of many errors, most are never reported.
+    # The message is computed here, since most of many errors are never reported.
     if error_type == "rejected":
         return str(context["describe"]())
     if error_type == "value_error":
@@ -72,16 +72,16 @@ def describe_invalid(details: ErrorDetails) -> str:
 
 
 def describe_unknown_key(key: str, known: list[str]) -> str:
-    """Return what a key of a file could have been, which has no such key."""
+    """Return the message for an unknown key, with a similar key and all known keys."""
     return f"unknown key{did_you_mean(key, known)}, expected one of {known}"
 
 
 def describe_settings(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """Return the problems of settings that are given by name, each with its name.
+    """Return a message for each invalid setting, with the name of the setting.
 
     Args:
-        error: What the model has raised.
-        model: The model, whose fields are the settings.
+        error: The error that the model raised.
+        model: The model whose fields are the settings.
     """
     problems = []
     for details in error.errors():
@@ -107,7 +107,7 @@ def short_repr(value: object) -> str:
 
 
 def point_hint(value: object) -> str:
-    """Return the end of a message for a number with a decimal comma; else nothing.
+    """Return a hint if a value is a number with a decimal comma; otherwise "".
 
     >>> point_hint("-1,5")
     ' with a decimal point, -1.5'
@@ -130,16 +130,16 @@ def _expected(details: ErrorDetails, context: dict[str, Any]) -> str:
 
 
 def check_number(what: str, value: float, *, above: float = -math.inf) -> None:
-    """Check a number.
+    """Check that a number is finite and above a limit.
 
     Args:
-        what: What it is, with its unit.
+        what: Name of the number with its unit, for the message.
         value: The number.
-        above: What it has to exceed.
+        above: Exclusive lower limit.
 
     Raises:
-        TypeError: If it is no number.
-        ValueError: If it is not finite, or too small.
+        TypeError: If the value is not a number.
+        ValueError: If the value is not finite, or not above the limit.
     """
     expected = "a finite number" if above == -math.inf else f"more than {above:g}"
     text = f"{what} {value!r}, expected {expected}"
@@ -153,7 +153,7 @@ def check_port(port: object) -> None:
     """Check the number of a TCP port.
 
     Raises:
-        ValueError: If it is none.
+        ValueError: If the value is not a whole number from 0 to 65535.
     """
     if not isinstance(port, int) or not 0 <= port <= 65535:
         raise ValueError(f"port {port!r}, expected a whole number from 0 to 65535")

@@ -3,14 +3,14 @@
 Every problem is reported as ``file:line:column: key.path: message``, whether the text
 is not valid YAML or a pydantic model rejects the data.
 
-YAML 1.2 with the core schema: ``1e-3`` is a number, ``on`` and ``12:30`` are text. Keys
-are text. Tags, duplicate keys, numbers that are not finite, and aliases that multiply
-into more values than any hand-written file contains are refused.
+Files are YAML 1.2 with the core schema: ``1e-3`` is a number, ``on`` and ``12:30`` are
+text. Keys are text. Tags, duplicate keys, numbers that are not finite, and aliases that
+expand to more than ``MAX_VALUES`` values are refused.
 """
 
-# libyaml parses and composes nodes: a map of 40,000 objects takes 1 s of CPU time, and
-# took a minute by parsers in Python. Scalars and keys are read here, as PyYAML resolves
-# scalars by YAML 1.1, and keeps the last of duplicate keys without an error.
+# libyaml parses the text and composes nodes: 1 s of CPU time for a map of 40,000
+# objects, compared with a minute for parsers in Python. This module converts scalars
+# and keys itself, since PyYAML resolves scalars by YAML 1.1 and accepts duplicate keys.
 
 import gc
 import math
@@ -31,20 +31,21 @@ from radarsim.validation import describe_invalid, describe_unknown_key, short_re
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
-# Of the text, which does not keep the rest from being read: where, and a message.
+# A problem after which reading continues: position, key path and message.
 YamlProblem: TypeAlias = tuple[Position, KeyPath, str]
 
 MAX_BYTES = 1024 * 1024
-MAX_VALUES = 500_000  # with aliases expanded
-MAX_KEY = 80  # characters of a key in a problem
-MAX_DEPTH = 32  # of nested lists and dicts, including those used as keys
+MAX_VALUES = 500_000  # values in a file, with aliases expanded
+MAX_KEY = 80  # characters of a key in a message
+MAX_DEPTH = 32  # levels of nested lists and dicts, also within keys
 _TOO_DEEP = f"more than {MAX_DEPTH} levels"
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _STARTS_OF_NUMBERS = frozenset("+-.0123456789")
-# Characters that YAML 1.2 excludes; libyaml counts bytes before them, not characters.
+# Characters that YAML 1.2 excludes. They are checked here, since libyaml reports their
+# position in bytes, not in characters.
 _NOT_ALLOWED = re.compile(
     r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 )
@@ -56,7 +57,7 @@ _CONSTANTS: dict[str, bool | None] = {
 
 
 class UnreadableYaml(Exception):
-    """Nothing after a position can be read."""
+    """The text cannot be read beyond a position."""
 
     def __init__(self, position: Position, message: str) -> None:
         super().__init__(message)
@@ -69,10 +70,10 @@ class YamlFile:
     """The content of one YAML file.
 
     Attributes:
-        path: The path as it was given; problems begin with it.
+        path: The path as given by the caller; messages begin with it.
         data: Dicts with text as keys, lists, text, numbers, booleans and None; None
             if the file is not YAML.
-        problems: Problems with the file as YAML, sorted by position.
+        problems: Problems of the YAML syntax, sorted by position.
     """
 
     path: Path
@@ -81,11 +82,13 @@ class YamlFile:
     _root: Node
 
     def place(self, keys: Sequence[str | int], *, of_key: bool = False) -> str:
-        """Return ``file:line:column`` of a value, or of the innermost one around it.
+        """Return ``file:line:column`` of a value.
+
+        If there is no such value, the position of the innermost existing one is used.
 
         Args:
-            keys: Keys and list indices from the outside in.
-            of_key: Point at the last key instead of at its value.
+            keys: Keys and list indices, outermost first.
+            of_key: Whether to return the position of the last key, not of its value.
         """
         node = marked = self._root
         for key in keys:
@@ -120,8 +123,8 @@ class YamlFile:
         Args:
             error: The exception that the model raised.
             at: Key path of the data that the model validated.
-            known: The model's own keys, for the message about an unknown one.
-            most: How many to format; None for all.
+            known: The keys of the model, for messages about unknown keys.
+            most: Maximum number of errors; None for all.
         """
         keys, errors = sorted(known), error.errors()[:most]
         return [self._validation_problem(each, at, keys) for each in errors]
@@ -144,7 +147,7 @@ def read_yaml(path: Path) -> YamlFile:
     """Read a YAML file.
 
     Raises:
-        OSError: If it cannot be read.
+        OSError: If the file cannot be read.
     """
     with path.open("rb") as file:
         content = file.read(MAX_BYTES + 1)
@@ -159,7 +162,7 @@ def read_yaml(path: Path) -> YamlFile:
 
 
 def parse_yaml(path: Path, text: str) -> YamlFile:
-    """Parse YAML text; ``path`` names it in problems."""
+    """Parse YAML text; ``path`` is the file name in messages."""
     try:
         data, root, found = compose(text)
     except UnreadableYaml as error:
@@ -189,37 +192,36 @@ def parse_plain(text: str) -> object:
 def compose(
     text: str, *, finite: bool = True
 ) -> tuple[object, Node, list[YamlProblem]]:
-    """Read the one document in a text.
+    """Read a text with a single YAML document.
 
     Args:
         text: The text.
         finite: Whether infinite numbers and NaN are problems.
 
     Returns:
-        The data, the node of all of it, and all problems after which reading can
-        continue.
+        The data, the root node, and all problems after which reading can continue.
 
     Raises:
-        UnreadableYaml: At the first problem after which it cannot.
+        UnreadableYaml: At the first problem after which reading cannot continue.
     """
     if wrong := _NOT_ALLOWED.search(text):
         message = f"not YAML: character {wrong[0]!r}"
         raise UnreadableYaml(_position_at(text, wrong.start()), message)
     reader, collects = _Reader(finite=finite), gc.isenabled()
-    gc.disable()  # the collector would look at all nodes again and again
+    gc.disable()  # The garbage collector would scan all nodes many times.
     try:
         root = _Parser(text).get_single_node() or _node_at((1, 1))
         data = reader.read(root, ())
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         position = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        # libyaml may point behind the end of a text that breaks off
+        # libyaml may report a position behind the end of a truncated text.
         position = min(position, _position_at(text, len(text)))
         reason = error.problem or error.context
         if isinstance(error, ComposerError):
             reason = ", ".join(filter(None, (error.context, error.problem)))
         if mark and text[mark.index : mark.index + 1] == "\t":
-            reason = "a tab, expected blanks"  # libyaml does not always name it
+            reason = "a tab, expected blanks"  # libyaml does not always report tabs
         message = f"not YAML: {reason}"
         raise UnreadableYaml(position, message) from error
     finally:
@@ -235,7 +237,7 @@ def _position_at(text: str, index: int) -> Position:
 
 
 class _Parser(CParser):  # type: ignore[misc]
-    """Composes nodes that have a tag only if the text has one, down to a depth."""
+    """Composes nodes with the tags of the text only, and limits the nesting depth."""
 
     _depth = 0
 
@@ -252,10 +254,10 @@ class _Parser(CParser):  # type: ignore[misc]
 
 
 class _Reader:
-    """Reads the data in nodes.
+    """Converts nodes to data.
 
     Attributes:
-        problems: The keys of each problem, by its position and its message.
+        problems: The key path of each problem, by position and message.
     """
 
     def __init__(self, *, finite: bool) -> None:
@@ -264,7 +266,7 @@ class _Reader:
         self._values = 0
 
     def read(self, node: Node, keys: KeyPath) -> object:
-        """Return the data of a node; a few lines with aliases may mean gigabytes."""
+        """Return the data of a node; limited, since aliases can expand to gigabytes."""
         self._values += 1
         if self._values > MAX_VALUES:
             raise UnreadableYaml(_position(node), f"more than {MAX_VALUES} values")
@@ -291,23 +293,23 @@ class _Reader:
     def _key(self, node: Node, keys: KeyPath) -> str:
         if isinstance(node, ScalarNode) and node.tag is None:
             return str(node.value)
-        self.read(node, (*keys, "?"))  # reports its problems
+        self.read(node, (*keys, "?"))  # to report problems inside the key
         self._report(node, keys, "a key that is no plain text, expected a name")
         return ""
 
     def _scalar(self, node: ScalarNode, keys: KeyPath) -> str | float | bool | None:
         text: str = node.value
-        is_quoted = bool(node.style)  # or a block of text
+        is_quoted = bool(node.style)  # quoted, or a block scalar
         if not is_quoted and text in _CONSTANTS:
             return _CONSTANTS[text]
-        # The first character spares nearly all texts of a map the regular
-        # expressions.
+        # The check of the first character avoids the regular expressions for nearly all
+        # texts of a map.
         if is_quoted or text[0] not in _STARTS_OF_NUMBERS:
             return text
         if _INTEGER.fullmatch(text):
             if len(text) <= 300:
                 return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
-            value = math.inf  # to convert millions of digits takes long
+            value = math.inf  # since converting millions of digits is slow
         elif _FLOAT.fullmatch(text):
             value = float(text)
         elif _NOT_FINITE.fullmatch(text):
@@ -321,7 +323,7 @@ class _Reader:
         return value
 
     def _report(self, node: Node, keys: KeyPath, message: str) -> None:
-        # once, however many aliases the node has
+        # A node with several aliases is reported once.
         self.problems.setdefault((_position(node), message), keys)
 
 

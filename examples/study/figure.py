@@ -68,7 +68,10 @@ MEASURES: dict[str, Callable[[Sequence[Row]], Estimate | None]] = {
     "hidden floor": mean_share("hidden_coverage"),
     "obstacles in place": mean_share("within_two_cells"),
 }
-SHOWN = ("right verdicts", "reachable floor", "hidden floor")
+SHOWN = {  # titles of panels
+    "right verdicts": "Drives that end right, without a touch",
+    "hidden floor": "Hidden floor that is mapped",
+}
 
 
 def table(groups: Groups) -> str:
@@ -93,24 +96,28 @@ def text(estimate: Estimate | None) -> str:
 
 
 def draw(groups: Groups) -> Figure:
-    """Draw a dot with its interval for each sensor and map."""
-    figure = Figure((13.0, 7.0), layout="constrained")
+    """Draw the mean and the 95 % interval of each sensor on each kind of map."""
+    figure = Figure((11.0, 7.0), layout="constrained")
     for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
-        axes.set_title(name, loc="left")
+        axes.set_title(SHOWN[name], loc="left", weight="bold")
         draw_measure(axes, groups, MEASURES[name])
     handles, labels = figure.axes[0].get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
-    figure.legend(unique.values(), unique, loc="outside lower center", ncols=6)
+    # Few kinds of maps have hidden floor, so there is space below them.
+    figure.axes[-1].legend(unique.values(), unique, loc="lower center", frameon=False)
     return figure
 
 
 def draw_measure(
     axes: Axes, groups: Groups, measure: Callable[[Sequence[Row]], Estimate | None]
 ) -> None:
-    """Draw one measure, with a row for each kind of map."""
-    for number, sensors in enumerate(groups.values()):
+    """Draw one measure, with a row for each kind of map that has it."""
+    rows = [
+        kind for kind, sensors in groups.items() if any(map(measure, sensors.values()))
+    ]
+    for number, kind in enumerate(rows):
         for place, (sensor, (colour, marker, filled)) in enumerate(STYLES.items()):
-            estimate = measure(sensors.get(sensor, [])) if sensor in sensors else None
+            estimate = measure(groups[kind].get(sensor, []))
             if estimate is None:
                 continue
             y = number + (place - (len(STYLES) - 1) / 2) * STEP
@@ -124,7 +131,7 @@ def draw_measure(
                 label=sensor,
                 clip_on=False,
             )
-    axes.set_yticks(range(len(groups)), [kind.replace("_", " ") for kind in groups])
+    axes.set_yticks(range(len(rows)), [kind.replace("_", " ") for kind in rows])
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.set_xlim(-0.03, 1.03)
     axes.set_xticks([0, 0.5, 1], ["0", "50 %", "100 %"])

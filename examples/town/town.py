@@ -41,16 +41,27 @@ LANE: Final = 1.0  # m from the middle of a street to where robots start
 START_STEP: Final = 15.0  # m between starts along a street
 LAST_START: Final = 6  # of these steps from the middle of the map
 
-# What ground returns, dB: estimates for 77 GHz, 8 dB below those recalled for the W
-# band, -12 to -15 dB for grass, so that as little of it shows as in images of RADIATE.
+# Backscatter of ground, dB: estimates for 77 GHz, 3 to 6 dB below the -12 to -15 dB of
+# grass in the W band that are recalled, so that images show about as much as real ones.
 GROUND: Final = {
-    "lawn": -23.0,
-    "rough_grass": -20.0,
-    "soil": -29.0,
-    "gravel": -24.0,
+    "lawn": -18.0,
+    "rough_grass": -15.0,
+    "soil": -24.0,
+    "gravel": -19.0,
     "asphalt": -34.0,
     "old_asphalt": -30.0,
     "paving": -28.0,
+}
+# Power density of heights by the classes of ISO 8608, cm^3: A to C of paved roads, 16
+# to 256, E to G of unpaved ones, 4096 to 65536. Which class is what is an estimate.
+ROUGHNESS: Final = {
+    "lawn": 16384,
+    "rough_grass": 65536,
+    "soil": 65536,
+    "gravel": 4096,
+    "asphalt": 16,
+    "old_asphalt": 64,
+    "paving": 256,
 }
 # Metal that is bent in many ways, so that what it mirrors goes everywhere: what comes
 # back head-on, dB, and the rms slope of its facets, degrees. Estimates.
@@ -65,7 +76,7 @@ _OTHERS: Final = """\
   plaster: {based_on: concrete, backscatter_db: -16}
   boards: {based_on: wood}
   pane: {based_on: glass, slope_deg: 3}
-  outer_twigs: {based_on: twigs, db_per_m: 0.07}
+  outer_twigs: {based_on: twigs, db_per_m: 0.05}
   bark: {density: opaque, backscatter_db: -9}
 """
 
@@ -115,7 +126,8 @@ def _header(seed: int) -> str:
         for name, (db, slope) in PAINT.items()
     )
     ground = (
-        f"  {name}: {{density: opaque, backscatter_db: {db:g}, constant_gamma: true}}\n"
+        f"  {name}: {{density: opaque, backscatter_db: {db:g}, constant_gamma: true,"
+        f" roughness_cm3: {ROUGHNESS[name]}}}\n"
         for name, db in GROUND.items()
     )
     return (
@@ -197,8 +209,8 @@ def _add_block(site: Site, block: Block) -> None:
     if kind == "houses":
         _add_rows(site, block)
     elif kind == "park":
-        for _ in range(20):
-            add_tree(site, _somewhere(site, block))
+        for _ in range(14):
+            add_tree(site, _somewhere(site, block, 9.5), 7.0)
             add_bush(site, _somewhere(site, block))
     else:
         _add_car_park(site, block)
@@ -206,9 +218,14 @@ def _add_block(site: Site, block: Block) -> None:
         add_boundary(site, Frame(x, block.low, math.pi / 2), block.high - block.low)
 
 
-def _somewhere(site: Site, block: Block) -> Frame:
-    x = site.between(block.left + 1, block.right - 1)
-    return Frame(x, site.between(block.low + 1, block.high - 1))
+def _somewhere(site: Site, block: Block, margin: float = 1.0) -> Frame:
+    """Return a place that is a margin off the edges of a block, or in its middle, m."""
+    sides = (block.left, block.right), (block.low, block.high)
+    x, y = (
+        (low + high + max(high - low - 2 * margin, 0.0) * site.between(-1, 1)) / 2
+        for low, high in sides
+    )
+    return Frame(x, y)
 
 
 def _add_rows(site: Site, block: Block) -> None:
@@ -221,10 +238,10 @@ def _add_rows(site: Site, block: Block) -> None:
             lot = site.between(11, 17)
             if x + lot > block.right:
                 break
-            setback, depth = site.between(4, 9), site.between(7, 10)
+            setback, depth = site.between(5, 12), site.between(7, 10)
             width = min(site.between(6.5, 10), lot - 2)
             frame = Frame(x + lot / 2, y, side * math.pi / 2)
-            if site.happens(0.85):
+            if site.happens(0.7):
                 add_house(site, frame.moved(-setback - depth / 2, 0), width, depth)
             _add_garden(site, frame, lot, min(deep / len(rows), 30), setback + depth)
             x += lot
@@ -242,7 +259,7 @@ def _add_garden(
         deep: m.
         behind: m from its front to the back of the house.
     """
-    if site.happens(0.6):
+    if site.happens(0.8):
         add_boundary(site, lot.moved(0, -width / 2, math.pi / 2), width - 3)
     if deep > behind + 3:
         edge = lot.moved(-deep, width / 2, 0)
@@ -250,12 +267,12 @@ def _add_garden(
         if site.happens(0.4):
             place = site.between(-width / 3, width / 3)
             add_shed(site, lot.moved(-deep + 3, place, site.between(-0.2, 0.2)))
-        for add in (add_tree, add_tree, add_bush, add_bush):
+        for add in (add_tree, add_bush, add_bush):
             if site.happens(0.7):
                 back = site.between(-deep + 1, -behind - 1)
                 add(site, lot.moved(back, site.between(-width / 2, width / 2)))
-    if site.happens(0.2):
-        add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)), 2.5)
+    if site.happens(0.5):
+        add_tree(site, lot.moved(-1.5, site.between(-width / 3, width / 3)), 3.3)
     if site.happens(0.25):
         add_car(site, lot.moved(-3, width / 2 - 1.5))
 
@@ -268,7 +285,7 @@ def _add_car_park(site: Site, block: Block) -> None:
     for row in range(int(deep / 14)):
         for spot in range(int(width / 2.8)):
             place = Frame(block.left + 1.4 + 2.8 * spot, block.low + 5 + 14 * row)
-            if site.happens(0.45):
+            if site.happens(0.2):
                 add_car(site, place.moved(0, 0, math.pi / 2))
         if site.happens(0.8):
             for spot in range(int(width / 12)):
@@ -288,14 +305,14 @@ def _add_street(site: Site, start: Frame, crossings: list[float]) -> None:
         for side in (-1, 1):
             aside = start.moved(at + SIDE / 2, side * (ROADWAY - 1.0))
             kerb = start.moved(at + SIDE / 2 + 2, side * (ROADWAY + 0.5))
-            if site.happens(0.15):
+            if site.happens(0.2):
                 add_car(site, aside.moved(0, 0, 0 if side < 0 else math.pi))
             if site.happens(0.1):
                 add_lamp(site, kerb)
             elif site.happens(0.1):
                 add_furniture(site, kerb.moved(0, 0, -side * math.pi / 2))
             elif site.happens(0.15):
-                add_tree(site, kerb, 2.0)
+                add_tree(site, kerb, 1.6)
 
 
 if __name__ == "__main__":

@@ -224,20 +224,19 @@ def add_car(site: Site, place: Frame) -> None:
     site.put("cabin", (cabin, 0.86 * width, top), back, height, "car_glass")
 
 
-def add_tree(site: Site, place: Frame, largest: float = 3.5) -> None:
+def add_tree(site: Site, place: Frame, largest: float = 5.0) -> None:
     """Add a tree, bare or in leaf, whose crown has at most some radius, m."""
-    radius = site.between(1.4, largest)
+    radius = site.between(0.3, 1.0) * largest
     height = radius + site.between(0.5, 2.5)
     stem = height + radius / 2
     site.put("trunk", (site.between(0.08, 0.25), stem), place, stem / 2, "bark")
     leaves = site.one_of(("twigs", "twigs", "sparse_foliage", "foliage"))
     # Outer twigs are thin, so that crowns have soft edges.
-    site.put("crown", (1.5 * radius,), place, height + 0.5 * radius, "outer_twigs")
-    for _ in range(2):
-        off, angle = site.between(0, 0.9 * radius), site.between(0, 2 * math.pi)
+    for own_leaves, share in 2 * (("outer_twigs", 1.6), (leaves, 0.8)):
+        off, angle = site.between(0, 0.6 * radius), site.between(0, 2 * math.pi)
         middle = place.moved(off * math.cos(angle), off * math.sin(angle))
-        own = radius * site.between(0.4, 0.8)
-        site.put("crown", (own,), middle, height + site.between(0, radius), leaves)
+        own = share * radius * site.between(0.6, 1.0)
+        site.put("crown", (own,), middle, height + site.between(0, radius), own_leaves)
 
 
 def add_bush(site: Site, place: Frame) -> None:

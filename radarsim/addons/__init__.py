@@ -1,1 +1,1 @@
-"""Parts that the core does without: each adds commands, sensors or observers to it."""
+"""Optional parts of radarsim, which add commands, sensors or observers to the core."""

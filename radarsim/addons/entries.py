@@ -1,4 +1,4 @@
-"""The commands of add-ons, as entries."""
+"""Lists the commands of the add-ons with their one-line descriptions."""
 
 from typing import Final
 

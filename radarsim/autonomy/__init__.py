@@ -1,6 +1,6 @@
-"""Clients that decide by themselves, and what judges them.
+"""Autonomous clients: navigation, mapping and exploration, and their evaluation.
 
-Nothing here is needed to serve a map. Navigators, mappers and explorers see what any
-client of a USARSim server receives, and never the scene; only ``evaluation`` knows the
-truth.
+The server does not need this package. Navigators, mappers and explorers receive the
+reports that any USARSim client receives, and never the scene. Only ``evaluation`` has
+access to the ground truth.
 """

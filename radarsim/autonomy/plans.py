@@ -1,8 +1,8 @@
-"""Plans of robots that drive by themselves, and the names of their algorithms.
+"""Plans of autonomous robots, and the names of their algorithms.
 
-A new algorithm is a subclass of ``Controller``, and has a member of ``Algorithm`` here
-and a class in ``mission.CONTROLLERS``. Command lines offer these names: nothing heavy
-is imported here.
+A new algorithm is a subclass of ``Controller``, with a member of ``Algorithm`` here and
+an entry in ``mission.CONTROLLERS``. Command lines import this module for these names,
+so it imports no slow packages.
 """
 
 import math
@@ -18,45 +18,45 @@ from radarsim.protocol.dialect import DriveUnit
 
 ROBOT: Final = "P3AT_Radar360"  # a robot class whose scanner covers a full circle
 ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
-LEAST_SHARE = 0.1  # of a bumper's beams
-TOLERANCE = 0.1  # m from the goal at which it is reached
+LEAST_SHARE = 0.1  # share of a bumper's beams
+TOLERANCE = 0.1  # m from the goal, within which it is reached
 
 
 class Algorithm(StrEnum):
-    """How to get around obstacles."""
+    """Navigation algorithms."""
 
     BUG1 = "bug1"
     BUG2 = "bug2"
-    TANGENT_BUG = "tangentbug"  # by the edges of obstacles that scans show
-    PLANNED = "planned"  # shortest path on the map as it is seen
+    TANGENT_BUG = "tangentbug"  # drives over edges of obstacles that scans show
+    PLANNED = "planned"  # shortest path on a map of the seen obstacles
 
 
 class Rule(StrEnum):
-    """When a bumper is pressed, and what boundaries are followed by."""
+    """Rules that decide when a bumper is pressed, and how boundaries are followed."""
 
-    SHARE = "share"  # a share of its beams is nearer than the far end of the band
-    ALL = "all"  # all of its beams are within the band, as in the thesis
-    THESIS = "thesis"  # the same, and boundaries are followed by bumpers alone
+    SHARE = "share"  # a share of its beams is shorter than the far end of the band
+    ALL = "all"  # all of its beams end in the band, as in the thesis
+    THESIS = "thesis"  # as ``all``, and boundaries are followed by bumpers alone
 
 
 class GiveUp(StrEnum):
-    """When Bug2 concludes that there is no path."""
+    """Conditions under which Bug2 concludes that no path exists."""
 
     HIT_POINT = "hit_point"  # back at the hit point
     LINE = "line"  # at the line to the goal, but no nearer to the goal
 
 
 class PoseSource(StrEnum):
-    """Where poses are taken from."""
+    """Sources of the robot's pose."""
 
     INS = "ins"
     ODOMETRY = "odometry"
     GROUND_TRUTH = "ground_truth"
-    SLAM = "slam"  # scans matched with those before, and the motion of an INS
+    SLAM = "slam"  # scans matched with previous scans, and the motion of an INS
 
 
 class StrategyName(StrEnum):
-    """How to explore."""
+    """Exploration strategies."""
 
     AUTO = "auto"
     TURN_AWAY = "turn_away"
@@ -69,7 +69,7 @@ def read_pose(text: str) -> Pose2:
     """Read ``X,Y,YAW_DEG``.
 
     Raises:
-        ValueError: If these are not three finite numbers.
+        ValueError: If the text is not three finite numbers.
     """
     x, y, yaw_deg = read_numbers(text)
     return Pose2(x, y, math.radians(yaw_deg))
@@ -79,13 +79,13 @@ def read_heading(text: str) -> float:
     """Read an angle in degrees, counter-clockwise from x; return rad.
 
     Raises:
-        ValueError: If it is not one finite number.
+        ValueError: If the text is not one finite number.
     """
     (degrees,) = read_numbers(text)
     return math.radians(degrees)
 
 
-# Where the motion between scans is read from.
+# Sources of the motion between scans.
 MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
 Metres: TypeAlias = Annotated[float, Gt(0), Unit("m")]
 Seconds: TypeAlias = Annotated[float, Gt(0), Unit("s")]
@@ -95,7 +95,7 @@ Heading: TypeAlias = Annotated[float, Form("DEG", read_heading)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrivePlan:
-    """A robot that drives by itself.
+    """Base class of plans for a robot that drives autonomously.
 
     Attributes:
         robot_class: Class of the robot; its scanner has to see all the way round.
@@ -138,7 +138,7 @@ class DrivePlan:
 
     @property
     def penetration_depth(self) -> float:
-        """How far a radar sees into foliage, m; 0 if its density is not given."""
+        """Depth to which a radar sees into foliage, m; 0 without a given density."""
         if self.foliage_density is None:
             return 0.0
         return self.penetration_power / self.foliage_density
@@ -183,7 +183,7 @@ class Mission(DrivePlan):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplorationPlan(DrivePlan):
-    """An exploration; along waypoints the scanner need not cover a full circle.
+    """An exploration; with waypoints the scanner need not cover a full circle.
 
     Attributes:
         strategy: Strategy of exploring.

@@ -1,8 +1,8 @@
-"""Map made of the reports of a robot that another client drives.
+"""Builds a map from the reports of a robot that another client drives.
 
-A server of radarsim lets robots be watched: it sends copies of the lines that the
-robot's own client is sent. Where mapping is slower than the robot scans, copies are
-left unread, and the server drops the oldest.
+A radarsim server allows clients to watch robots: it sends copies of the lines that it
+sends to the robot's own client. If mapping is slower than the robot scans, copies
+remain unread, and the server drops the oldest ones.
 """
 
 import time
@@ -31,20 +31,20 @@ from radarsim.protocol.reports import (
     Watching,
 )
 
-ECHO_WAIT: Final = 1.0  # s
-PATIENCE: Final = 2.0  # s without a line, after which the robot may have left
-MOST_EARLY: Final = 200  # reports that are kept until the scanner is known
+ECHO_WAIT: Final = 1.0  # s for which scans wait for echoes
+PATIENCE: Final = 2.0  # s without a line, after which the server is asked for the robot
+MOST_EARLY: Final = 200  # reports stored until the scanner is known
 _ECHOES: Final = questions.set_item(RANGE_SCANNER, None, "ECHOES", "true")
 
-Side: TypeAlias = Literal["client", "server"]  # that sends
+Side: TypeAlias = Literal["client", "server"]  # the sender of data
 DataCallback: TypeAlias = Callable[[Side, bytes], None]
 
 
 class RobotWatcher:
-    """Watches one robot until it leaves.
+    """Watches one robot until it leaves the server.
 
     Attributes:
-        on_wait: Called once if the robot is not there yet.
+        on_wait: Called once if the robot has not been spawned yet.
         robot: Name of the robot.
     """
 
@@ -56,17 +56,18 @@ class RobotWatcher:
         echoes: bool = True,
         patience: float = PATIENCE,
     ) -> None:
-        """Create a watcher that is not connected.
+        """Create a watcher without a connection.
 
         Args:
             server: Host and port of the server.
-            robot: Name of the robot, in any case; of several, the first that reports.
-            echoes: Whether its scanners shall list their echoes.
-            patience: Time without a line after which the server is asked whether the
-                robot is there, s.
+            robot: Name of the robot, case-insensitive; of several, the first that
+                reports.
+            echoes: Whether to request the echoes of its scanners.
+            patience: Time without a line, after which the watcher asks the server
+                whether the robot is still there, s.
 
         Raises:
-            ValueError: If the name cannot be sent.
+            ValueError: If the name contains characters that cannot be sent.
         """
         self.on_wait: Callable[[], None] = lambda: None
         self.robot = robot
@@ -77,13 +78,13 @@ class RobotWatcher:
         self._is_watching = self._has_seen = self._has_waited = False
 
     def copies(self) -> Generator[list[WatchedLine], None, None]:
-        """Watch until the robot leaves, if it has been there.
+        """Watch until the robot has been spawned and has left.
 
         Yields:
-            Copies of the lines of the robot, as they come.
+            Copies of the lines of the robot, as they arrive.
 
         Raises:
-            ClientError: If the server is not there, does not let robots be watched, or
+            ClientError: If the server cannot be reached, does not support watching, or
                 closes the connection.
         """
         with closing(SocketTransport(*self._server)) as transport:
@@ -98,14 +99,14 @@ class RobotWatcher:
                 raise ClientError(str(error)) from None
 
     def _has_left(self, transport: SocketTransport, copies: list[WatchedLine]) -> bool:
-        """Wait for the next reports; return whether they say that the robot left."""
+        """Wait for the next reports; return whether the robot has left."""
         try:
             data = transport.receive(self._patience)
         except TimeoutError:
             if not self._is_watching:
                 text = "no answer to WATCH, expected a server of radarsim"
                 raise ClientError(text) from None
-            # No line reports that a robot leaves: GEO is refused once it has.
+            # No line reports that a robot leaves, but GEO is rejected afterwards.
             transport.send(self._question(questions.geometry, ROBOT))
             return False
         for report in self._session.receive(data):
@@ -114,8 +115,8 @@ class RobotWatcher:
                     self._is_watching = True
                     transport.send(self._question(questions.geometry, ROBOT))
                 case CommandError(text):
-                    # GEO of a robot that is not there is refused: it has left, or it
-                    # has not come yet.
+                    # GEO is rejected for a missing robot, which
+                    # has left or has not been spawned yet.
                     if self._has_seen:
                         return True
                     self._wait(text)
@@ -139,7 +140,7 @@ class RobotWatcher:
             return
         self._has_seen = True
         self.robot = copy.robot
-        # What its own client may never ask: mount and limits of its scanners.
+        # The robot's own client may never request the mount and limits of its scanners.
         for ask in (questions.geometry, questions.configuration):
             transport.send(self._question(ask, RANGE_SCANNER))
 
@@ -148,18 +149,18 @@ class RobotWatcher:
 
 
 class WatchMapper:
-    """Maps what a robot of radarsim reports.
+    """Builds a map from the reports of a watched robot.
 
     Attributes:
         mapper: The mapper; None before the scanner is known.
         trip: Time and path length so far.
-        error: Why there is no map, or only a part of it; empty if there is one.
-        outcome: How the run ends, as that of an exploration.
-        unreached: No places, since another client drives.
-        safety_distance: None, likewise.
-        on_data: Called with what the robot's client would have sent and was sent, for a
-            recording; it must not raise.
-        on_scan: Called after every scan that is on the map.
+        error: Reason of a missing or incomplete map; empty for a complete one.
+        outcome: The outcome of the run, as of an exploration.
+        unreached: Always empty, since another client drives.
+        safety_distance: Always None, since another client drives.
+        on_data: Called with the data that the robot's client would have sent and
+            received, for a recording; it must not raise.
+        on_scan: Called after every scan on the map.
     """
 
     outcome = "watched"
@@ -170,9 +171,8 @@ class WatchMapper:
         """Create a mapper that waits for a robot.
 
         Args:
-            plan: The scanner, by default the first that scans, whether it lists its
-                echoes, for which scans wait, the source of its motion, and the map's
-                cells.
+            plan: The scanner, by default the first that scans, whether to wait for its
+                echoes, the source of the motion, and the resolution of the map.
         """
         self.mapper: Mapper | None = None
         self.trip = TripMeter(noise=NOISE)
@@ -182,18 +182,18 @@ class WatchMapper:
         self._plan = plan
         self._descriptions = ScannerDescriptions()
         self._first_scan: RangeScan | None = None
-        # Poses come before the first scan, and a map needs the one that belongs to it.
+        # Poses arrive before the first scan, and the map needs the pose of that scan.
         self._early = deque[Report](maxlen=MOST_EARLY)
 
     def watch(self, watcher: RobotWatcher) -> int:
-        """Map what a robot reports, until it leaves or a signal raises SystemExit.
+        """Map the reports of a robot until it leaves or a signal raises SystemExit.
 
         Args:
             watcher: Watches the robot.
 
         Returns:
-            The exit code: 0 if the robot has left, that of the signal, or 1 if it
-            cannot be watched. ``error`` is the reason if there is no map.
+            The exit code: 0 if the robot has left, the code of the signal, or 1 if the
+            robot cannot be watched. ``error`` is empty if the map is complete.
         """
         code = 0
         try:
@@ -211,7 +211,7 @@ class WatchMapper:
         echoes = self._plan.echoes
         with closing(watcher.copies()) as batches:
             for copies in batches:
-                # As if its client had asked, for recordings.
+                # Recordings show the request, as if the robot's client had sent it.
                 if copies and echoes:
                     self.on_data("client", _ECHOES)
                     echoes = False
@@ -241,14 +241,14 @@ class WatchMapper:
             resolution=plan.resolution,
             map_range=plan.map_range,
             echo_wait=ECHO_WAIT * plan.echoes,
-            # for servers whose time stamps are missing or stand still
+            # for servers whose time stamps are missing or constant
             clock=time.monotonic,
         )
         for each in self._early:
             self._map(self.mapper, each)
 
     def _scanner_info(self) -> ScannerInfo | None:
-        """Return the scanner once it has scanned and the server has described it."""
+        """Return the scanner after its first scan and its description, or None."""
         scan = self._first_scan
         if scan is None:
             return None

@@ -1,8 +1,9 @@
 """A client for any server of the USARSim protocol, blocking or asynchronous.
 
 ``Client`` blocks the calling thread, ``AsyncClient`` is for an event loop. Both share
-the code that writes requests and reads answers, which does no I/O. Reports are those of
-``radarsim.protocol.reports``: metres, radians and REP-103, whatever is on the wire.
+the code that writes requests and reads answers, which does no I/O. Reports are
+instances of the classes in ``radarsim.protocol.reports``, in metres, radians and
+REP-103 frames for every server.
 """
 
 from radarsim.client.clients import AsyncClient, Client

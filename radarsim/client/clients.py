@@ -1,6 +1,7 @@
-"""A client that blocks the calling thread, and one for an event loop.
+"""A blocking client, and a client for an asyncio event loop.
 
-Their methods are the requests of ``Requests``, which each of them runs in its way.
+Both take their methods from ``Requests``: the blocking client runs each request over a
+``Transport``, the other one over asyncio streams.
 """
 
 import asyncio
@@ -39,7 +40,7 @@ AnyClient = TypeVar("AnyClient", bound="AsyncClient")
 
 
 class _Connected:
-    """What both clients know of their connection."""
+    """State that both clients expose."""
 
     _requests: Requests
 
@@ -49,10 +50,11 @@ class _Connected:
         return self._requests.session
 
     def newest(self, kind: type[AnyReport]) -> AnyReport | None:
-        """Return the newest report of a class that has come, read or not.
+        """Return the newest received report of a class, whether it was read or not.
 
-        It waits for nothing: call it next to a loop over the client or other calls that
-        wait. None before the first one, and after a spawn.
+        This method does not wait and receives nothing itself: use it together with a
+        loop over the client or other calls that wait. It returns None before the first
+        such report, and after a spawn.
         """
         report = self.session.newest.get(kind)
         return report if isinstance(report, kind) else None
@@ -87,15 +89,15 @@ def _awaited(
 
 
 class Client(_Connected):
-    """One connection to a server and its robot there.
+    """One connection to a server, with at most one robot.
 
-    Every call that waits raises ``ClientTimeout`` when its time is up and
-    ``ClientError`` when the connection is lost. Both name what was expected and the
-    last line that was received. While one thread waits for reports, others may call as
-    well; each gets what it waits for.
+    Every call that waits raises ``ClientTimeout`` when its timeout expires and
+    ``ClientError`` when the connection is lost. Both errors name the expected report
+    and the last received line. The client is thread-safe: several threads may wait at
+    once, and each receives the reports that it waits for.
 
     Attributes:
-        transport: Connection to the server; its clock is the only one that is used.
+        transport: Connection to the server; all timeouts use its clock.
     """
 
     def __init__(
@@ -117,7 +119,7 @@ class Client(_Connected):
         self._requests = Requests(
             transport.time,
             timeout=timeout,
-            # Why commands had no effect, which some transports know.
+            # Reasons of commands without effect, if the transport collects them.
             diagnostics=getattr(transport, "diagnostics", None),
         )
         self._condition = threading.Condition()
@@ -133,7 +135,8 @@ class Client(_Connected):
         Args:
             host: Name or address.
             port: TCP port.
-            timeout: Timeout of the connection attempt and default of every call, s.
+            timeout: Timeout of the connection attempt, and default timeout of every
+                call, s.
 
         Raises:
             ClientError: If the connection cannot be opened.
@@ -167,7 +170,7 @@ class Client(_Connected):
     def __iter__(self) -> Iterator[Report]:
         """Yield the reports one after the other, until the client is closed.
 
-        Those that are left when a loop ends can be read by other calls.
+        Reports that remain when a loop ends can be read by other calls.
 
         Raises:
             ClientError: If the connection is lost, or no report comes within the
@@ -177,7 +180,7 @@ class Client(_Connected):
             try:
                 report = self._run(self._requests.next_report())
             except ClientError:
-                if self._closed.is_set():  # by another thread
+                if self._closed.is_set():  # another thread has called close()
                     return
                 raise
             yield report
@@ -185,7 +188,7 @@ class Client(_Connected):
     def close(self) -> None:
         """Stop the robot if possible and close the connection; never raise.
 
-        Calls of other threads that wait raise ``ClientError``.
+        Waiting calls in other threads raise ``ClientError``.
         """
         self._closed.set()
         if self._requests.has_robot:
@@ -205,8 +208,8 @@ class Client(_Connected):
                         else:
                             self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # Only the exchange knows what was expected, so it words the
-                        # error.
+                        # The exchange raises the final error, because only it knows
+                        # the expected report.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)
@@ -215,7 +218,7 @@ class Client(_Connected):
                 return value
 
     def _receive(self, timeout: float) -> None:
-        """Receive, or wait for the thread that does; others may call meanwhile."""
+        """Receive data, or wait until the thread that is receiving has some."""
         if self._is_receiving:
             self._condition.wait(timeout)
             return
@@ -231,7 +234,7 @@ class Client(_Connected):
 
 
 class Connecting(Generic[AnyClient]):
-    """A connection that is opened when it is awaited or entered."""
+    """A connection that opens when it is awaited or entered by ``async with``."""
 
     def __init__(self, connect: Callable[[], Awaitable[AnyClient]]) -> None:
         self._connect = connect
@@ -252,8 +255,7 @@ class Connecting(Generic[AnyClient]):
 class AsyncClient(_Connected):
     """The methods of ``Client`` as coroutines.
 
-    While one task waits for reports, others may call as well; each gets what it waits
-    for.
+    Several tasks may wait at once; each receives the reports that it waits for.
     """
 
     def __init__(
@@ -268,8 +270,8 @@ class AsyncClient(_Connected):
         Args:
             reader: Reader of the connection.
             writer: Writer of the connection.
-            timeout: Default timeout of every call, also of sending, s of the loop's
-                clock.
+            timeout: Default timeout of every call, including calls that only send, s of
+                the loop's clock.
 
         Raises:
             ValueError: If the timeout is not above 0.
@@ -286,7 +288,8 @@ class AsyncClient(_Connected):
     ) -> "Connecting[Self]":
         """Connect over TCP; arguments and errors as in ``Client.connect``.
 
-        The client is what ``await`` returns, and what ``async with`` enters.
+        Use ``client = await AsyncClient.connect()``, or ``async with
+        AsyncClient.connect() as client``.
         """
         return Connecting(lambda: cls._open(host, port, timeout))
 
@@ -324,27 +327,27 @@ class AsyncClient(_Connected):
     wait_for = _awaited(Requests.wait_for)
 
     async def __aiter__(self) -> AsyncIterator[Report]:
-        """See ``Client.__iter__``."""
+        """Yield the reports one after the other; see ``Client.__iter__``."""
         while not self._writer.is_closing():
             try:
                 report = await self._run(self._requests.next_report())
             except ClientError:
-                if self._writer.is_closing():  # by another task
+                if self._writer.is_closing():  # another task has called close()
                     return
                 raise
             yield report
 
     async def close(self) -> None:
-        """See ``Client.close``."""
+        """Stop the robot if possible and close the connection; never raise."""
         if self._requests.has_robot:
-            # Before it waits: a second call must not send it again.
+            # Cleared before the wait, so that a second call does not stop it again.
             self._requests.has_robot = False
             await self.stop()
         self._writer.close()
         try:
             async with asyncio.timeout(self._requests.timeout):
                 await self._writer.wait_closed()
-        except OSError:  # lost already, or the server does not read
+        except OSError:  # the connection is lost, or the server does not read
             self._writer.transport.abort()
 
     async def _run(self, exchange: Exchange[Value]) -> Value:
@@ -359,8 +362,8 @@ class AsyncClient(_Connected):
                         else:
                             await self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # Only the exchange knows what was expected, so it words the
-                        # error.
+                        # The exchange raises the final error, because only it knows
+                        # the expected report.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)
@@ -369,7 +372,7 @@ class AsyncClient(_Connected):
                 return value
 
     async def _send(self, data: bytes) -> None:
-        # A stream that closes drops what is written, without an error.
+        # A closing stream would drop written data without an error.
         if self._writer.is_closing():
             raise ConnectionError(CLOSED)
         self._writer.write(data)
@@ -382,7 +385,7 @@ class AsyncClient(_Connected):
             raise lost(error) from None
 
     async def _receive(self, seconds: float) -> None:
-        """Read, or wait until the task that reads has done so."""
+        """Receive data, or wait until the task that is receiving has some."""
         if self._reading is not None:
             with suppress(TimeoutError):
                 async with asyncio.timeout(seconds):
@@ -390,7 +393,7 @@ class AsyncClient(_Connected):
             return
         self._reading = asyncio.Event()
         try:
-            # Tasks that are about to wait for the same report shall get it as well.
+            # Let other tasks begin to wait first, so that they get the same report.
             await asyncio.sleep(0)
             async with asyncio.timeout(max(seconds, SHORTEST_WAIT)):
                 data = await self._reader.read(CHUNK)

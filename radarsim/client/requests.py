@@ -2,18 +2,18 @@
 
 Theory of operation
 ===================
-Every method is a generator, an exchange with the server. It yields bytes to send, or
-the longest time to wait for bytes, s. Its runner passes received bytes to ``receive``
-and resumes it, or throws the ``TimeoutError`` or ``ConnectionError`` that its transport
-raised into it. The exchange turns that into a ``ClientError`` that names what was
-expected. So the blocking and the asynchronous client are a few lines each and behave
-alike: their methods are those of ``Requests``, and so are the docstrings.
+Every method is a generator, called an exchange, which yields bytes to send, or the
+longest time to wait for bytes, s. The client that runs the exchange passes received
+bytes to ``receive`` and resumes it. If the transport raises ``TimeoutError`` or
+``ConnectionError``, the client throws this error into the exchange, which raises a
+``ClientError`` that names the expected report. The blocking and the asynchronous client
+share these methods and their docstrings, so they behave alike.
 
-Several exchanges may wait at once. Of their runners one reads, and ``receive`` gives
-each report to those that wait for it, or keeps it for later calls. The answer to a
-question goes only to the exchange that asked first: servers answer in order. Readings
-that come before an answer are not kept, unless another exchange waits as well: what
-is asked for after them shall not be older than the answer.
+Several exchanges may wait at once. One of their threads or tasks reads, and ``receive``
+gives each report to the exchanges that wait for it, or keeps it for later calls. As
+servers answer in order, an answer goes only to the exchange that asked first. Readings
+that arrive before an answer are dropped unless another exchange waits for readings, so
+that a caller who reads after the answer gets no older readings.
 """
 
 from collections import deque
@@ -58,10 +58,10 @@ from radarsim.protocol.reports import (
     Watching,
 )
 
-SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer optional requests
+SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer optional questions
 SPAWN_PATIENCE: Final = 2.0  # s until the client asks whether INIT is done
-BUSY_LIMIT: Final = 60.0  # s for which a server may be busy
-MOST_PASSED: Final = 1000  # reports that are kept while something else is waited for
+BUSY_LIMIT: Final = 60.0  # s; longest wait for a busy server
+MOST_PASSED: Final = 1000  # reports that are kept while a call waits for another one
 REFUSED: Final = (
     "the server has no such class, or no free place for it at that start or pose; its"
     " log says which"
@@ -76,19 +76,19 @@ Exchange: TypeAlias = Generator[Step, None, Value]
 
 @dataclass(slots=True, eq=False)
 class Waiter:
-    """An exchange that waits.
+    """A waiting exchange.
 
     Attributes:
-        expected: Name of what it waits for.
-        wanted: Returns whether it waits for a report.
+        expected: Name of the expected report in error texts.
+        wanted: Returns whether the exchange waits for a report.
         timeout: Length of the wait, s.
-        until: Time of the clock at which it ends, s.
-        hint: Why nothing may have come.
-        asked: Whether it has sent a question.
-        asks_poses: Whether the question, or its end, is one about start poses.
-        is_left: Whether it waits no more, though the answer may still come.
-        ends: Returns whether a report is the last one that it waits for.
-        report: That report; None before it has come.
+        until: Time of the clock at which the wait ends, s.
+        hint: Possible reason of a timeout, for the error text.
+        asked: Whether the exchange has sent a question.
+        asks_poses: Whether the data to send ends with a question for start poses.
+        is_left: Whether the wait has ended, although an answer may still arrive.
+        ends: Returns whether a wanted report ends the wait.
+        report: The report that ended the wait; None before.
     """
 
     expected: str
@@ -124,8 +124,8 @@ class Requests:
         Args:
             clock: Returns the time of the transport's clock, s.
             timeout: Default timeout, s.
-            diagnostics: Gets a text for each command without effect, where the
-                transport knows of it; emptied before a robot is requested.
+            diagnostics: List to which the transport may append a text for each command
+                without effect; cleared before a robot is requested.
 
         Raises:
             ValueError: If the timeout is not above 0.
@@ -135,37 +135,37 @@ class Requests:
         self.timeout = timeout
         self.has_robot = False
         self._clock = clock
-        self._class_name = ""  # of the robot that the client has
+        self._class_name = ""  # class of the client's robot
         self._diagnostics = [] if diagnostics is None else diagnostics
-        # Unanswered questions about start poses, in order: some servers know none.
+        # Unanswered questions for start poses, in order; some servers never answer.
         self._poses_asked: deque[Waiter] = deque(maxlen=MOST_PASSED)
         self._starts: dict[str, Pose3] | None = None
-        self._waiters: list[Waiter] = []  # in the order in which they asked
-        # Reports that no call has returned: those that a call has passed over while it
-        # looked for another one, and those that came after them.
+        self._waiters: list[Waiter] = []  # in the order of their requests
+        # Reports that no call has returned: first the reports that a call has skipped
+        # while it waited for another one, then the reports received after them.
         self._passed: list[Report] = []
         self._pending: list[Report] = []
 
     def receive(self, data: bytes) -> None:
-        """Give the reports in received bytes to those who wait for them.
+        """Give the reports in received bytes to the exchanges that wait for them.
 
-        The others are kept. A greeting is in the session.
+        All other reports are kept, except greetings, which the session stores.
         """
         for report in self.session.receive(data):
             first = self._poses_asked[0] if self._poses_asked else None
             if isinstance(report, StartPoses) and first is not None:
                 self._poses_asked.popleft()
-            # The answer to a call that was cancelled or timed out is for nobody.
+            # An answer to a call that was cancelled or timed out is dropped.
             if first is None or not (first.is_left and first.wanted(report)):
                 self._give(report)
         if len(self._passed) > MOST_PASSED:
             self._passed = without_outdated(self._passed, [])[-MOST_PASSED:]
 
     def _give(self, report: Report) -> None:
-        """Give a report to those who wait for it, or keep it."""
+        """Give a report to the exchanges that wait for it, or keep it."""
         waiting = [each for each in self._waiters if each.report is None]
         takers = [each for each in waiting if each.wanted(report)]
-        # What answers a question is for nobody else.
+        # An answer goes only to the first exchange that asked.
         if asking := [each for each in takers if each.asked]:
             takers = asking[:1]
         for waiter in takers:
@@ -179,7 +179,7 @@ class Requests:
             self._passed.append(report)
 
     def greeting(self) -> Exchange[Greeting]:
-        """Return the greeting, which names the map."""
+        """Return the greeting of the server, which contains the name of the map."""
         if self.session.greeting is None:
             yield from self._skip(
                 self._waiter("greeting", lambda report: isinstance(report, Greeting))
@@ -190,7 +190,7 @@ class Requests:
     def start_poses(
         self, *, timeout: float | None = None
     ) -> Exchange[dict[str, Pose3]]:
-        """Request the start poses of the map by name.
+        """Request the start poses of the map; return a dictionary by name.
 
         Args:
             timeout: Timeout, s; None for the default.
@@ -215,26 +215,26 @@ class Requests:
     ) -> Exchange[None]:
         """Spawn a robot and wait for its first report, which can still be read.
 
-        A server does not report a failure: without such a class, or without a free
-        place, no report comes. As long as a busy server answers nothing that is sent
-        after the request, the client waits up to 60 s.
+        Servers do not report a failure: if the class is unknown or the position is not
+        free, no report comes. While a busy server has not answered a question that was
+        sent after the request, the client waits up to 60 s.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``.
             name: Name of the robot; None lets the server choose.
-            start: Name of a start pose, in any case.
-            pose: Pose of the robot if ``start`` is None; also as numbers, ``(x, y)``,
-                ``(x, y, yaw)`` or the six of a ``Pose3``. Without both, it takes the
-                first start of the map at which radarsim has room for it, or the first
-                one of another server.
-            timeout: Longest time to wait, s, also for a busy server; None for
-                the default.
+            start: Name of a start pose, case-insensitive.
+            pose: Pose of the robot if ``start`` is None; also as numbers: ``(x, y)``,
+                ``(x, y, yaw)`` or the six numbers of a ``Pose3``. Without start and
+                pose, radarsim uses the first start of the map with room for the robot;
+                for other servers, the client requests the first start.
+            timeout: Longest time to wait, s, even for a busy server; None for the
+                default, and up to 60 s for a busy server.
 
         Raises:
-            ClientError: If no report comes, the map has no such start, or the robot is
-                still that of a class before.
-            ValueError: If both ``start`` and ``pose`` are given, the pose is none, or a
-                text cannot be written on a line.
+            ClientError: If no report comes, the map has no such start, or the robot
+                still has the class of an earlier spawn.
+            ValueError: If both ``start`` and ``pose`` are given, the pose is malformed,
+                or a text cannot be written on a line.
         """
         takes_free = start is None and pose is None
         limit = self.timeout if timeout is None else timeout
@@ -244,22 +244,22 @@ class Requests:
         question = questions.spawn(
             class_name, name=name, start=start, pose=pose, takes_free=takes_free
         )
-        # Even if no report comes: the server may spawn it late, and closing should stop
-        # it.
+        # Set even if no report comes, as the server may spawn the robot late, and
+        # close() must stop it then.
         had_robot, self.has_robot = self.has_robot, True
         self._diagnostics.clear()
         yield from self.send(question.data)
         if had_robot and not self._poses_asked:
-            # Commands are executed in their order: what comes before the answer is of
-            # the robot before.
+            # Servers execute commands in order, so reports before the answer belong to
+            # the previous robot.
             with suppress(ClientTimeout):
                 yield from self.start_poses(timeout=limit)
         if had_robot:
             yield from self._check_class(class_name)
-        # A report from before would pass for the first one of this robot.
+        # A report of the previous robot must not count as the first one of this robot.
         self._passed.clear()
         self._pending.clear()
-        self.session.scans.clear()  # another robot's
+        self.session.scans.clear()
         self.session.newest.clear()
         waiter = Waiter(question.what, question.accepts, limit, until)
         first = yield from self._wait_for_robot(waiter, may_be_busy=timeout is None)
@@ -267,12 +267,12 @@ class Requests:
         self._class_name = class_name
 
     def _check_class(self, wanted: str) -> Exchange[None]:
-        """Check, after INIT, that the robot before is not there any more.
+        """Check after INIT that the server has replaced the previous robot.
 
-        A server that refuses INIT leaves the client its robot.
+        A server that refuses INIT keeps the client's previous robot.
 
         Raises:
-            ClientError: If the robot is still of the class before.
+            ClientError: If the robot still has the class of the previous one.
         """
         before = bare_class(self._class_name)
         if not before or same_name(bare_class(wanted), before):
@@ -286,9 +286,9 @@ class Requests:
                 raise ClientError(f"{text}: {reason}")
 
     def _choose_start(self, wanted: str | None, limit: float) -> Exchange[str | None]:
-        """Return the start that is wanted, or the first one of the map.
+        """Return the wanted start, or by default the first one of the map.
 
-        None if there is none, or the server reports none.
+        The default is None if the map has no starts or the server does not list them.
 
         Raises:
             ClientError: If the map has no such start.
@@ -305,19 +305,18 @@ class Requests:
         return wanted
 
     def _wait_for_robot(self, waiter: Waiter, *, may_be_busy: bool) -> Exchange[Report]:
-        """Return the first report of a robot, for which INIT has been sent.
+        """Wait for the first report of the robot after INIT and return it.
 
-        A server does not report that it has no place for a robot. But it executes
-        commands in their order: a question after INIT is answered as soon as INIT is
-        done, which takes a while where the machine is busy.
+        A server does not report that it has no room for a robot. But it executes
+        commands in order, so it answers a question after INIT as soon as INIT is done,
+        which may take a while on a busy machine.
 
         Args:
-            waiter: Waits for the robot.
-            may_be_busy: Whether to wait longer for a busy server: a limit that the
-                caller has set is kept.
+            waiter: Waiter for the first report of the robot.
+            may_be_busy: Whether to wait longer for a busy server; False if the caller
+                has set a timeout.
         """
-        # Of a short timeout, half is left for the question that shows why nothing
-        # comes.
+        # Half of a short timeout is kept for the question whether INIT is done.
         now = self._clock()
         patience = min(SPAWN_PATIENCE, (waiter.until - now) / 2)
         with suppress(ClientTimeout):
@@ -331,14 +330,14 @@ class Requests:
             return waiter.wanted(report) or isinstance(report, StartPoses)
 
         news = replace(waiter, wanted=is_news, hint=LATE, asks_poses=True)
-        # One that has greeted, and answered all before INIT, is at work on INIT.
+        # A server that has sent its greeting and all earlier answers is executing INIT.
         if may_be_busy and self.session.greeting and not self._poses_asked:
             news = replace(news, timeout=BUSY_LIMIT, until=now + BUSY_LIMIT)
         report = yield from self._await(news, questions.start_poses().data)
         if waiter.wanted(report):
             return report
-        # INIT is done, and there are still no reports of a robot: if it is there, they
-        # come soon, however long the caller would wait for a busy server.
+        # INIT is done, but no report of the robot has come. If the robot exists, its
+        # reports come soon, so the default timeout is enough.
         last = self._waiter(waiter.expected, waiter.wanted, hint=REFUSED)
         if self._clock() < waiter.until:
             in_time = replace(waiter, hint=REFUSED)
@@ -358,8 +357,8 @@ class Requests:
         Args:
             kind: ``Robot``, or a type of items such as ``RangeScanner``.
             name: Name of one item; None for all items of the type.
-            robot: Name of the robot of another client, which only radarsim answers;
-                None for the client's own.
+            robot: Name of another client's robot, which only radarsim supports; None
+                for the client's own robot.
 
         Returns:
             A ``RobotGeo`` or an ``ItemGeo``.
@@ -369,7 +368,7 @@ class Requests:
     def configuration(
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request settings; arguments as in ``geometry``.
+        """Request the settings of the robot or of items; arguments as in ``geometry``.
 
         Returns:
             A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
@@ -377,7 +376,11 @@ class Requests:
         return self._describe(questions.configuration(kind, name, robot))
 
     def _describe(self, question: Question) -> Exchange[Report]:
-        """Ask about the client's robot or another one; return its report."""
+        """Send a question about the client's robot or another one; return the answer.
+
+        Raises:
+            ClientError: If the other robot does not exist.
+        """
         answer = yield from self.ask(question)
         if isinstance(answer, CommandError):
             raise ClientError(f"{answer.text}, expected {question.what}")
@@ -386,23 +389,23 @@ class Requests:
         return answer
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> Exchange[RobotInfo]:
-        """Request the robot's dimensions and limits and its scanners.
+        """Request the dimensions, the limits and the scanners of the robot.
 
-        Properties of a scanner that a server does not report within 2 s are taken from
-        its scans.
+        Properties of a scanner that the server does not report within 2 s are taken
+        from its scans.
 
         Args:
             drive_unit: Unit of the server's wheel speeds, which no server reports.
 
         Raises:
-            ClientError: If the geometry or the configuration of the robot does not
-                come, or is not plausible.
+            ClientError: If the geometry or the configuration of the robot is not
+                received, or not plausible.
         """
         geo = yield from self._ask(questions.geometry(ROBOT), RobotGeo)
         conf = yield from self._ask(questions.configuration(ROBOT), RobotConf)
         descriptions = ScannerDescriptions()
         yield from self._describe_scanners(descriptions, None)
-        # Some servers answer only questions about one item.
+        # Some servers answer only questions about a single item.
         for name in descriptions.incomplete(self.session.scans):
             yield from self._describe_scanners(descriptions, name)
         names = {name.casefold() for name in descriptions.names(self.session.scans)}
@@ -413,7 +416,7 @@ class Requests:
         def is_last_scan(report: Report) -> bool:
             return isinstance(report, RangeScan) and have_scanned()
 
-        if not have_scanned():  # the beams of a scan can be counted
+        if not have_scanned():  # scans provide the number of beams
             with suppress(ClientTimeout):
                 waiter = self._waiter("scans", is_last_scan, SILENCE_LIMIT, asked=True)
                 yield from self._await(waiter)
@@ -421,7 +424,7 @@ class Requests:
         return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
     def send(self, data: bytes) -> Exchange[None]:
-        """Send whole lines as they are, and wait for no answer.
+        """Send whole lines unchanged, without waiting for an answer.
 
         Raises:
             ClientError: If the connection is lost.
@@ -436,13 +439,14 @@ class Requests:
     def drive(self, left: float, right: float) -> Exchange[None]:
         """Set the speeds of the left and the right wheels in the server's unit.
 
-        They hold until the next call. ``RobotInfo.wheel_speeds`` computes them. A car
-        is steered instead, once ``robot_info`` has reported that it is one.
+        The speeds hold until the next call. ``RobotInfo.wheel_speeds`` computes them
+        from speed and yaw rate. For a car, after a call of ``robot_info``, they are
+        converted to a speed and a steering angle.
         """
         return self.send(questions.drive(left, right, self.session.car))
 
     def stop(self) -> Exchange[bool]:
-        """Stop the wheels; return whether that could be sent, and never raise."""
+        """Stop the wheels; return whether the command was sent, and never raise."""
         try:
             yield from self.drive(0.0, 0.0)
         except ClientError:
@@ -464,22 +468,24 @@ class Requests:
         echoes: bool | str | Iterable[str] = False,
         clock: bool = False,
     ) -> Exchange[None]:
-        """Ask radarsim for copies of what the clients of robots are sent.
+        """Ask radarsim for copies of the lines that it sends to the clients of robots.
 
-        They come as ``WatchedLine`` reports. ``RobotJoined`` and ``RobotLeft`` tell
-        which robots there are, if all are watched. A later call replaces this one.
+        The copies come as ``WatchedLine`` reports. If all robots are watched,
+        ``RobotJoined`` and ``RobotLeft`` report which robots exist. A later call
+        replaces this one.
 
         Args:
-            robots: Name or names, in any case; None for all, an empty list for none.
-            echoes: Whether their scanners shall list all echoes, or the names of those
-                robots whose scanners shall.
-            clock: Whether the server shall tell the time in every tick of 10 ms, as
-                ``ClockTick`` reports.
+            robots: Name or names, case-insensitive; None for all, an empty list for
+                none.
+            echoes: Whether the scanners of watched robots also send echo lines, or the
+                names of the robots whose scanners do.
+            clock: Whether the server sends a ``ClockTick`` report in every tick of
+                10 ms.
 
         Raises:
-            ClientError: If the server refuses it or, like others than radarsim, does
-                not answer.
-            ValueError: If a name is empty, or has a comma.
+            ClientError: If the server refuses the command or does not answer it; only
+                radarsim answers.
+            ValueError: If a name is empty, or contains a comma.
         """
 
         def accepts(report: Report) -> bool:
@@ -496,7 +502,7 @@ class Requests:
     ) -> Exchange[None]:
         """Send an opcode to the items of a type, such as ``RESET`` to ``Odometry``.
 
-        ``SETTING`` is waited for, as in ``change_settings``.
+        For the opcode ``SETTING``, the call waits like ``change_settings``.
         """
         data = questions.set_item(kind, name, opcode, params)
         return self._change(data) if opcode.upper() == SETTING else self.send(data)
@@ -506,7 +512,7 @@ class Requests:
     ) -> Exchange[None]:
         """Change settings of a scanner of the client's robot, from its next scan on.
 
-        Only radarsim can. Scans from before, which have not been read, are dropped.
+        Only radarsim supports this. Earlier scans that have not been read are dropped.
 
         Args:
             scanner: Name of the scanner; None for all.
@@ -514,7 +520,7 @@ class Requests:
 
         Raises:
             ClientError: If there is no such scanner or setting, or a value is refused.
-            ValueError: If there are none, or a text cannot be written on a line.
+            ValueError: If no setting is given, or a text cannot be written on a line.
         """
         return self._change(questions.change_settings(scanner, settings))
 
@@ -530,8 +536,8 @@ class Requests:
                 return False
             return True
 
-        # Only errors are reported. But commands are executed in their order: the answer
-        # to a question after them shows that the settings hold.
+        # The server answers SET only with errors. But it executes commands in order, so
+        # the answer to a following question means that the settings are in effect.
         waiter = self._waiter(
             "answer after SET SETTING", accepts, asked=True, asks_poses=True
         )
@@ -543,7 +549,7 @@ class Requests:
     def read(self, timeout: float | None = None) -> Exchange[list[Report]]:
         """Return the next reports, at least one, in order.
 
-        Those come first that another call has passed over.
+        Reports that another call has skipped come first.
         """
         first = []
         if not self._passed and not self._pending:
@@ -554,7 +560,7 @@ class Requests:
         return reports
 
     def next_report(self) -> Exchange[Report]:
-        """Return the next report; the others of a ``read`` are kept."""
+        """Return the next report; further received reports are kept."""
         report, *others = yield from self.read()
         self._pending[:0] = others
         return report
@@ -566,10 +572,10 @@ class Requests:
         name: str | None = None,
         timeout: float | None = None,
     ) -> Exchange[AnyReport]:
-        """Return the first report of a kind that no call has returned.
+        """Return the first report of a class that no call has returned yet.
 
-        All others can still be read or waited for. Of the readings of one sensor that
-        are passed over, only the newest is kept.
+        Skipped reports can still be read or waited for, but of the skipped readings of
+        one sensor only the newest is kept.
 
         Args:
             kind: Class of the report, such as ``RangeScan``.
@@ -577,7 +583,7 @@ class Requests:
             timeout: Timeout, s; None for the default.
 
         Raises:
-            TypeError: If the kind is no class.
+            TypeError: If ``kind`` is not a class.
         """
         check_kind(kind)
 
@@ -601,7 +607,7 @@ class Requests:
     def _describe_scanners(
         self, descriptions: ScannerDescriptions, name: str | None
     ) -> Exchange[None]:
-        """Request mount and settings of one scanner or all; some servers are silent."""
+        """Request mount and settings of one scanner, or of all; collect the answers."""
         geometry = questions.geometry(RANGE_SCANNER, name)
         configuration = questions.configuration(RANGE_SCANNER, name)
         missing = [geometry, configuration]
@@ -614,7 +620,7 @@ class Requests:
             missing.remove(next(each for each in missing if each.accepts(report)))
             return not missing
 
-        # Both at once: a server that answers neither costs one wait instead of two.
+        # Both questions are sent at once, so that a silent server costs only one wait.
         waiter = self._waiter(
             "scanners", accepts, SILENCE_LIMIT, asked=True, ends=complete
         )
@@ -622,7 +628,7 @@ class Requests:
             yield from self._await(waiter, geometry.data + configuration.data)
 
     def _skip(self, waiter: Waiter) -> Exchange[Report]:
-        """Return the first report that is wanted; keep the others."""
+        """Return the first wanted report, received before or now; keep the others."""
         passed = list(filter(waiter.wanted, self._passed))
         fresh = list(filter(waiter.wanted, self._pending))
         if current := without_outdated(passed, fresh):
@@ -635,7 +641,7 @@ class Requests:
             del self._pending[: i + 1]
         else:
             report = yield from self._await(waiter)
-        # Reports that were passed over are not returned after newer ones.
+        # Skipped readings that are older than the returned one are dropped.
         self._passed = [each for each in self._passed if not is_older(each, report)]
         return report
 
@@ -654,7 +660,7 @@ class Requests:
                 yield from self.send(data)
             is_late = False
             while waiter.report is None:
-                if is_late:  # while other lines keep coming
+                if is_late:  # timed out, although other lines keep coming
                     raise self._timeout(waiter)
                 yield waiter.until - self._clock()
                 is_late = self._clock() >= waiter.until
@@ -664,7 +670,7 @@ class Requests:
             text = f"{error} while the client waited for the {waiter.expected}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
         except GeneratorExit:
-            # It was cancelled when the report had come, but nobody has got it.
+            # The call was cancelled after the report had come but before it returned.
             if waiter.report is not None and not waiter.asked:
                 self._passed.append(waiter.report)
             raise
@@ -697,10 +703,10 @@ class Requests:
 
 
 def check_kind(kind: object) -> None:
-    """Check what reports are asked for.
+    """Check the class of the reports to wait for.
 
     Raises:
-        TypeError: If it is no class.
+        TypeError: If ``kind`` is not a class.
     """
     if not isinstance(kind, type):
         text = f"kind {kind!r}, expected a class of reports such as RangeScan"
@@ -712,14 +718,15 @@ def reading_of(report: Report) -> tuple[Hashable, float] | None:
     reading = report.report if isinstance(report, WatchedLine) else report
     if not isinstance(reading, SensorReport | Status | ClockTick):
         return None
-    # The echoes and targets of a scanner have its name.
+    # Echo and target lines have the name of their scanner.
     item = getattr(reading, "name", type(reading))
     return (getattr(report, "robot", None), item), reading.time
 
 
 def is_older(report: Report, other: Report) -> bool:
-    """Return whether both are readings of one sensor, and the other is newer."""
-    # Most have other names, and up to a thousand are compared in each call.
+    """Return whether both reports are readings of one sensor and ``other`` is newer."""
+    # A fast check of the names decides most comparisons; each call of a client method
+    # makes up to a thousand.
     if getattr(report, "name", None) != getattr(other, "name", None):
         return False
     one, two = reading_of(report), reading_of(other)
@@ -731,7 +738,12 @@ def is_older(report: Report, other: Report) -> bool:
 def without_outdated(
     reports: Sequence[Report], later: Sequence[Report]
 ) -> list[Report]:
-    """Leave out readings that are older than another one of the same sensor."""
+    """Return the reports without readings for which a newer one of the sensor exists.
+
+    Args:
+        reports: Reports to filter.
+        later: Reports received after them.
+    """
     newest: dict[Hashable, float] = {}
     for sensor, time in filter(None, map(reading_of, (*reports, *later))):
         newest[sensor] = max(time, newest.get(sensor, time))

@@ -1,8 +1,8 @@
 """The properties of a robot and its scanners, from the reports of a server.
 
-Servers do not report everything: the original reports wheels, not the footprint,
-and no server reports the unit of wheel speeds. Values that are filled in here err on
-the safe side.
+Servers do not report all properties: the original server reports the wheel base instead
+of the size of the robot, and no server reports the unit of wheel speeds. Values that
+this module assumes are conservative, for example a larger robot.
 """
 
 import math
@@ -26,11 +26,11 @@ from radarsim.protocol.reports import (
 )
 
 DEFAULT_MOUNT: Final = Pose3(0.0, 0.0, 0.0)  # of a scanner whose mount is not reported
-WHEEL_LIMITS: Final = (1e-3, 1e3)  # m and drive units; plausible for a robot on wheels
+WHEEL_LIMITS: Final = (1e-3, 1e3)  # m or drive units; plausible for a wheeled robot
 MAX_BEAMS: Final = 100_000
 MAX_MOUNT_DISTANCE: Final = 10.0  # m from the robot's centre
-_PRINTED = 0.01  # rad by which rounding may enlarge a whole turn
-_HALF_DIGIT: Final = 0.006  # m; half of the last digit of a range, and a little more
+_PRINTED = 0.01  # rad; tolerance for a field of view of 2 pi that was rounded up
+_HALF_DIGIT: Final = 0.006  # m; slightly more than half of a range's last digit, 0.01 m
 _FAR: Final = 1e3  # m; assumed range of beams without return, to compute their bearings
 
 
@@ -42,10 +42,10 @@ UNLIMITED: Final[_Limits] = (math.inf, 0.0, math.nan, math.nan)
 
 @dataclass(frozen=True, slots=True)
 class ScannerInfo:
-    """One scanner.
+    """The properties of one scanner.
 
     Attributes:
-        name: Name in its scans.
+        name: Name of the scanner in its scans.
         mount: Pose in the body frame.
         min_range: Minimum range, m.
         max_range: Range of a beam without return, m; ``inf`` if it is not reported.
@@ -64,23 +64,23 @@ class ScannerInfo:
 
     @property
     def angles(self) -> Floats:
-        """Angles of the beams, (N,) rad, from right to left; 0 is ahead."""
+        """Angles of the beams, (N,) rad, from right to left; 0 is straight ahead."""
         return np.linspace(-self.fov / 2, self.fov / 2, self.beams)
 
 
 @dataclass(frozen=True, slots=True)
 class RobotInfo:
-    """One robot.
+    """The properties of one robot.
 
     Attributes:
         name: Class of the robot.
-        length: Length of the body, m.
-        width: Width of the body, m.
-        height: Height of the body, m; 0 if it is not reported.
+        length: Length of the robot, m.
+        width: Width of the robot, m.
+        height: Height of the robot, m; 0 if it is not reported.
         wheel_radius: Radius of the wheels, m.
         wheel_separation: Distance between left and right wheels, m.
         max_wheel_speed: Maximum speed of a wheel at its rim, m/s.
-        drive_scale: Drive units in 1 rad/s.
+        drive_scale: Drive units per rad/s.
         scanners: Scanners in the order of the server.
     """
 
@@ -105,7 +105,7 @@ class RobotInfo:
         """Combine the geometry and the configuration of a robot.
 
         Raises:
-            ClientError: If a wheel dimension or the size is not plausible.
+            ClientError: If a wheel dimension or the size of the robot is not plausible.
         """
         wheels = {
             "WheelRadius": geo.wheel_radius,
@@ -114,7 +114,7 @@ class RobotInfo:
         }
         least, most = WHEEL_LIMITS
         for key, value in wheels.items():
-            # Negated, so that a nan fails as well.
+            # The condition is negated so that NaN fails as well.
             if not least <= value <= most:
                 text = f"{key} {value:g} of robot {geo.name[:80]!r}"
                 raise ClientError(f"{text}, expected {least:g} to {most:g}")
@@ -137,7 +137,10 @@ class RobotInfo:
 
     @property
     def clearance(self) -> float:
-        """Half the diagonal of the footprint, m: the free radius that turning needs."""
+        """Radius of the free circle that the robot needs to turn, m.
+
+        It is half the diagonal of the robot's footprint.
+        """
         return math.hypot(self.length, self.width) / 2
 
     @property
@@ -148,14 +151,14 @@ class RobotInfo:
     def wheel_speeds(self, speed: float, turn: float) -> tuple[float, float]:
         """Compute the speeds of the left and the right wheels in drive units.
 
-        If a wheel would exceed its maximum speed, both are slowed down by one factor,
-        so that the robot still follows the same curve.
+        If a wheel would exceed its maximum speed, both speeds are scaled down by the
+        same factor, so that the robot still follows the same curve.
 
         Args:
             speed: Forward speed, m/s.
-            turn: Counter-clockwise turn rate, rad/s.
+            turn: Counter-clockwise yaw rate, rad/s.
         """
-        # Sums of the largest floats would be infinite, and their ratio no number.
+        # Without limits, the sum of two huge floats would be infinite and a ratio NaN.
         most = LARGEST_COMMANDED
         speed, turn = (max(min(each, most), -most) for each in (speed, turn))
         across = turn * self.wheel_separation / 2
@@ -168,7 +171,7 @@ class RobotInfo:
         return left * factor, right * factor
 
     def scanner(self, name: str | None = None) -> ScannerInfo:
-        """Return a scanner by name, by default the first.
+        """Return a scanner by its name, case-insensitive; the first one for None.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -184,7 +187,7 @@ class RobotInfo:
 
 
 def same_name(one: str, other: str) -> bool:
-    """Return whether names are equal in any case; servers mix upper and lower case."""
+    """Compare two names case-insensitively, as servers mix upper and lower case."""
     return one.casefold() == other.casefold()
 
 
@@ -197,23 +200,23 @@ def is_plausible(scan: RangeScan) -> bool:
 
 
 def beam_angles(scan: RangeScan) -> Floats:
-    """Return the angles of a scan's beams, ``scan.angles``."""
+    """Return the angles of a scan's beams, (N,) rad; the same as ``scan.angles``."""
     return scan.angles
 
 
 def no_return(max_range: float) -> float:
-    """Return the range, m, from which on nothing has come back on a beam.
+    """Return the range, m, from which on a beam counts as a beam without return.
 
     Args:
-        max_range: Reported range of a beam without return, m; ``inf`` if there is none.
+        max_range: Reported maximum range, m; ``inf`` if it is not reported.
     """
     if not math.isfinite(max_range):
         return max_range
-    # Ranges have two decimals, rounded by most servers; the original cuts them off, and
-    # in single precision. MaxRange has more: a beam of 5.609 m without return reads
-    # 5.61 or 5.60, and one of 2.3 m may read 2.29.
+    # Most servers round ranges to two decimals; the original server truncates them in
+    # single precision. MaxRange has more decimals: with 5.609 m, a beam without return
+    # reads 5.61 or 5.60 m, and with 2.3 m it may read 2.29 m.
     nothing = math.floor(100 * float(np.float32(max_range))) / 100
-    return nothing - _HALF_DIGIT  # where it is MaxRange that has been rounded
+    return nothing - _HALF_DIGIT  # a margin in case that MaxRange itself is rounded
 
 
 def from_centre(
@@ -222,23 +225,23 @@ def from_centre(
     """Convert a scan to bearings and ranges from the robot's centre.
 
     Args:
-        ranges: (N,) m from the scanner.
-        angles: (N,) rad, counter-clockwise from the scanner's front.
+        ranges: (N,) ranges from the scanner, m.
+        angles: (N,) angles, rad, counter-clockwise from the scanner's front.
         mount: Pose of the scanner in the body frame; level, at any height.
         max_range: Range of a beam without return, m.
 
     Returns:
-        (N,) rad, counter-clockwise from the robot's front, in [-pi, pi), and (N,) m,
-        ``inf`` without return.
+        (N,) bearings, rad, counter-clockwise from the robot's front, in [-pi, pi), and
+        (N,) ranges, m, ``inf`` without return.
     """
     returned = ranges < no_return(max_range)
-    # With infinite ranges arctan2 would return multiples of 45 degrees.
+    # A finite range is used, as arctan2 of infinities gives multiples of 45 degrees.
     lengths = np.where(returned, ranges, _FAR)
     angles = angles + mount.yaw
     x = mount.x + lengths * np.cos(angles)
     y = mount.y + lengths * np.sin(angles)
     bearings = np.arctan2(y, x)
-    # arctan2 gives pi for straight behind, which the interval holds as -pi.
+    # arctan2 gives pi for straight behind, which is -pi in the interval [-pi, pi).
     bearings[bearings >= math.pi] = -math.pi
     return bearings, np.where(returned, np.hypot(x, y), math.inf)
 
@@ -247,8 +250,8 @@ def dimensions(geo: RobotGeo) -> tuple[float, float, float]:
     """Return length, width and height of a robot, m.
 
     The original server reports wheel base and separation instead, and no height. The
-    body is then assumed to extend one wheel radius beyond the wheels on all sides,
-    which is more than that of its robots.
+    robot is then assumed to extend one wheel radius beyond its wheels on all sides,
+    which is more than its real size.
     """
     length, width, height = geo.dimensions
     if height > 0:
@@ -261,14 +264,14 @@ def dimensions(geo: RobotGeo) -> tuple[float, float, float]:
 class ScannerDescriptions:
     """Collects the answers of a server about its scanners.
 
-    Servers differ in how much they answer; scans supply the rest. Names that differ
-    only in case belong to one scanner.
+    Servers answer such questions to different extents; scans supply the missing
+    properties. Names that differ only in case belong to one scanner.
     """
 
     def __init__(self) -> None:
         self._names: dict[
             str, str
-        ] = {}  # in their first spelling; all keys are casefolded
+        ] = {}  # first spelling of each name by its casefolded form
         self._mounts: dict[str, Pose3] = {}
         self._limits: dict[str, _Limits] = {}
 
@@ -287,7 +290,7 @@ class ScannerDescriptions:
         return key
 
     def names(self, scans: Iterable[str]) -> list[str]:
-        """Return all names that occurred, those of scans included."""
+        """Return the names of all scanners in answers and in scans."""
         names = {name.casefold(): name for name in scans} | self._names
         keys = (*self._mounts, *self._limits, *names)
         return [names[key] for key in dict.fromkeys(keys)]
@@ -298,10 +301,10 @@ class ScannerDescriptions:
         return [name for name in self.names(scans) if name.casefold() not in complete]
 
     def scanners(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerInfo, ...]:
-        """Return the scanners; those with unknown beams are left out.
+        """Return the scanners, without scanners whose number of beams is unknown.
 
         Args:
-            scans: Latest scans by name. They determine the beams, which can be counted.
+            scans: Latest scans by name. If there is a scan, it determines the beams.
 
         Raises:
             ClientError: If the settings of a scanner are not plausible.
@@ -316,8 +319,7 @@ class ScannerDescriptions:
             scan = by_key.get(key)
             layout = _beam_layout(limits, scan)
             if layout is not None:
-                # Users look scanners up by the name in their scans, so that spelling
-                # counts.
+                # Users look up scanners by the name in scans, so its spelling is used.
                 spelling = name if scan is None else scan.name
                 farthest, nearest = limits[:2]
                 scanners.append(
@@ -345,9 +347,9 @@ def _check_scanner(name: str, limits: _Limits, mount: Pose3) -> None:
 
 
 def _is_too_wide(fov: float, resolution: float) -> bool:
-    """Return whether the beams span more than a whole turn and one step."""
+    """Return whether the beams span more than a full circle and one resolution step."""
     turn = 2 * math.pi
-    step = resolution if 0 < resolution < turn else 0.0  # it may be implausible itself
+    step = resolution if 0 < resolution < turn else 0.0  # ignore implausible values
     return fov > turn + step + _PRINTED
 
 
@@ -361,5 +363,5 @@ def _beam_layout(
     _, _, resolution, fov = limits
     if not (resolution > 0 and fov >= 0):
         return None
-    # Both have few digits, so the quotient may be a little below a whole number.
+    # Both numbers have few digits, so the quotient may be just below an integer.
     return resolution, fov, int(fov / resolution + 0.02) + 1

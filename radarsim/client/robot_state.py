@@ -1,4 +1,4 @@
-"""The newest state of a robot and the echoes of its scans, as a server reports them."""
+"""Collects the newest state of a robot and the echoes of its scans from reports."""
 
 import math
 from collections import deque
@@ -18,8 +18,8 @@ from radarsim.protocol.reports import (
     Touch,
 )
 
-MOTION_WINDOW: Final = 0.5  # s that speeds are measured over
-# The sensors of poses, the best one first.
+MOTION_WINDOW: Final = 0.5  # s; interval over which speeds are measured
+# The reports with poses, the most accurate first.
 POSES: Final[tuple[type[Report], ...]] = GroundTruth, Ins, Odometry
 
 
@@ -29,7 +29,7 @@ class RobotState:
     Attributes:
         time: Time of the newest report, s; nan before the first.
         poses: Newest pose by type of report.
-        z: Height of the body frame's origin by the best sensor of poses, m.
+        z: Height of the body frame's origin from the best pose sensor, m.
         touched: Whether each touch sensor is pressed, by its name.
         battery: Remaining time of the battery, s; None if unknown.
     """
@@ -44,12 +44,12 @@ class RobotState:
 
     @property
     def pose(self) -> Pose2 | None:
-        """Pose by the best sensor; None before the first."""
+        """Newest pose from the best pose sensor; None before the first pose."""
         source = self._best_source()
         return None if source is None else self.poses[source]
 
     def take(self, report: Report) -> bool:
-        """Process a report; return whether it is of a kind that states something."""
+        """Process a report; return False for kinds of reports that are ignored."""
         match report:
             case GroundTruth() | Ins() | Odometry():
                 self._take_pose(report)
@@ -66,10 +66,10 @@ class RobotState:
         return True
 
     def motion(self) -> tuple[float, float] | None:
-        """Return the measured motion, by the best sensor of poses.
+        """Return the measured motion from the best pose sensor.
 
         Returns:
-            Speed ahead, m/s, and turn rate, rad/s counter-clockwise; None before the
+            Forward speed, m/s, and yaw rate, rad/s counter-clockwise; None before the
             second pose.
         """
         if len(self._track) < 2:
@@ -93,8 +93,8 @@ class RobotState:
             return
         if isinstance(report.pose, Pose3):
             self.z = report.pose.z
-        # Poses of two sensors differ by their errors, and a time that goes back is that
-        # of another robot or of a clock that was reset: no speed follows from either.
+        # No speed is computed across a change of the sensor, whose errors differ, or
+        # across a time that goes back after a reset of the clock or a new robot.
         if kind is not previous or (track and not report.time > track[-1][0]):
             track.clear()
         track.append((report.time, pose))
@@ -103,7 +103,7 @@ class RobotState:
 
 
 class EchoCollector:
-    """Collects the echo lines of one scan, which arrive before it."""
+    """Collects the echo lines of a scan, which arrive before the scan."""
 
     def __init__(self) -> None:
         self._time = math.nan
@@ -111,8 +111,9 @@ class EchoCollector:
         self._line_count = -1
 
     def take(self, line: EchoLine) -> None:
-        """Add a line; a line of another time starts again."""
-        # Lines of a slow connection may be left out, so the last one ends no scan.
+        """Add a line; a line with another time discards all earlier lines."""
+        # A server may drop lines on a slow connection, so the number of the last line
+        # cannot mark the end of a scan.
         if not _is_same_time(line.time, self._time):
             self._time, self._lines = line.time, {}
         self._line_count = line.lines
@@ -120,7 +121,7 @@ class EchoCollector:
             self._lines[line.line] = line.echoes
 
     def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Return all echoes of a scan; None if any line is missing."""
+        """Return the echoes of a scan, one entry per line; None if any is missing."""
         is_complete = len(self._lines) == self._line_count
         if not is_complete or not _is_same_time(scan.time, self._time):
             return None
@@ -129,5 +130,5 @@ class EchoCollector:
 
 
 def _is_same_time(one: float, other: float) -> bool:
-    """Compare time stamps; some servers send none, which are nan."""
+    """Compare time stamps; NaN, for lines without one, equals NaN."""
     return one == other or (math.isnan(one) and math.isnan(other))

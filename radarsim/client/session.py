@@ -1,7 +1,7 @@
-"""Received bytes to reports and questions to bytes, without sockets and clocks.
+"""Converts received bytes to reports and questions to bytes, without sockets or clocks.
 
 A server may send anything: a line that is not a known report is counted and skipped. A
-``Question`` recognizes its answer among the readings, which never stop.
+``Question`` recognizes its answer within the continuous stream of readings.
 """
 
 import math
@@ -49,10 +49,10 @@ from radarsim.protocol.watch import RobotChoice
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
 SETTING = "SETTING"  # the opcode that changes settings
-_TIMED: Final = (SensorReport, Status)  # have a time stamp, if the server sends one
-MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
+_TIMED: Final = (SensorReport, Status)  # reports with a time stamp
+MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has up to 1024
 
-# Three or two numbers are those of a Pose2, six those of a Pose3.
+# A sequence is x, y or x, y, yaw of a Pose2, or the six numbers of a Pose3.
 PoseLike: TypeAlias = Pose2 | Pose3 | Sequence[float]
 
 
@@ -60,7 +60,7 @@ def check_timeout(timeout: float) -> None:
     """Check a timeout.
 
     Raises:
-        ValueError: If it is not above 0 s.
+        ValueError: If the timeout is not above 0 s.
     """
     if not timeout > 0:
         raise ValueError(f"timeout {timeout!r}, expected more than 0 s")
@@ -79,17 +79,16 @@ class Readings:
         self.scans: dict[str, RangeScan] = {}
 
     def add(self, report: Report) -> Report | None:
-        """Return a report, stamped if need be; None for a scan that is not plausible.
+        """Store a report and return it; return None for an implausible scan.
 
-        A report without a time stamp gets the latest one.
+        A report without a time stamp gets the latest time stamp of the server.
         """
         if isinstance(report, RangeScan) and not is_plausible(report):
             return None
         if isinstance(report, _TIMED):
             if math.isnan(report.time):
                 report = replace(report, time=self.time)
-            # So written that it also holds for the first time, as self.time is nan
-            # before.
+            # Also true for the first time stamp, when self.time is NaN.
             elif not report.time < self.time:
                 self.time = report.time
             if isinstance(report, RangeScan):
@@ -103,14 +102,12 @@ class Session(Readings):
     Attributes:
         time: Latest time stamp of the server, s; NaN before the first.
         scans: Latest scan of each scanner of the client's robot, by name.
-        greeting: Greeting of the server; None before it has come.
-        newest: Latest report of each type; those of robots that are watched are not
-            among them.
-        watched: Latest readings of robots that are watched, by name; at most
-            ``MOST_WATCHED``.
-        ignored: Beginnings of lines that are passed over, so that they take no time.
-        reads_copies: Whether the reports in copies of robots' lines are wanted, which
-            take most of the time.
+        greeting: Greeting of the server; None before it is received.
+        newest: Latest report of each type, without reports of watched robots.
+        watched: Latest readings of watched robots by name; at most ``MOST_WATCHED``.
+        ignored: Prefixes of lines to skip without parsing, which saves time.
+        reads_copies: Whether to decode the reports of watched robots, which takes most
+            of the time of a watcher.
         unread: Number of skipped lines.
         last: Last line of any kind; empty before the first.
     """
@@ -128,7 +125,7 @@ class Session(Readings):
 
     @property
     def car(self) -> RobotGeo | None:
-        """Geometry of the robot if it is known to steer as a car does."""
+        """Geometry of the robot if it is known to have car-like steering, else None."""
         geo, conf = self.newest.get(RobotGeo), self.newest.get(RobotConf)
         if not (isinstance(geo, RobotGeo) and isinstance(conf, RobotConf)):
             return None
@@ -137,11 +134,12 @@ class Session(Readings):
     def receive(self, data: bytes) -> list[Report]:
         """Add received bytes and return the reports that they complete, in order.
 
-        A report without a time stamp gets the latest one of its robot. Never raises.
+        A report without a time stamp gets the latest time stamp of its robot. Invalid
+        lines are skipped and never raise.
         """
         reports = []
         pieces = [data]
-        # Line by line, so that of a chunk with an overlong line only that line is lost.
+        # With an overlong line, the data is fed line by line so that only it is lost.
         if not self._lines.has_room_for(data):
             pieces = data.splitlines(keepends=True)
         for piece in pieces:
@@ -161,7 +159,7 @@ class Session(Readings):
                     self.newest[type(report)] = report
                     reports.append(report)
             if self._lines.overflow is not None:
-                # The rest of that line is another unknown line.
+                # The rest of the overlong line is skipped as an unknown line.
                 self._lines = LineBuffer()
                 self.unread += 1
         return reports
@@ -191,8 +189,8 @@ class Question:
     """A line to send and the answer to wait for.
 
     Attributes:
-        data: Line to send.
-        what: Name of the answer for error texts.
+        data: Line to send, with its line end.
+        what: Name of the answer in error texts.
         accepts: Returns whether a report is the answer.
     """
 
@@ -216,8 +214,8 @@ def geometry(kind: str, name: str | None = None, robot: str | None = None) -> Qu
     Args:
         kind: ``Robot``, or a type of items such as ``RangeScanner``.
         name: Name of one item; None for all items of the type.
-        robot: Name of another robot, which radarsim answers by a ``WatchedLine``; None
-            for the client's own.
+        robot: Name of another robot, for which radarsim answers with a ``WatchedLine``;
+            None for the client's own robot.
 
     Raises:
         ValueError: If a text cannot be written on a line.
@@ -267,7 +265,7 @@ def spawn(
     pose: PoseLike | None = None,
     takes_free: bool = False,
 ) -> Question:
-    """Return the request for a robot; its answer is the robot's first report.
+    """Return the request to spawn a robot; its answer is the robot's first report.
 
     Args:
         class_name: Class of the robot with or without its package.
@@ -278,8 +276,8 @@ def spawn(
             has room, if there is one.
 
     Raises:
-        ValueError: If both are given, the pose is none, or a text cannot be written on
-            a line.
+        ValueError: If both ``start`` and ``pose`` are given, the pose is malformed, or
+            a text cannot be written on a line.
     """
     if start is not None and pose is not None:
         raise ValueError(f"start {start!r} and a pose, expected only one of them")
@@ -296,10 +294,10 @@ def spawn(
 
 
 def _to_pose3(pose: PoseLike) -> Pose3:
-    """Return a pose in space.
+    """Convert a pose in any accepted form to a ``Pose3``.
 
     Raises:
-        ValueError: If it is none.
+        ValueError: If the pose has another form.
     """
     if isinstance(pose, Pose3):
         return pose
@@ -314,18 +312,19 @@ def _to_pose3(pose: PoseLike) -> Pose3:
 
 
 def drive(left: float, right: float, car: RobotGeo | None = None) -> bytes:
-    """Write the command for wheel speeds in the server's unit.
+    """Return the command for wheel speeds in the server's unit.
 
-    A car gets the speed and the angle of its front wheels with which it drives the same
-    curve. It cannot turn on the spot: it then goes ahead in its narrowest circle.
+    For a car, the speeds are converted to the speed and steering angle of the same
+    curve. A car cannot turn on the spot; it drives forward in its tightest circle
+    instead.
 
     Args:
         left: Speed of the left wheels.
         right: Speed of the right wheels.
-        car: Geometry of a robot that steers as a car does; None for any other.
+        car: Geometry of a robot with car-like steering; None for any other robot.
 
     Raises:
-        ValueError: If one is not finite.
+        ValueError: If a speed is not finite.
     """
     if car is None:
         return _bytes(Drive(left, right))
@@ -338,16 +337,16 @@ def drive(left: float, right: float, car: RobotGeo | None = None) -> bytes:
 
 
 def fly(ahead: float, left: float, up: float, turn: float) -> bytes:
-    """Write the command for a robot that flies, m/s and rad/s, in ``compat``.
+    """Return the command for a flying robot, m/s and rad/s, in the dialect ``compat``.
 
     Raises:
-        ValueError: If one is not finite.
+        ValueError: If a number is not finite.
     """
     return _bytes(Drive(linear=ahead, lateral=left, altitude=up, rotational=turn))
 
 
 def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> bytes:
-    """Write an opcode for the items of a type, or for the one of a name.
+    """Return the command that sends an opcode to items of a type; all for name None.
 
     Raises:
         ValueError: If a text cannot be written on a line.
@@ -361,10 +360,10 @@ def watch(
     *,
     clock: bool = False,
 ) -> bytes:
-    """Write the command to watch robots; arguments as in ``Client.watch``.
+    """Return the command to watch robots; arguments as in ``Client.watch``.
 
     Raises:
-        ValueError: If a name is empty, or has a comma.
+        ValueError: If a name is empty, or contains a comma.
     """
     echoing = RobotChoice()
     if not isinstance(echoes, bool):
@@ -375,7 +374,7 @@ def watch(
 
 
 def echoes(scanner: str, on: bool = True) -> bytes:
-    """Write the command that switches a scanner's ``EchoLine`` reports on or off.
+    """Return the command that switches a scanner's ``EchoLine`` reports on or off.
 
     Raises:
         ValueError: If the name cannot be written on a line.
@@ -384,7 +383,7 @@ def echoes(scanner: str, on: bool = True) -> bytes:
 
 
 def targets(scanner: str, on: bool = True) -> bytes:
-    """Write the command that switches ``RadarTargets`` reports on or off.
+    """Return the command that switches ``RadarTargets`` reports on or off.
 
     Raises:
         ValueError: If the name cannot be written on a line.
@@ -393,10 +392,10 @@ def targets(scanner: str, on: bool = True) -> bytes:
 
 
 def change_settings(scanner: str | None, settings: Mapping[str, Any]) -> bytes:
-    """Write the command that changes settings; arguments as in ``change_settings``.
+    """Return the command that changes the settings of one scanner, or of all for None.
 
     Raises:
-        ValueError: If there are none, or a text cannot be written on a line.
+        ValueError: If there are no settings, or a text cannot be written on a line.
     """
     if not settings:
         raise ValueError("no settings, expected at least one")
@@ -405,12 +404,12 @@ def change_settings(scanner: str | None, settings: Mapping[str, Any]) -> bytes:
 
 
 def _setting(value: object) -> str:
-    """Write a value as YAML."""
+    """Return a value as YAML."""
     if isinstance(value, list | tuple):
         return f"[{','.join(map(_setting, value))}]"
     if isinstance(value, float) and math.isinf(value):
         return f"{'-' * (value < 0)}.inf"
-    # Looked up for these three only: as keys, 1 and 0 would equal True and False.
+    # The lookup is limited to None and Booleans, because 1 and 0 equal True and False.
     words = {None: "null", True: "true", False: "false"}
     return words[value] if value is None or isinstance(value, bool) else str(value)
 
@@ -422,12 +421,12 @@ def _bytes(command: Command) -> bytes:
 def _of_robot(
     accepts: Callable[[Report], bool], robot: str | None
 ) -> Callable[[Report], bool]:
-    """Return what accepts the same of another robot, and the answer that it is gone."""
+    """Adapt ``accepts`` to copied lines of another robot, and to errors about it."""
     if robot is None:
         return accepts
 
     def accepts_copy(report: Report) -> bool:
-        # The server has no such robot (any more); the error does not name it.
+        # An error means that the robot does not exist; it does not name the robot.
         if not isinstance(report, WatchedLine):
             return isinstance(report, CommandError)
         if report.report is None or not same_name(report.robot, robot):

@@ -1,20 +1,20 @@
 """Teleoperation: drive a robot by keyboard over TCP, with its scan in the terminal.
 
-What keys mean, the screen, and the loop are here; what a driver sees is drawn, without
-a terminal, by ``teleop_view``.
+This module defines the keys, the screen layout and the main loop; ``teleop_view`` draws
+the contents of the screen as text.
 
 prompt_toolkit handles the terminal itself: raw keys, the alternate screen, changes of
-size, incremental drawing, and restoring everything at the end.
+size, incremental drawing, and restoring the terminal at the end.
 
 Theory of operation
 ===================
-Terminals report keys that are pressed, never keys that are released; a key that is held
-repeats, after a pause of up to 0.66 s. So every press moves the robot for a limited
-time: long enough to bridge that pause, and much shorter once the key repeats. A
-released key or a lost connection therefore stops the robot.
+Terminals report pressed keys but never released keys; a held key repeats after a pause
+of up to 0.66 s. So every press moves the robot for a limited time: long enough to
+bridge that pause, and much shorter once the key repeats. A released key or a lost
+connection therefore stops the robot.
 
-Of two keys that are held only the later one repeats. A turn key therefore prolongs a
-motion ahead or back, so that the robot drives a curve; a key for ahead or back does not
+Of two held keys only the later one repeats. A turn key therefore prolongs a forward or
+backward motion, so that the robot drives a curve; a forward or backward key does not
 prolong a turn.
 """
 
@@ -60,19 +60,19 @@ FIRST_HOLD: Final = 0.7  # s; bridges the pause before a held key repeats
 REPEAT_HOLD: Final = 0.3  # s; some repeats may come late over a network
 REPEAT_GAP: Final = 0.2  # s; faster presses of one key count as a held key
 SPEED_STEP: Final = 0.05  # m/s
-TURN_SHARE: Final = 0.3  # share of the speed that wheels have in a turn on the spot
+TURN_SHARE: Final = 0.3  # wheel speed in a turn on the spot, as a fraction of the speed
 Draw: TypeAlias = Callable[[int, int], list[Fragments]]
 ZOOM_KEYS: Final = {"z": -1, "x": 1}
 # prompt_toolkit turns the signal SIGINT into a key of this name.
 QUIT_KEYS: Final = {"q": 0, "escape": 0, "c-c": 130, "<sigint>": 130}
 MIN_COLUMNS: Final = 64  # in a narrower terminal the panel is hidden
-# s; arrow keys begin with the byte of Esc, which alone means the key Esc.
+# Time, s, after which a lone Esc byte is the key Esc; arrow keys also begin with it.
 ESCAPE_TIMEOUT: Final = 0.05
 MIN_REDRAW_INTERVAL: Final = 0.04  # s between two drawings
-SILENCE_LIMIT: Final = 2.5  # s without reports after which the server counts as gone
+SILENCE_LIMIT: Final = 2.5  # s without reports until the connection counts as lost
 STEERING_INTERVAL: Final = 0.02  # s between two evaluations of the keys
 FIRST_ZOOM: Final = RADII.index(10)
-# SIGHUP comes when the terminal closes, and does not exist on Windows.
+# SIGHUP is sent when the terminal closes; it does not exist on Windows.
 SIGNALS: Final = [
     getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
@@ -107,38 +107,43 @@ SPEED_CHANGES: Final = {Key.FASTER: SPEED_STEP, Key.SLOWER: -SPEED_STEP}
 
 
 class Steering:
-    """The motion that the keys pressed so far ask for.
+    """Computes the motion that the pressed keys command.
 
     Attributes:
-        speed: Speed that the keys set, m/s.
+        speed: Driving speed that the keys adjust, m/s.
     """
 
     def __init__(self, speed: float, *, top_speed: float, wheel_separation: float):
         """Start at rest.
 
         Args:
-            speed: Speed that keys set at first, m/s; limited to the top speed.
+            speed: Initial driving speed, m/s; limited to the top speed.
             top_speed: Top speed of the robot, m/s.
             wheel_separation: Distance between left and right wheels, m.
         """
         self.speed = min(speed, top_speed)
         self._top_speed = top_speed
         self._wheel_separation = wheel_separation
-        self._direction = 0  # 1 ahead, -1 back
+        self._direction = 0  # 1 forward, -1 backward
         self._turn = 0  # 1 to the left, -1 to the right
         self._direction_ends = self._turn_ends = -math.inf
         self._last: Key | None = None
         self._last_time = -math.inf
 
     def press(self, key: Key, now: float) -> None:
-        """Process a key press at a time, s, that never decreases."""
+        """Process a key press.
+
+        Args:
+            key: The key.
+            now: Time of the press, s, not before the previous press.
+        """
         if key is Key.STOP:
             self._direction = self._turn = 0
         elif key in SPEED_CHANGES:
-            # Sums of steps are not exact: three of 0.05 are 0.15000000000000002.
+            # Rounded, because 3 * 0.05 is 0.15000000000000002 in floating point.
             speed = round(self.speed + SPEED_CHANGES[key], 9)
-            # Not below one step; but the key for slower must not speed up what began
-            # slower.
+            # The minimum is one step, or an initial speed below that: the key for
+            # slower must not raise the speed.
             self.speed = max(min(SPEED_STEP, self.speed), min(speed, self._top_speed))
         else:
             is_held = self._last is key and now - self._last_time < REPEAT_GAP
@@ -147,7 +152,7 @@ class Steering:
                 self._direction, self._direction_ends = DIRECTIONS[key], ends
             else:
                 self._turn, self._turn_ends = TURNS[key], ends
-                # The key for ahead may be held still, but repeats no more.
+                # The forward or backward key may still be held, but no longer repeats.
                 if now < self._direction_ends:
                     self._direction_ends = ends
         self._last, self._last_time = key, now
@@ -156,7 +161,7 @@ class Steering:
         """Return the motion at a time.
 
         Returns:
-            Speed ahead, m/s, and turn, rad/s counter-clockwise.
+            Forward speed, m/s, and yaw rate, rad/s counter-clockwise.
         """
         direction = self._direction if now < self._direction_ends else 0
         turn = self._turn if now < self._turn_ends else 0
@@ -176,15 +181,15 @@ DRIVE_KEYS: Final = {
 
 
 class DrawnControl(UIControl):
-    """A part of the screen drawn by a function of its columns and rows."""
+    """A part of the screen, drawn by a function of its columns and rows."""
 
     def __init__(self, draw: Draw) -> None:
         self._draw = draw
 
     def create_content(self, width: int, height: int) -> UIContent:
-        """Draw the content."""
+        """Draw the lines of the content."""
         lines = self._draw(width, height) if width > 0 and height > 0 else []
-        # Copied, since prompt_toolkit expects a list of a wider type.
+        # Copied, because prompt_toolkit expects a list of a wider type.
         return UIContent(
             lambda i: [*lines[i]], line_count=len(lines), show_cursor=False
         )
@@ -197,8 +202,8 @@ class TeleopSettings:
     Attributes:
         robot: Class of the robot.
         start: Name of a start pose; None for the first one of the server.
-        scanner: Name of the scanner to display; None for the first.
-        speed: Speed that keys set at first, m/s.
+        scanner: Name of the scanner to display; None for the first one.
+        speed: Initial driving speed, m/s.
         drive_unit: Unit in which the server expects wheel speeds.
     """
 
@@ -215,20 +220,20 @@ async def drive(
     settings: TeleopSettings,
     on_start: Callable[[], object] = lambda: None,
 ) -> int:
-    """Connect, and drive from this process' terminal until a key ends it.
+    """Connect, and drive from this process' terminal until a key or signal quits.
 
     Args:
         host: Host of the server.
         port: Port of the server.
         settings: Robot, start, scanner and speed.
-        on_start: Called when the robot is there, and keys begin to drive it.
+        on_start: Called when the robot has spawned and before the screen appears.
 
     Returns:
         The exit code.
 
     Raises:
-        ClientError: If the server is not there, falls silent or lacks what the
-            settings ask for.
+        ClientError: If the server cannot be reached, sends no reports, or has no such
+            robot, start or scanner.
         RadarsimError: If the keyboard is closed.
     """
     async with await AsyncClient.connect(host, port) as client:
@@ -239,10 +244,11 @@ async def drive(
 
 
 async def prepare(client: AsyncClient, settings: TeleopSettings) -> DrivenRobot:
-    """Spawn the robot, and query its properties.
+    """Spawn the robot and request its properties.
 
     Raises:
-        ClientError: If the server lacks what the settings ask for, or does not answer.
+        ClientError: If the server does not answer, or has no such robot, start or
+            scanner.
     """
     greeting = await client.greeting()
     await client.spawn(settings.robot, start=settings.start)
@@ -252,12 +258,13 @@ async def prepare(client: AsyncClient, settings: TeleopSettings) -> DrivenRobot:
 
 
 class Teleop:
-    """A robot, a keyboard and a screen.
+    """Drives a robot by the keyboard and shows its state on the screen.
 
     Attributes:
         state: Newest state of the robot.
-        steering: The motion that the keys ask for.
-        commanded: The motion commanded last: m/s ahead, and rad/s counter-clockwise.
+        steering: Computes the motion from the keys.
+        commanded: Last commanded forward speed, m/s, and yaw rate, rad/s
+            counter-clockwise.
         radius: Radius of the view around the robot, m.
     """
 
@@ -271,15 +278,15 @@ class Teleop:
         keyboard: Input | None = None,
         terminal: Output | None = None,
     ) -> None:
-        """Set up for a client whose robot is spawned; to be called in the event loop.
+        """Prepare to drive a spawned robot; to be called in a running event loop.
 
         Args:
             client: The connection.
-            state: State of its robot.
-            speed: Speed that keys set at first, m/s.
-            silence_limit: Time without reports after which the server is gone, s.
-            keyboard: Input; that of this process by default.
-            terminal: Output; that of this process by default.
+            state: State of the client's robot.
+            speed: Initial driving speed, m/s.
+            silence_limit: Time without reports until the connection counts as lost, s.
+            keyboard: Input; None for the terminal of this process.
+            terminal: Output; None for the terminal of this process.
         """
         robot_info = state.robot_info
         self.state = state
@@ -302,20 +309,20 @@ class Teleop:
         return RADII[self._zoom]
 
     async def run(self) -> int:
-        """Drive until a key or a signal ends it, and restore the terminal.
+        """Drive until a key or a signal quits, and restore the terminal.
 
         Returns:
             The exit code.
 
         Raises:
-            ClientError: If the server falls silent, or is gone.
+            ClientError: If the server sends no reports, or the connection is lost.
             RadarsimError: If the keyboard is closed.
         """
         with signal_callbacks(SIGNALS, lambda _: self._leave(0)):
             try:
-                # A key that ends it takes precedence over an error at the same moment.
-                # The handler of prompt_toolkit would show that error and wait for
-                # Enter, while the robot drives on.
+                # A key that quits takes precedence over a simultaneous error. The
+                # exception handler of prompt_toolkit is disabled, as it would show the
+                # error and wait for Enter while the robot drives on.
                 screen = self._app.run_async(set_exception_handler=False)
                 code: int = await first_of(screen, self._listen(), self._steer())
             except EOFError:
@@ -327,14 +334,14 @@ class Teleop:
         while True:
             for report in await self._client.read(self._patience):
                 self.state.take(report)
-            # Any line shows that the server is there.
+            # Any report shows that the connection is alive.
             self._heard = self._clock()
             self._app.invalidate()
 
     async def _steer(self) -> int:
         while True:
             motion = self.steering.motion(self._clock())
-            # Servers hold speeds, so only changes are sent.
+            # Servers keep the last wheel speeds, so only changes are sent.
             if motion != self.commanded:
                 left, right = self.state.robot_info.wheel_speeds(*motion)
                 await self._client.drive(left, right)
@@ -362,8 +369,8 @@ class Teleop:
             style=STYLE,
             full_screen=True,
             min_redraw_interval=MIN_REDRAW_INTERVAL,
-            # The panel counts how long the server is silent, when nothing comes to
-            # redraw it.
+            # The panel shows the time since the last report, so it is redrawn even if
+            # no report comes.
             refresh_interval=0.2,
             input=keyboard,
             output=terminal,
@@ -372,7 +379,7 @@ class Teleop:
         return app
 
     def _bind_keys(self) -> KeyBindings:
-        """Bind all keys; upper case equals lower case."""
+        """Bind all keys; letters in both upper and lower case."""
         bindings = KeyBindings()
 
         def bind(name: str, act: Callable[[], None]) -> None:
@@ -395,8 +402,7 @@ class Teleop:
         return bindings
 
     def _leave(self, code: int) -> None:
-        # A second key or signal may come before the screen is gone; then exit() would
-        # raise.
+        # exit() would raise for a second key or signal before the screen has closed.
         if self._app.is_running and not self._app.is_done:
             self._app.exit(result=code)
 

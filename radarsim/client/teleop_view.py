@@ -1,7 +1,7 @@
-"""What a driver sees: a top view of the newest scan in text, and a panel next to it.
+"""Draws the screen of the teleoperation as text: a top view of the scan, and a panel.
 
-The robot is in the centre of the view, its front upwards. Braille characters serve as
-pixels, two by four dots in each.
+The robot is in the centre of the view, facing up. Each Braille character provides two
+by four dots, which serve as pixels.
 """
 
 import math
@@ -24,7 +24,7 @@ from radarsim.errors import escape_unprintable
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.protocol.reports import GroundTruth, Ins, Odometry, RangeScan, Report
 
-Fragments: TypeAlias = list[tuple[str, str]]  # one line: styles and texts
+Fragments: TypeAlias = list[tuple[str, str]]  # one line: pairs of style and text
 
 DOTS_ACROSS: Final = 2
 DOTS_DOWN: Final = 4
@@ -39,12 +39,12 @@ MIDDLE: Final = 1.0  # m
 STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
 FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
 SCALE_STYLE: Final = "class:scale"
-WIDTH: Final = 31  # columns
+WIDTH: Final = 31  # width of the panel, columns
 WARNING: Final = "class:warning"
-SILENCE_WARNING: Final = 0.6  # s; a server sends some report every 0.2 s
-RATE_SCANS: Final = 11  # scans that the scan rate is measured over
+SILENCE_WARNING: Final = 0.6  # s; servers send a report at least every 0.2 s
+RATE_SCANS: Final = 11  # number of scans over which the scan rate is measured
 HELP: Final = "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"
-SHORTER_HELP: Final = (  # for narrow terminals: how to end is the last to go
+SHORTER_HELP: Final = (  # for narrow terminals; the key that quits is always included
     "WASD drive  space stops  +/- speed  q quits",
     "WASD drive  space stops  q quits",
     "space stops  q quits",
@@ -54,11 +54,11 @@ POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth)
 
 
 class DrivenRobot(RobotState):
-    """The state of a robot, and the scans of the scanner that is displayed.
+    """The state of a robot, and the scans of the displayed scanner.
 
     Attributes:
         robot_info: Properties of the robot.
-        scanner: The scanner that is displayed.
+        scanner: The displayed scanner.
         level: Name of the map.
         scan: The newest scan; None before the first.
     """
@@ -81,10 +81,10 @@ class DrivenRobot(RobotState):
         return super().take(report)
 
     def points(self) -> Floats:
-        """Return the end points of the newest scan.
+        """Return the end points of the newest scan, without beams without return.
 
         Returns:
-            (N, 2) m from the robot's centre, x ahead and y to its left.
+            (N, 2) x forward and y left from the robot's centre, m.
         """
         if self.scan is None:
             return np.zeros((0, 2))
@@ -104,7 +104,7 @@ class DrivenRobot(RobotState):
         return self.scan is not None and not (self.scan.ranges > 0).any()
 
     def scan_rate(self) -> float:
-        """Return scans per second of server time; nan before the second scan."""
+        """Return scans per second of server time; NaN before the second scan."""
         times = self._scan_times
         elapsed = times[-1] - times[0] if times else 0.0
         return (len(times) - 1) / elapsed if elapsed > 0 else math.nan
@@ -119,7 +119,8 @@ class Canvas:
         Args:
             columns: Characters in a line, at least 1.
             rows: Lines, at least 1.
-            inks: Styles in ascending priority; a cell has one style.
+            inks: Styles in ascending priority. A cell takes the style of its dot with
+                the highest priority.
         """
         self.columns = columns
         self.rows = rows
@@ -138,21 +139,22 @@ class Canvas:
         return self._dots.shape[1]
 
     def plot(self, across: Floats, down: Floats, style: str) -> None:
-        """Set dots.
+        """Draw dots at positions on the canvas.
 
         Args:
-            across: (N,) in dots from the left edge; dots off the canvas are ignored.
-            down: (N,) in dots from the upper edge.
+            across: (N,) distances from the left edge, dots; dots outside the canvas are
+                ignored.
+            down: (N,) distances from the upper edge, dots.
             style: One of the styles of the canvas.
         """
-        # Compared as floats: a distance may be too large for an integer.
+        # Compared as floats, because a distance may be too large for an integer.
         inside = (across >= 0) & (across < self.width)
         inside &= (down >= 0) & (down < self.height)
         at = down[inside].astype(np.intp), across[inside].astype(np.intp)
         self._dots[at] = np.maximum(self._dots[at], self._styles.index(style))
 
     def write(self, row: int, column: int, text: str, style: str) -> None:
-        """Write text over the dots; what does not fit is cut off."""
+        """Write text over the dots; text beyond the canvas is cut off."""
         for i, letter in enumerate(text, start=column):
             self._letters[row, i] = style, letter
 
@@ -167,11 +169,12 @@ class Canvas:
             line: Fragments = []
             for column in range(self.columns):
                 dots = bits[row, column]
-                # A blank rather than braille without dots: copied text is plain then.
+                # A space replaces the empty Braille character, so that copied text
+                # contains only plain spaces.
                 braille = chr(BRAILLE + dots) if dots else " "
                 drawn = self._styles[inks[row, column]], braille
                 line.append(self._letters.get((row, column), drawn))
-            # Neighbours of one style are one fragment, so the terminal is sent less.
+            # Neighbours of one style are merged, so that less is sent to the terminal.
             styles = groupby(line, key=lambda cell: cell[0])
             lines.append([(each, "".join(t for _, t in run)) for each, run in styles])
         return lines
@@ -196,14 +199,14 @@ def draw_view(
     """Draw obstacles, robot and scale.
 
     Args:
-        points: (N, 2) m from the robot's centre, x ahead and y to its left.
+        points: (N, 2) x forward and y left from the robot's centre, m.
         robot_info: Dimensions of the robot.
         radius: Radius of the view around the robot, m.
         columns: Characters in a line, at least 1.
         rows: Lines, at least 1.
 
     Returns:
-        The lines from the top, each as wide as asked for.
+        The lines from the top, each with ``columns`` characters.
     """
     canvas = Canvas(columns, rows, STYLES)
     dots_per_metre = min(canvas.width, canvas.height) / 2 / radius
@@ -220,7 +223,8 @@ def draw_view(
     plot(points[near], NEAR_STYLE)
     if robot_info.length * dots_per_metre >= MIN_LENGTH:
         longest = max(robot_info.length, robot_info.width)
-        along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))  # one dot apart
+        # Points on a side, at most one dot apart.
+        along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))
         half = np.full_like(along, 0.5)
         sides = [(along, half), (along, -half), (half, along), (-half, along)]
         outline = np.concatenate([np.column_stack(side) for side in sides])
@@ -231,11 +235,11 @@ def draw_view(
 
 
 def scale_bar(dots_per_metre: float, columns: int) -> str:
-    """Return the longest bar of a round length that fits, and that length.
+    """Return a scale bar as text: the longest bar that fits, and its length.
 
     Args:
-        dots_per_metre: Scale; half the width has to show 1 m or more.
-        columns: Width of the view.
+        dots_per_metre: Scale of the view, at which half the width shows at least 1 m.
+        columns: Width of the view, characters.
     """
     most = columns * LONGEST_BAR * DOTS_ACROSS / dots_per_metre
     length = max(bar for bar in BARS if bar <= most)
@@ -254,8 +258,9 @@ def panel_lines(
 
     Args:
         state: Newest state of the robot.
-        speed: Speed that the keys set, m/s.
-        commanded: The motion commanded last: m/s ahead, rad/s counter-clockwise.
+        speed: Driving speed that the keys adjust, m/s.
+        commanded: Last commanded forward speed, m/s, and yaw rate, rad/s
+            counter-clockwise.
         silence: Wall-clock time since the last report, s.
 
     Returns:
@@ -288,7 +293,7 @@ def panel_lines(
 
 
 def help_text(width: int) -> str:
-    """Return as much help as fits in some columns.
+    """Return the longest help text that fits into a width in characters.
 
     >>> help_text(40)
     'WASD drive  space stops  q quits'
@@ -298,7 +303,7 @@ def help_text(width: int) -> str:
 
 
 def nearest(state: DrivenRobot) -> tuple[str, str]:
-    """Return the style and text for distance and direction of the nearest obstacle."""
+    """Return style and text of the distance and bearing of the nearest obstacle."""
     points = state.points()
     if not len(points):
         return "", "nothing seen"
@@ -309,7 +314,7 @@ def nearest(state: DrivenRobot) -> tuple[str, str]:
 
 
 def bearing(angle: float) -> str:
-    """Return a direction in words, from rad counter-clockwise from the front.
+    """Describe a bearing, rad counter-clockwise from the front, in words.
 
     >>> bearing(-0.7), bearing(3.14)
     ('40° right', 'behind')
@@ -324,7 +329,7 @@ def bearing(angle: float) -> str:
 
 
 def warnings(state: DrivenRobot, silence: float) -> list[str]:
-    """Return what the driver should know at once."""
+    """Return the warnings for the driver, such as an empty battery."""
     texts = []
     if silence > SILENCE_WARNING:
         texts.append(f"server silent for {silence:.1f} s")
@@ -346,7 +351,7 @@ def _pose(pose: Pose2 | None) -> str:
 def _motion(motion: tuple[float, float] | None) -> str:
     if motion is None:
         return f"{'-':>10}"
-    # Adding 0 makes -0 a 0; one without a sign is quieter to look at.
+    # Adding 0 turns -0 into 0, so that no minus sign flickers in the panel.
     speed, turn = round(motion[0], 2) + 0.0, round(math.degrees(motion[1])) + 0
     return f"{speed:10.2f} m/s{turn:4d}°/s"
 

@@ -1,7 +1,7 @@
 """The connection between a blocking client and a server.
 
-A transport has a clock of its own: the wall clock for a socket, simulated time where
-client and server take turns in one process. Timeouts of clients use only this clock.
+Each transport has a clock: the wall clock for a socket, or simulated time if client and
+server run in lockstep in one process. Timeouts of clients use only this clock.
 """
 
 import errno
@@ -20,17 +20,17 @@ from radarsim.errors import (
     join_address,
 )
 
-SHORTEST_WAIT = 0.001  # s; with 0 even data that has arrived would not be read
-CHUNK = 65536  # bytes
-CLOSE_GRACE = 0.2  # s in which a server can read what was sent last
+SHORTEST_WAIT = 0.001  # s; a timeout of 0 would expire before received data is read
+CHUNK = 65536  # bytes per read
+CLOSE_GRACE = 0.2  # s for the server to read the last commands before the close
 LOCAL_HOSTS = ("", "localhost", "0.0.0.0", "::", "::1")
-DEFAULT_PORT = 3000  # of USARSim
+DEFAULT_PORT = 3000  # default port of USARSim
 CLOSED = "the connection is closed"
 STUCK = "the server has stopped reading"
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
-    """Create the error for a server that cannot be reached, with a hint if known."""
+    """Create the error for an unreachable server, with a hint for a local one."""
     at = f"no server at {join_address(host, port)}"
     is_local = host in LOCAL_HOSTS or host.startswith("127.")
     is_refused = (
@@ -43,7 +43,7 @@ def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientErro
 
 
 def lost(error: OSError) -> ConnectionError:
-    """Create the error of a transport whose connection has broken."""
+    """Create the error for a broken connection."""
     return ConnectionError(f"the connection is lost: {describe_os_error(error)}")
 
 
@@ -58,16 +58,16 @@ class Transport(Protocol):
         """Send all bytes.
 
         Raises:
-            ConnectionError: If the server does not accept them, or the transport is
-                closed.
+            ConnectionError: If the server does not accept the bytes, or the transport
+                is closed.
         """
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes and return at least one.
 
         Args:
-            timeout: Longest wait, s. Bytes that have arrived are returned even if it
-                is not above 0.
+            timeout: Longest wait, s. If it is 0 or less, bytes that have already
+                arrived are still returned.
 
         Raises:
             TimeoutError: If no bytes arrive in time.
@@ -75,12 +75,12 @@ class Transport(Protocol):
         """
 
     def time(self) -> float:
-        """Return the time of the clock for timeouts, s since any moment."""
+        """Return the time of the clock for timeouts, s since an arbitrary moment."""
 
     def close(self) -> None:
-        """Close the connection, upon which ``receive`` in another thread raises.
+        """Close the connection; a ``receive`` in another thread then raises.
 
-        Further calls have no effect.
+        Further calls of ``close`` have no effect.
         """
 
 
@@ -105,32 +105,36 @@ class SocketTransport:
         self._closed = threading.Event()
         self._receiving = threading.Lock()
         try:
-            # A host that is no possible name raises UnicodeError, from its encoding for
-            # DNS.
+            # An invalid host name raises UnicodeError when it is encoded for DNS.
             self._socket = socket.create_connection((host, port), timeout)
         except (OSError, UnicodeError) as error:
             raise no_server(host, port, error) from None
-        with suppress(OSError):  # commands are short, and urgent
+        with suppress(OSError):  # short commands are sent without Nagle's delay
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # Not the socket's timeout, which another thread needs for sending.
+        # A selector times the receiving, as the socket's timeout is used for sending.
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._socket, selectors.EVENT_READ)
 
     def send(self, data: bytes) -> None:
-        """See ``Transport.send``; after a partial line nothing more is sent."""
+        """Send all bytes; after a line that was sent only in part, always raise.
+
+        Raises:
+            ConnectionError: If the server does not accept the bytes, or the transport
+                is closed.
+        """
         if self._stuck:
             raise ConnectionError(STUCK)
         try:
             self._socket.sendall(data)
         except TimeoutError:
-            # Half a line is out: the next one would be read as its rest.
+            # After half a line, the server would read the next line as its second half.
             self._stuck = True
             raise ConnectionError(STUCK) from None
         except OSError as error:
             raise lost(error) from None
 
     def receive(self, timeout: float) -> bytes:
-        """See ``Transport.receive``."""
+        """Wait for bytes and return at least one; see ``Transport.receive``."""
         with self._receiving:
             if self._closed.is_set():
                 raise ConnectionError(CLOSED)
@@ -151,11 +155,11 @@ class SocketTransport:
         return time.monotonic()
 
     def close(self) -> None:
-        """Close the socket, upon which a server removes the robot.
+        """Close the socket; the server then removes the robot.
 
-        Data from the server is read and dropped for a moment: closing a socket with
-        unread data resets the connection, and the server may lose the last commands,
-        such as the one that stops the robot.
+        Data from the server is read and dropped for up to 0.2 s before. Closing a
+        socket with unread data would reset the connection, and the server might lose
+        the last commands, such as the one that stops the robot.
         """
         if self._closed.is_set():
             return
@@ -167,7 +171,7 @@ class SocketTransport:
                 self._socket.settimeout(left)
                 if not self._socket.recv(CHUNK):
                     break
-        with suppress(OSError):  # which wakes a thread that receives
+        with suppress(OSError):  # this wakes a thread that waits in receive()
             self._socket.shutdown(socket.SHUT_RDWR)
         with self._receiving:
             self._selector.close()

@@ -133,8 +133,9 @@ template <typename T> class Buffer : Memory {
 // A list of a limited length.
 template <typename T> class List {
   public:
-    explicit List(int64_t capacity) : room_(capacity) {}
+    explicit List(int64_t capacity) : room_(capacity), capacity_(capacity) {}
     int64_t size() const { return size_; }
+    int64_t capacity() const { return capacity_; }
     T& operator[](int64_t i) const { return room_[i]; }
     T* begin() const { return room_.data(); }
     T* end() const { return room_.data() + size_; }
@@ -151,7 +152,7 @@ template <typename T> class List {
 
   private:
     Buffer<T> room_;
-    int64_t size_ = 0;
+    int64_t capacity_, size_ = 0;
 };
 
 } // namespace radarsim

@@ -13,7 +13,9 @@
 
 namespace radarsim::fmcw {
 
-constexpr double LEVEL = 1e-6; // how far the normal of level ground is off the vertical, at most
+constexpr double RELIEF_STEP = 0.25; // m, between heights of uneven ground
+constexpr double FARTHEST = 1e5;     // m, as far as which uneven ground is looked at
+constexpr double LEVEL = 1e-6;       // how far the normal of level ground is off the vertical, at most
 
 struct PartScattering { // a row of scattering.py
     double gamma, glint, narrowness, area, volume, albedo, sway;
@@ -21,6 +23,9 @@ struct PartScattering { // a row of scattering.py
     bool constant_gamma; // at all angles, as that of open ground; else it follows Lambert's law
 };
 ROW(PartScattering, gamma, glint, narrowness, area, volume, albedo, sway, edges, constant_gamma)
+
+// The greatest integer up to a number; the least of all integers where there is none.
+inline int64_t floor_of(double number) { return whole_of(floor(number)); }
 
 struct Scattering {
     Array<const PartScattering> parts; // the last row is that of robots
@@ -30,15 +35,37 @@ struct Scattering {
     Array<const double, 2> patches;    // gamma of open ground by place, if it is not that of open_part everywhere
     Array<const double> corner;        // m, least x and y of these
     double cell;                       // m, side of a patch
+    Array<const double, 2> relief;     // by which heights are multiplied in each patch
+    double open_relief;                // likewise beyond
+    Array<const float, 2> heights;     // m, of uneven ground, which are repeated; sides are powers of two
 
     bool has_patches() const { return patches.shape[0] && patches.shape[1]; }
+    bool has_relief() const { return has_patches() && heights.shape[0] && heights.shape[1]; }
+    // The value of a raster at a place, m; another one beyond its edges.
+    double at(Array<const double, 2> raster, double x, double y, double beyond) const {
+        int64_t i = floor_of((x - corner[0]) / cell), j = floor_of((y - corner[1]) / cell);
+        bool is_within = 0 <= i && i < raster.shape[0] && 0 <= j && j < raster.shape[1];
+        return is_within ? raster(i, j) : beyond;
+    }
+    // The height of uneven ground at a place, m.
+    double height_at(double x, double y) const {
+        double u = x / RELIEF_STEP, v = y / RELIEF_STEP;
+        int64_t i = floor_of(u), j = floor_of(v), last_i = heights.shape[0] - 1, last_j = heights.shape[1] - 1;
+        auto row = [&](int64_t k) {
+            double first = heights(k & last_i, j & last_j), second = heights(k & last_i, (j + 1) & last_j);
+            return first + (v - j) * (second - first);
+        };
+        double near = row(i);
+        return at(relief, x, y, open_relief) * (near + (u - i) * (row(i + 1) - near));
+    }
     // The row of a part; robots share the last.
     const PartScattering& of(int64_t part) const {
         int64_t last = parts.size() - 1;
         return parts[part < 0 || part > last ? last : part];
     }
 };
-LAYOUT(Scattering, "p xy 2", parts, air, open_part, open_height, open_gamma, patches, corner, cell)
+LAYOUT(Scattering, "p xy 2 xy hw", parts, air, open_part, open_height, open_gamma, patches, corner, cell, relief,
+       open_relief, heights)
 
 struct Grazing { // a ray that meets level ground
     double x, y;         // m, of the place above which it starts
@@ -47,9 +74,6 @@ struct Grazing { // a ray that meets level ground
     double angle;        // rad, of elevations for which it stands
     double near, far;    // m, ranges at which the ground begins and ends
 };
-
-// The greatest integer up to a number; the least of all integers where there is none.
-inline int64_t floor_of(double number) { return whole_of(floor(number)); }
 
 // The gamma of a surface at an angle of incidence, whose cosine is above 0.
 inline double gamma_at(double cosine, double gamma, bool constant_gamma, double glint, double narrowness) {
@@ -65,15 +89,42 @@ inline double surface_gamma(const PartScattering& part, double cosine) {
     return gamma_at(cosine, part.gamma, part.constant_gamma, part.glint, part.narrowness);
 }
 
-// The gamma of patched ground at a distance along a ray, m.
-inline double patch_gamma(const Scattering& scattering, const Grazing& grazing, double distance) {
-    const auto& patches = scattering.patches;
+// How much of uneven ground an antenna sees in one direction, step by step: what rises hides what is behind it. The
+// shares of its view that steps fill are relative to those of level ground, so that the whole view is always full.
+class GroundView {
+  public:
+    explicit GroundView(double range) : shares_(floor_of(maximum(minimum(FARTHEST, range), 0.0) / RELIEF_STEP) + 2) {}
+    void clear() { shares_.clear(); }
+    // Look as far as a distance, m, along the first ray that meets ground in this direction.
+    void look(const Scattering& scattering, const Grazing& grazing, double distance) {
+        if (!scattering.has_relief()) return;
+        if (!shares_.size()) first_ = grazing, highest_ = -INFINITE, shares_.append(1.0);
+        for (int64_t step = shares_.size(); step < shares_.capacity() && (step - 1) * RELIEF_STEP < distance; step++) {
+            double along = step * RELIEF_STEP;
+            double height = scattering.height_at(first_.x + along * first_.ahead, first_.y + along * first_.left);
+            double slope = (height - first_.depth) / along, level = first_.depth / (along * (step - 1));
+            shares_.append(step > 1 ? maximum(slope - highest_, 0.0) / level : 1.0);
+            highest_ = maximum(highest_, slope);
+        }
+    }
+    // The share that the ground has in a distance on the level, m.
+    double share(double along) const {
+        int64_t step = floor_of(along / RELIEF_STEP) + 1;
+        return 0 <= step && step < shares_.size() ? shares_[step] : 1.0;
+    }
+
+  private:
+    List<double> shares_;
+    Grazing first_;
+    double highest_; // slope at which the antenna looks over all so far
+};
+
+// The gamma of patched ground at a distance along a ray, m, as far as it is seen.
+inline double patch_gamma(const Scattering& scattering, const GroundView& view, const Grazing& grazing,
+                          double distance) {
     double along = sqrt(maximum(distance * distance - grazing.depth * grazing.depth, 0.0));
-    double x = grazing.x + along * grazing.ahead - scattering.corner[0];
-    double y = grazing.y + along * grazing.left - scattering.corner[1];
-    int64_t i = floor_of(x / scattering.cell), j = floor_of(y / scattering.cell);
-    bool is_within = 0 <= i && i < patches.shape[0] && 0 <= j && j < patches.shape[1];
-    return is_within ? patches(i, j) : scattering.open_gamma;
+    double x = grazing.x + along * grazing.ahead, y = grazing.y + along * grazing.left;
+    return scattering.at(scattering.patches, x, y, scattering.open_gamma) * view.share(along);
 }
 
 // Whether a surface is level that a ray from above meets at an angle of incidence.
@@ -198,7 +249,7 @@ inline void fill_ground(const RangeLines& lines, const Place& place, const Span&
 // Add what level ground returns. Gamma is that where the ray meets it, less the losses on the way; only these losses
 // if it is of patches.
 inline void add_ground(const RangeLines& lines, const Place& place, const Grazing& grazing, double gamma,
-                       bool constant_gamma, const Scattering& scattering) {
+                       bool constant_gamma, const Scattering& scattering, GroundView& view) {
     bool is_patched = constant_gamma && scattering.has_patches();
     double t = grazing.t, depth = grazing.depth, size = lines.bin_size, shift = place.shift;
     // The ray stands for elevations of half the angle to either side of its own.
@@ -207,6 +258,7 @@ inline void add_ground(const RangeLines& lines, const Place& place, const Grazin
     double start = maximum(depth / sin(minimum(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
     // Rays nearer the horizon than that stand for directions that meet no ground.
     if (here > half) end = minimum(end, depth / sin(here - half));
+    view.look(scattering, grazing, end);
     // The share of the ray's power in a radian; what lies beyond the last bin is lost.
     double angle = asin(minimum(depth / start, 1.0)) - asin(minimum(depth / end, 1.0));
     double last = minimum(lines.bin_at(end + shift), double(lines.count()));
@@ -216,7 +268,7 @@ inline void add_ground(const RangeLines& lines, const Place& place, const Grazin
     lines.widen(span.low, span.high);
     // Lambert's gamma falls with h / R; it is given for the range of the ray.
     auto lambert = [&](int64_t, double per_square) { return t * sqrt(per_square); };
-    auto patched = [&](double range) { return patch_gamma(scattering, grazing, range); };
+    auto patched = [&](double range) { return patch_gamma(scattering, view, grazing, range); };
     // The first and the last bin are passed in part.
     const int64_t ends[] = {span.low, span.high};
     for (int64_t bin : ends) {

@@ -32,8 +32,8 @@ inline Vector place_of(const Event& event) { return {event.x, event.y, event.z};
 class RayWalk {
   public:
     RayWalk(const FanRays& rays, Array<const Event> events, const Scattering& scattering, const RangeLines& lines,
-            List<int64_t>& inside, int64_t ray, int64_t first)
-        : rays_(rays), events_(events), scattering_(scattering), lines_(lines), inside_(inside), ray_(ray),
+            GroundView& view, List<int64_t>& inside, int64_t ray, int64_t first)
+        : rays_(rays), events_(events), scattering_(scattering), lines_(lines), view_(view), inside_(inside), ray_(ray),
           first_(first), place_{rays.column[ray] & 1, rays.across[ray], rays.weights[ray], rays.shift[ray], 0.0} {}
 
     // Add the power of the ray; returns the first event of the next one.
@@ -166,7 +166,7 @@ class RayWalk {
         double gamma = 1.0;
         if (!part.constant_gamma || !scattering_.has_patches())
             gamma = surface_gamma(part, maximum(grazing.depth / grazing.t, GRAZING));
-        add_ground(lines_, place_, grazing, gamma * through, part.constant_gamma, scattering_);
+        add_ground(lines_, place_, grazing, gamma * through, part.constant_gamma, scattering_, view_);
     }
 
     // Add what comes straight back by several mirrors, as from a corner of two walls; the last is at an event. They are
@@ -232,6 +232,7 @@ class RayWalk {
     Array<const Event> events_;
     const Scattering& scattering_;
     const RangeLines& lines_;
+    GroundView& view_;
     List<int64_t>& inside_; // the volumes around the ray
     int64_t ray_, first_;   // the ray, and its first event
     Place place_;

@@ -157,13 +157,15 @@ inline bool add_rays(const Beams& beams, const RangeLines& lines, const FanRays&
     for (const PartScattering& part : scattering.parts)
         if (!lines.sway.shape[2] && !(part.sway <= 0.0)) return false;
     List<int64_t> inside(scattering.parts.size());
+    GroundView view(bins * lines.bin_size);
     int64_t ray = 0, event = 0;
     auto spread = has_avx2() ? spread_line_by_eights : spread_line;
     // Rays add to their column and to the next one, so that two lines are enough: each is spread when its column is
     // done, and is then the one after the next.
     for (int64_t i = 0; i < columns; i++) {
+        view.clear();
         for (; ray < rays.column.size() && rays.column[ray] == first + i; ray++)
-            event = RayWalk(rays, events, scattering, lines, inside, ray, event).add();
+            event = RayWalk(rays, events, scattering, lines, view, inside, ray, event).add();
         spread(beams, lines, scatterers[i], levels, first + i);
     }
     if (closes) spread(beams, lines, scatterers[columns], levels, first + columns);

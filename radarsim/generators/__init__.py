@@ -1,1 +1,1 @@
-"""Generators of scenes by seed: random maps for trials, plants, and a town."""
+"""Generates scenes from seeds: random maps for trials of navigators."""

@@ -1,8 +1,8 @@
-"""Random maps for trials of navigators: seven families, each map by its number.
+"""Generates random maps of seven families, for trials of navigators.
 
-A map is a plan of blocks and discs, which stand on a flat floor, with a start and a
-goal. The same number gives the same map. In about a fifth of them the goal is fenced
-in, and passages have all widths, also those that a robot may or may not take.
+A map has blocks and cylinders on a flat floor, a start and a goal. The same number
+gives the same map. In about a fifth of the maps a fence encloses the goal. Passages
+have all widths, including widths near the limit that a robot can pass.
 """
 
 import math
@@ -15,19 +15,19 @@ import numpy as np
 from radarsim.geometry import Floats, Point
 from radarsim.rng import generator_for
 
-SAFETY_DISTANCE: Final = 0.5  # m, of all random maps
+SAFETY_DISTANCE: Final = 0.5  # m; of all random maps
 HALF_LENGTH, HALF_WIDTH = 6.0, 4.5  # m; most objects are in this rectangle
-WALL: Final = 0.12  # m thick
-HEIGHT: Final = 1.4  # m
-_FREE: Final = 1.0  # m from start and goal to scattered solids
-_FENCED: Final = 0.2  # share of maps whose goal is fenced in
-_CLOSED: Final = ("mazes", "offices")  # whose own walls and doors close goals off
-STUFF: Final = "stuff"  # the material of a map; others are of the library
+WALL: Final = 0.12  # m; thickness of walls
+HEIGHT: Final = 1.4  # m; height of all solids
+_FREE: Final = 1.0  # m; least distance of scattered solids from start and goal
+_FENCED: Final = 0.2  # share of maps with a fence around the goal
+_CLOSED: Final = ("mazes", "offices")  # families whose walls can enclose the goal
+STUFF: Final = "stuff"  # material that the map defines; others are in the library
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A box on the floor: its centre and its lengths in m, its yaw in rad."""
+    """A box on the floor: centre and side lengths, m, and yaw, rad."""
 
     x: float
     y: float
@@ -37,7 +37,7 @@ class Block:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distances of points, (N, 2) m, from it, (N,) m; 0 inside."""
+        """Return distances of points, (N, 2), m, from the solid, (N,), m; 0 inside."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         along = (points - (self.x, self.y)) @ np.array([[c, -s], [s, c]])
         outside = np.abs(along) - (self.length / 2, self.width / 2)
@@ -45,7 +45,7 @@ class Block:
         return distances
 
     def as_yaml(self) -> str:
-        """Return its keys in a map file."""
+        """Return the keys of the solid in a map file, as YAML."""
         size = f"[{self.length:.3f}, {self.width:.3f}, {HEIGHT}]"
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"box: {size}, position: {place}, yaw_deg: {math.degrees(self.yaw):.3f}"
@@ -53,7 +53,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """An upright cylinder on the floor: its centre and radius, m."""
+    """An upright cylinder on the floor: centre and radius, m."""
 
     x: float
     y: float
@@ -61,13 +61,13 @@ class Disc:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distances of points, (N, 2) m, from it, (N,) m; 0 inside."""
+        """Return distances of points, (N, 2), m, from the solid, (N,), m; 0 inside."""
         from_centre = np.hypot(*(points - (self.x, self.y)).T)
         distances: Floats = np.maximum(from_centre - self.radius, 0.0)
         return distances
 
     def as_yaml(self) -> str:
-        """Return its keys in a map file."""
+        """Return the keys of the solid in a map file, as YAML."""
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"cylinder: [{self.radius:.3f}, {HEIGHT}], position: {place}"
 
@@ -80,9 +80,9 @@ class RandomMap:
     """One random map.
 
     Attributes:
-        number: Its number.
-        family: Name of its family.
-        solids: What stands on the floor.
+        number: Number of the map, which is its seed.
+        family: Name of the family.
+        solids: Solids on the floor.
         density: Power that a radar loses per metre in ``STUFF``; ``inf`` is opaque.
         start: Start, m; the robot faces along x.
         goal: Goal, m.
@@ -96,7 +96,7 @@ class RandomMap:
     goal: Point
 
     def as_yaml(self) -> str:
-        """Return the map file."""
+        """Return the text of the map file."""
         density = "opaque" if math.isinf(self.density) else f"{self.density:.3f}"
         objects = (
             f"  - {{name: obstacle_{i}, {solid.as_yaml()},"
@@ -118,7 +118,7 @@ class RandomMap:
 
 
 def make_random_map(number: int) -> RandomMap:
-    """Make the random map of a number, at least 0; families come by turn."""
+    """Return the random map of a number, at least 0; numbers cycle over families."""
     family = FAMILIES[number % len(FAMILIES)]
     rng = generator_for(number, "random map")
     maker = MapMaker(family, rng)
@@ -130,14 +130,14 @@ def make_random_map(number: int) -> RandomMap:
 
 
 class MapMaker:
-    """Draws one map from a generator.
+    """Draws one map with a random generator.
 
     Attributes:
-        rng: The generator.
-        family: Name of the map's family.
-        density: As of ``RandomMap``.
-        start: m.
-        goal: m.
+        rng: The random generator.
+        family: Name of the family of the map.
+        density: As in ``RandomMap``.
+        start: Start, m.
+        goal: Goal, m.
     """
 
     def __init__(self, family: str, rng: np.random.Generator) -> None:
@@ -147,15 +147,15 @@ class MapMaker:
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
         self.goal = (HALF_LENGTH - 1.0, self.between(-side, side))
 
-    # Each map is the sequence of its draws: a draw more, less or elsewhere gives other
-    # maps for all numbers, and results of trials no longer compare.
+    # The order and number of draws define each map. A change gives other maps for all
+    # numbers, and results of trials are no longer comparable.
 
     def between(self, low: float, high: float) -> float:
-        """Draw a number."""
+        """Draw a uniformly distributed number."""
         return float(self.rng.uniform(low, high))
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:
-        """Yield solids at random positions, none too near to start or goal."""
+        """Yield solids at random positions, except those near the start or goal."""
         ends = np.array([self.start, self.goal])
         for _ in range(count):
             x, y = (self.between(-s, s) for s in (HALF_LENGTH, HALF_WIDTH))
@@ -164,7 +164,7 @@ class MapMaker:
                 yield solid
 
     def fence(self) -> Iterator[Solid]:
-        """Yield a closed ring of blocks around the goal, as thick as the family's."""
+        """Yield four blocks that enclose the goal, with a thickness for the family."""
         thick = self.between(0.3, 0.7) if math.isfinite(self.density) else WALL
         if self.family == "thin":
             thick = self.between(0.3, 0.9) / self.density
@@ -187,7 +187,7 @@ def _boxes(maker: MapMaker) -> Iterator[Solid]:
 
 
 def _bushes(maker: MapMaker) -> Iterator[Solid]:
-    maker.density = maker.between(1.5, 4.0)  # a radar sees at most .67 m into them
+    maker.density = maker.between(1.5, 4.0)  # a radar penetrates at most 0.67 m
 
     def bush(place: Point) -> Solid:
         return Disc(*place, maker.between(0.4, 1.0))
@@ -203,7 +203,7 @@ def _trunks(maker: MapMaker) -> Iterator[Solid]:
 
 
 def _traps(maker: MapMaker) -> Iterator[Solid]:
-    """Yield U-shaped walls on the way, open towards the start."""
+    """Yield U-shaped walls between start and goal, which are open to the start."""
     ends = np.array([maker.start, maker.goal])
     for _ in range(int(maker.between(2, 4))):
         x = maker.between(-HALF_LENGTH, HALF_LENGTH) * 0.6
@@ -220,14 +220,14 @@ def _traps(maker: MapMaker) -> Iterator[Solid]:
             for u in (-half, half)
         ]
         trap = [Block(x, y, WALL, 2 * half + WALL, yaw), *arms]
-        # As a whole: a trap without one of its walls would be none.
+        # A trap is kept or dropped as a whole, as it needs all of its walls.
         if min(each.distances(ends).min() for each in trap) > _FREE:
             yield from trap
 
 
 def _mazes(maker: MapMaker) -> Iterator[Solid]:
-    """Yield the walls of a maze of 5 x 4 cells, with a few openings more or less."""
-    # It takes long to import.
+    """Yield the walls of a maze of 5 x 4 cells, with extra openings or extra walls."""
+    # This import is slow.
     from scipy.cluster.hierarchy import DisjointSet  # noqa: PLC0415
 
     columns, rows, side = 5, 4, 2.2
@@ -258,7 +258,7 @@ def _mazes(maker: MapMaker) -> Iterator[Solid]:
 
 
 def _offices(maker: MapMaker) -> Iterator[Solid]:
-    """Yield six rooms on both sides of a corridor, with doors of all widths."""
+    """Yield three rooms on each side of a corridor, with doors of random widths."""
     side, corridor = 4.0, 2.4
     narrowest = 1.0 if maker.between(0, 1) < 0.3 else 1.85
     for sign in (-1, 1):
@@ -283,7 +283,7 @@ def _offices(maker: MapMaker) -> Iterator[Solid]:
 
 
 def _thin(maker: MapMaker) -> Iterator[Solid]:
-    """Yield bushes and hedges that a radar looks through."""
+    """Yield bushes and hedges that a radar penetrates."""
     maker.density = maker.between(0.5, 1.5)
 
     def bush(place: Point) -> Solid:

@@ -1,4 +1,4 @@
-"""A simulation in the process of the program that drives its robots."""
+"""Simulations that run in the same process as the program that drives the robots."""
 
 from radarsim.local.robot import Frame, LocalRobot, LocalScan
 from radarsim.local.simulation import LocalSimulation, simulate

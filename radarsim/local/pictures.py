@@ -1,4 +1,4 @@
-"""Pictures and films of a simulation: true paths and newest scans over the plan."""
+"""Draws pictures and films of a simulation: true paths and scans over the plan."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from radarsim.plotting.window import Window
 from radarsim.scene.scene import Scene
 
 _SIZE: Final = (10.5, 7.2)  # inches
-_DPI: Final = 100  # so that the sides of a film are even, as MP4 needs them
-_NAMES: Final = 20  # of objects; with more of them robots could not be seen
+_DPI: Final = 100  # gives films an even width and height in pixels, as MP4 needs
+_NAMES: Final = 20  # most names of objects; more would hide the robots
 
 
 class RunPicture:
-    """A figure of one moment of a run, which can show another one.
+    """A figure that shows one moment of a run, and can be changed to another moment.
 
     Attributes:
-        axes: The plan, m, map frame.
+        axes: Axes with the plan, m, map frame.
     """
 
     def __init__(
@@ -49,8 +49,8 @@ class RunPicture:
         Args:
             scene: The map.
             moments: All moments of the run, at least one.
-            on: Axes in m to draw in, or an empty figure, which has a legend as well;
-                None for a new figure.
+            on: Axes, m, or an empty figure, to which a legend is added as well; None
+                for a new figure with a legend.
         """
         figure = None
         if not isinstance(on, Axes):
@@ -81,10 +81,10 @@ class RunPicture:
         self.show(len(moments) - 1)
 
     def take(self, moments: Sequence[Moment]) -> None:
-        """Replace the moments by those until later in the run."""
+        """Replace the moments by a longer list of the same run."""
         self._moments = moments
         names = dict.fromkeys(name for moment in moments for name in moment.robots)
-        # A robot that is not there has no pose: its line is broken there.
+        # NaN breaks the line of a robot at moments when the robot is absent.
         self._paths = np.full((len(names), len(moments), 2), np.nan)
         for row, name in enumerate(names):
             for column, moment in enumerate(moments):
@@ -93,7 +93,7 @@ class RunPicture:
                     self._paths[row, column] = pose.x, pose.y
 
     def show(self, number: int) -> None:
-        """Show one of the moments, and the paths until then."""
+        """Show the moment of a number, and the paths up to it."""
         for artist in self._moving:
             artist.remove()
         axes, moment = self.axes, self._moments[number]
@@ -130,7 +130,7 @@ class RunPicture:
             speed: Simulated seconds in one second of film.
 
         Raises:
-            OSError: If it cannot be written.
+            OSError: If the file cannot be written.
             ValueError: If the format needs a package that is not installed.
         """
         shown = 0
@@ -150,18 +150,17 @@ class RunPicture:
 def follow_run(
     sim: LocalSimulation, moments: Callable[[], Sequence[Moment]]
 ) -> Callable[[], bool]:
-    """Show a run in a window, or where there are none, below the cell of a notebook.
+    """Show a run in a window, or below the cell of a notebook without windows.
 
     Args:
         sim: The simulation.
-        moments: Returns the moments until now.
+        moments: Function that returns the moments so far.
 
     Returns:
-        A function that shows the run until now in place of what was shown, and returns
-        whether the window is open.
+        A function that updates the picture, and returns whether the window is open.
 
     Raises:
-        RadarsimError: If matplotlib can open no window, and this is no notebook.
+        RadarsimError: If matplotlib cannot open a window, and this is no notebook.
     """
     try:
         window = Window(_SIZE, 'sim.render("run.png")')
@@ -172,7 +171,7 @@ def follow_run(
         handle = ipython.display.display(sim, display_id=True)
         return lambda: bool(handle.update(sim))  # False: no window
     picture: RunPicture | None = None
-    fixed: object = None  # the map, robots and media that the picture shows
+    fixed: object = None  # map, robots and sensor types in the picture
 
     def draw() -> bool:
         nonlocal picture, fixed
@@ -191,18 +190,18 @@ def follow_run(
 
 
 def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> bytes:
-    """Return a picture of the last moment as a file of one of ``FORMS``."""
+    """Return a picture of the last moment as a file in a format of ``FORMS``."""
     return render(figure_of(RunPicture(scene, moments).axes), form)
 
 
 def write_run(
     scene: Scene, moments: Sequence[Moment], path: Path, *, speed: float
 ) -> None:
-    """Write a picture of the last moment, or a film; arguments as above.
+    """Write a picture of the last moment, or a film of all moments.
 
     Raises:
-        OSError: If it cannot be written.
-        ValueError: If the ending of the name is of no format.
+        OSError: If the file cannot be written.
+        ValueError: If the file name has no known ending, or a package is missing.
     """
     form = path.suffix.lower().lstrip(".")
     if form in FILM_FORMATS:

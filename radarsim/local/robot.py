@@ -1,7 +1,7 @@
-"""A robot that calls drive, and whose newest readings they return.
+"""A robot that a program in the same process drives and reads by method calls.
 
-It is a client of a host as those of a server are: its commands are written as lines,
-and its readings are read from the lines that it is sent. So both have the same values.
+The robot is a client of a host, like the clients of a server: commands are encoded as
+lines, and readings are decoded from lines. Values are therefore the same as over TCP.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 AnyReport = TypeVar("AnyReport", bound=Report)
 
-GROUP: Final = "radarsim.local"  # of plugins
+GROUP: Final = "radarsim.local"  # entry point group of plugins
 MOST_REPORTS: Final = 10_000
 
 
@@ -69,17 +69,17 @@ CENTRE: Final = Pose2(0.0, 0.0)
 
 
 class LocalScan(RangeScan, eq=False):
-    """A scan as clients read it, and where it was taken.
+    """A scan as clients receive it, with the pose of the robot.
 
     Attributes:
-        medium: ``radar`` or ``laser``.
+        medium: Sensor type, ``radar`` or ``laser``.
         max_range: Range of a beam without return, m.
         mount: Pose of the scanner on the robot.
-        poses: Poses of the robot when it scanned, by the frame that they are in.
-        echoes: What its beams met, an entry for each object; None if the robot was not
-            asked for echoes.
-        targets: What its detector found; None for a scanner without a detector, or if
-            the robot was not asked for targets.
+        poses: Poses of the robot at the time of the scan, by frame.
+        echoes: Echoes of the beams, one entry for each object; None if echoes were not
+            requested.
+        targets: Targets of the detector; None for a scanner without a detector, or if
+            targets were not requested.
     """
 
     medium: str
@@ -90,12 +90,12 @@ class LocalScan(RangeScan, eq=False):
     targets: Sequence[RadarTargets] | None
 
     def points(self, frame: Frame = "robot") -> Floats:
-        """Return where something came back, (N, 2) m, from right to left.
+        """Return the end points of beams with a return, (N, 2) m, from right to left.
 
         Args:
-            frame: ``scanner``, ``robot``, or ``map`` by the true pose of the robot;
-                ``ins`` and ``odometry`` by the pose that these sensors last reported,
-                in the map and relative to the spawn pose.
+            frame: ``scanner``, ``robot``, or ``map``, which uses the true pose. ``ins``
+                and ``odometry`` use the last reported poses of these sensors, in the
+                map frame and relative to the spawn pose.
 
         Raises:
             ValueError: If there is no such frame, or the robot has no such sensor.
@@ -114,10 +114,10 @@ class LocalScan(RangeScan, eq=False):
 
 
 class LocalTransport:
-    """The connection of a client of the library to a robot in this process.
+    """The connection between a ``Client`` and a robot in this process.
 
     Attributes:
-        unread: What the robot was sent and the client has not read.
+        unread: Bytes for the client that it has not read yet.
     """
 
     def __init__(self, robot: LocalRobot) -> None:
@@ -125,26 +125,26 @@ class LocalTransport:
         self._robot = robot
 
     def time(self) -> float:
-        """Return simulated time, s."""
+        """Return the simulated time, s."""
         return self._robot.simulation.time
 
     def send(self, data: bytes) -> None:
-        """Send bytes; a command without effect is no error, as with a server."""
+        """Send bytes; as with a server, a command without effect raises no error."""
         with suppress(ClientError):
             self._robot.send(data)
 
     def receive(self, timeout: float) -> bytes:
-        """Return the unread bytes, or else those of the next steps.
+        """Return the unread bytes; without any, step until bytes arrive.
 
         Args:
-            timeout: Longest simulated wait, s.
+            timeout: Longest wait, s of simulated time.
 
         Raises:
-            TimeoutError: If nothing has come by then.
+            TimeoutError: If no bytes arrive in time.
         """
         simulation = self._robot.simulation
         return receive_stepwise(
-            # Between two ticks: the server's thread may add to it.
+            # It is read between two ticks, as the server's thread may write to it.
             lambda: simulation.call(lambda _: self.unread.take()),
             lambda: simulation.step(TICK),
             timeout,
@@ -157,25 +157,25 @@ class LocalTransport:
 class LocalRobot:
     """A robot of a simulation in this process.
 
-    ``LocalSimulation.spawn`` creates it. Its readings are reports of the client
-    library, ``radarsim.protocol.reports``, rounded as on the wire: metres, radians and
+    ``LocalSimulation.spawn`` creates it. Its readings are reports of
+    ``radarsim.protocol.reports``, rounded as in the protocol: in metres, radians and
     seconds, x forward, y left, yaw counter-clockwise.
 
     Attributes:
-        simulation: The simulation that it is in.
-        reports: What it reported in the last call of ``step``, in order; at most the
-            last ``MOST_REPORTS``.
+        simulation: The simulation of the robot.
+        reports: Reports from the last call of ``step``, in order; at most the last
+            ``MOST_REPORTS``.
     """
 
     def __init__(
         self, simulation: LocalSimulation, client: int, vehicle: Vehicle
     ) -> None:
-        """Use a robot that has been spawned.
+        """Wrap a robot that has been spawned.
 
         Args:
-            simulation: The simulation that it is in.
-            client: The number of its client at the host.
-            vehicle: The robot.
+            simulation: The simulation of the robot.
+            client: Number of the robot's client at the host.
+            vehicle: The robot in the simulation.
         """
         self.simulation = simulation
         self.reports: list[Report] = []
@@ -199,22 +199,22 @@ class LocalRobot:
 
     @property
     def name(self) -> str:
-        """Its name, which no other robot of the simulation has."""
+        """The unique name of the robot in the simulation."""
         return self._vehicle.robot.name
 
     @property
     def number(self) -> int:
-        """Its number in the simulation, which no other robot has."""
+        """The unique number of the robot in the simulation."""
         return self._vehicle.number
 
     @property
     def pose(self) -> Pose2:
-        """Its true pose, map frame, not rounded."""
+        """The true pose of the robot, map frame, not rounded."""
         return self._vehicle.robot.pose
 
     @property
     def info(self) -> RobotInfo:
-        """Its dimensions, limits and scanners, as a server describes them."""
+        """Dimensions, limits and scanners of the robot, as a server describes them."""
         model, config = self._vehicle.model, self._vehicle.config
         if self._info is not None and self._info[0] is config:
             return self._info[1]
@@ -225,7 +225,7 @@ class LocalRobot:
                 geometry(model, kind, None),
                 configuration(model, config, kind, None),
             ):
-                # Read from a line, so that the numbers are rounded as on the wire.
+                # Decoding a line gives the same rounded numbers as the protocol.
                 line = "" if report is None else report.encode(self._vehicle.dialect)
                 answer = decode_report(line) if line else None
                 if answer is not None:
@@ -251,24 +251,24 @@ class LocalRobot:
 
     @property
     def odometry(self) -> Odometry:
-        """The newest pose by the wheels, relative to the spawn pose."""
+        """The newest pose from wheel odometry, relative to the spawn pose."""
         return self.newest(Odometry)
 
     @property
     def touch(self) -> Touch:
-        """Whether something touched the robot at the newest reading: ``touched``."""
+        """The newest reading of the touch sensor; ``touched`` is its state."""
         return self.newest(Touch)
 
     @property
     def scans(self) -> list[LocalScan]:
-        """The newest scan of each of its scanners; those without one are missing."""
+        """The newest scan of each scanner that has scanned."""
         return cast(list[LocalScan], list(self._newest.get(LocalScan, {}).values()))
 
     def scan(self, scanner: str | None = None) -> LocalScan:
         """Return the newest scan of a scanner.
 
         Args:
-            scanner: Its name, in any case; None for the robot's first scanner.
+            scanner: Name of the scanner, in any case; None for the first scanner.
 
         Raises:
             ClientError: If the robot has no such scanner, or it has not scanned yet.
@@ -280,14 +280,14 @@ class LocalRobot:
 
         Args:
             kind: A class of ``radarsim.protocol.reports``.
-            name: Name of the item, in any case; None for any.
+            name: Name of the item, in any case; None for any item.
 
         Raises:
-            ClientError: If no such report has come yet.
+            ClientError: If no such report has arrived yet.
             TypeError: If the kind is no class.
         """
         check_kind(kind)
-        # A copy: in the background readings come meanwhile.
+        # It is a copy, as the server's thread may add readings in the background.
         known = dict(self._newest.get(LocalScan if kind is RangeScan else kind, {}))
         if name is not None:
             known = {k: v for k, v in known.items() if k.casefold() == name.casefold()}
@@ -301,10 +301,11 @@ class LocalRobot:
         return cast(AnyReport, list(known.values())[-1])
 
     def drive(self, speed: float, turn: float = 0.0) -> None:
-        """Drive so until the next call.
+        """Set speed and turn rate until the next drive command.
 
-        If a wheel would exceed its maximum speed, both are slowed down by one factor. A
-        car takes the curve as far as its wheels turn, and does not turn on the spot.
+        If a wheel would exceed its maximum speed, both sides are slowed down by the
+        same factor. A car is limited by its steering angle, and cannot turn on the
+        spot.
 
         Args:
             speed: Forward speed, m/s.
@@ -312,15 +313,15 @@ class LocalRobot:
 
         Raises:
             ClientError: If the robot has been removed.
-            TypeError: If one is no number.
-            ValueError: If one is not finite.
+            TypeError: If an argument is no number.
+            ValueError: If an argument is not finite.
         """
         check_number("speed in m/s", speed)
         check_number("turn in rad/s", turn)
         self._drive(*self.info.wheel_speeds(speed, turn))
 
     def drive_wheels(self, left: float, right: float) -> None:
-        """Turn the wheels of both sides so until the next call.
+        """Set the wheel speeds of both sides until the next drive command.
 
         Args:
             left: Speed of the left wheels, rad/s; forward is positive.
@@ -328,8 +329,8 @@ class LocalRobot:
 
         Raises:
             ClientError: If the robot has been removed.
-            TypeError: If one is no number.
-            ValueError: If one is not finite.
+            TypeError: If an argument is no number.
+            ValueError: If an argument is not finite.
         """
         check_number("left in rad/s", left)
         check_number("right in rad/s", right)
@@ -337,7 +338,7 @@ class LocalRobot:
         self._drive(left * scale, right * scale)
 
     def _drive(self, left: float, right: float) -> None:
-        """Send wheel speeds in the unit of the server; a car is steered instead."""
+        """Send wheel speeds in the server's unit; a car is sent speed and steering."""
         model, car = self._vehicle.model, None
         if model.steering is not None:
             car = cast(RobotGeo, geometry(model, ROBOT, None))
@@ -346,18 +347,18 @@ class LocalRobot:
     def fly(
         self, ahead: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0
     ) -> None:
-        """Fly so until the next call, if the robot is a drone; it needs ``compat``.
+        """Set the velocity of a drone until the next call, in the dialect ``compat``.
 
         Args:
-            ahead: Speed ahead, m/s; all speeds are limited to what the robot can.
+            ahead: Forward speed, m/s; all speeds are limited to the robot's maxima.
             left: Speed to the left, m/s.
             up: Speed upwards, m/s.
             turn: Counter-clockwise turn rate, rad/s.
 
         Raises:
             ClientError: If the robot has been removed.
-            TypeError: If one is no number.
-            ValueError: If one is not finite.
+            TypeError: If an argument is no number.
+            ValueError: If an argument is not finite.
         """
         for name, speed in (("ahead", ahead), ("left", left), ("up", up)):
             check_number(f"{name} in m/s", speed)
@@ -369,7 +370,7 @@ class LocalRobot:
         self.drive_wheels(0.0, 0.0)
 
     def request_echoes(self, scanner: str | None = None, on: bool = True) -> None:
-        """Let a scanner list all that its beams meet: ``scan().echoes`` from now on.
+        """Request the echoes of a scanner: ``scan().echoes`` from now on.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -377,7 +378,7 @@ class LocalRobot:
         self.send(requests.echoes(self.info.scanner(scanner).name, on))
 
     def request_targets(self, scanner: str | None = None, on: bool = True) -> None:
-        """Let a detector list what it finds: ``scan().targets`` from now on.
+        """Request the targets of a detector: ``scan().targets`` from now on.
 
         Raises:
             ClientError: If the robot has no such scanner, or it has no detector.
@@ -390,16 +391,16 @@ class LocalRobot:
         self.send(requests.targets(name, on))
 
     def request_spectra(self, scanner: str | None = None) -> None:
-        """Let an FMCW radar record what it receives: ``spectrum`` from now on.
+        """Request the received power of an FMCW radar: ``spectrum`` from now on.
 
-        Of all radars of a simulation one turns, that of the robot spawned first.
+        Only one radar of a simulation rotates: that of the first spawned robot.
 
         Args:
-            scanner: Name of the radar, in any case; None for the robot's first one.
+            scanner: Name of the radar, in any case; None for the first radar.
 
         Raises:
             ClientError: If the robot has no such radar.
-            MissingPackage: If the part of radarsim is missing that has these radars.
+            MissingPackage: If the part of radarsim for FMCW radars is not installed.
         """
         collect = plugins.load(GROUP, "spectra")
         self._turns[scanner and scanner.casefold()] = self.simulation.call(
@@ -410,14 +411,14 @@ class LocalRobot:
         """Return the newest whole revolution of an FMCW radar.
 
         Args:
-            scanner: Its name, as in ``request_spectra``.
+            scanner: Name of the radar, as in ``request_spectra``.
 
         Returns:
-            A spectrum as of ``load_sensor(...).fmcw.spectrum``: ``angles``, ``ranges``
-            and ``decibels``.
+            A spectrum, as returned by ``load_sensor(...).fmcw.spectrum``: ``angles``,
+            ``ranges`` and ``decibels``.
 
         Raises:
-            ClientError: If it was not requested, or has not made a whole turn yet.
+            ClientError: If it was not requested, or no revolution is complete yet.
         """
         turns = self._turns.get(scanner and scanner.casefold())
         if turns is None or turns.newest is None:
@@ -429,18 +430,19 @@ class LocalRobot:
     def camera(
         self, *, width: int = 640, height: int = 480, fov_deg: float | None = None
     ) -> NDArray[np.uint8]:
-        """Take a picture by the camera that viewers see by, in any size.
+        """Return a picture from the robot's camera, in any size.
 
         Args:
-            width: Pixels from left to right.
-            height: Pixels from top to bottom.
-            fov_deg: Angle from left to right, degrees; None for that of the camera.
+            width: Width in pixels.
+            height: Height in pixels.
+            fov_deg: Horizontal field of view, degrees; None for that of the camera.
 
         Returns:
-            RGB, (height, width, 3).
+            RGB pixels, (height, width, 3).
 
         Raises:
-            ValueError: If there are no pixels, or the angle is not below 180 degrees.
+            ValueError: If the picture has no pixels, or the angle is not below 180
+                degrees.
         """
         from radarsim.server.views import FOV_DEG, MOUNT  # noqa: PLC0415
 
@@ -454,24 +456,24 @@ class LocalRobot:
         return self.simulation.camera(pose, **size, fov_deg=angle, carrier=self)
 
     def as_client(self) -> Client:
-        """Return a client of the library that drives this robot.
+        """Return a ``Client`` that drives this robot, such as for navigators.
 
-        Navigators take it. It gets what the robot reports from now on, and simulated
-        time passes while it waits. An earlier one gets nothing more.
+        It receives the reports of the robot from now on, and simulated time passes
+        while it waits. A client that was returned before receives nothing more.
         """
         self._transport = LocalTransport(self)
         return Client(self._transport)
 
     def remove(self) -> None:
-        """Take the robot out of the simulation."""
+        """Remove the robot from the simulation."""
         self.simulation.remove(self)
 
     def send(self, data: bytes) -> None:
-        """Send whole lines of the protocol as they are.
+        """Send whole lines of the protocol unchanged.
 
         Raises:
-            ClientError: If a line has no effect; it says why. If the robot has been
-                removed.
+            ClientError: If a line has no effect, with the reason in the message, or if
+                the robot has been removed.
         """
         if self.simulation.robots.get(self.name) is not self:
             raise ClientError(f"robot {self.name!r} has been removed, expected another")
@@ -480,7 +482,7 @@ class LocalRobot:
             raise ClientError("; ".join(texts))
 
     def add(self, data: bytes) -> None:
-        """Read what the robot's client was sent; the simulation calls it."""
+        """Process bytes for the robot's client; the simulation calls it."""
         if self._transport is not None:
             self._transport.unread.put_readings(data)
         for report in self._session.receive(data):
@@ -489,7 +491,7 @@ class LocalRobot:
         del self._came[:-MOST_REPORTS]
 
     def collect(self) -> None:
-        """Begin a new list of reports; the simulation calls it after each step."""
+        """Start a new list of reports; the simulation calls it after each step."""
         self.reports, self._came = self._came, []
 
     def _add(self, report: Report) -> None:
@@ -509,7 +511,7 @@ class LocalRobot:
         self._newest.setdefault(type(report), {})[name] = report
 
     def _locate(self, scan: RangeScan) -> LocalScan:
-        """Return a scan that has just been taken with the poses of the robot."""
+        """Return a new scan together with the present poses of the robot."""
         (mounted,) = (m for m in self._vehicle.scanners if m.item.name == scan.name)
         mount, echoes = mounted.item.mount, self._echoes.get(scan.name)
         targets = self._targets.get(scan.name)

@@ -1,12 +1,12 @@
-"""A simulation in this process: a loop of one's own, without sockets.
+"""A simulation in this process, which the program steps in its own loop.
 
 Theory of operation
 ===================
-Robots are clients of a ``Host``, which is a server without its sockets: what they are
-sent is passed on to them after each tick. So the same seed and commands give the same
-bytes as over TCP. Simulated time passes in ``step`` only, until the simulation is
-served: then a thread lets it pass by the wall clock, and ``step`` waits for it. That
-thread is then the only one that uses the host; all calls of the host go through
+Robots are clients of a ``Host``, which is a server without sockets. After each tick,
+the bytes for each robot are passed to it. The same seed and commands therefore give the
+same bytes as over TCP. Simulated time passes only in ``step``, until ``serve`` is
+called. Then a thread steps the simulation by the wall clock, and ``step`` waits for the
+thread. Only that thread uses the host then, so all calls of the host go through
 ``_call``.
 """
 
@@ -47,21 +47,21 @@ Value = TypeVar("Value")
 
 logger: Final = logging.getLogger(__name__)
 
-POLL: Final = 1.0  # s between two checks that the server's thread is still there
+POLL: Final = 1.0  # s between two checks whether the server's thread is alive
 
 
-NOTED_TICKS: Final = 10  # between two moments; twice as many each time there are
-MOST_MOMENTS: Final = 20_000  # every second one is dropped beyond it
+NOTED_TICKS: Final = 10  # between two stored moments; doubles beyond ``MOST_MOMENTS``
+MOST_MOMENTS: Final = 20_000  # beyond it, every second moment is dropped
 
 
 class Moment(NamedTuple):
     """A moment of a simulation, for pictures.
 
     Attributes:
-        time: s.
+        time: Simulated time, s.
         robots: Class and true pose of each robot, by name.
-        seen: The newest scan of each scanner of the program's own robots: its medium,
-            and where beams ended, (N, 2) m, map frame.
+        seen: Sensor type and points, (N, 2) m, map frame, of the newest scan of each
+            scanner on the robots that the program spawned.
     """
 
     time: float
@@ -73,9 +73,9 @@ class LocalSimulation:
     """A scene with robots that the program drives.
 
     Attributes:
-        host: The server without sockets that it is; while it is served, only the
-            server's thread may use it.
-        robots: The robots that it has spawned, by name.
+        host: The server without sockets. After ``serve``, only the server's thread may
+            use it.
+        robots: The robots that the program has spawned, by name.
     """
 
     def __init__(
@@ -86,26 +86,26 @@ class LocalSimulation:
         config: SimulationConfig | None = None,
         map_: str | None = None,
     ) -> None:
-        """Begin at 0 s, without robots; ``simulate`` loads a map.
+        """Start at 0 s, without robots; use ``simulate`` to load a map.
 
         Args:
             scene: The map.
             seed: Seed of all random numbers.
-            config: As of ``simulate``.
-            map_: Name of the map, or path of its file, for recordings.
+            config: As in ``simulate``.
+            map_: Name or path of the map, for recordings.
         """
-        generator_for(seed, "")  # raises for a wrong seed now, not for the first robot
+        generator_for(seed, "")  # raises here if the seed is wrong
         self._map = map_
         self._complete_recording: Callable[[], None] | None = None
         self.host = Host(scene, config=config, seed=seed)
         self.robots: dict[str, LocalRobot] = {}
         self.seed = seed
-        self._numbers: dict[str, int] = {}  # of the robots' clients at the host
-        self._late_texts: dict[int, list[str]] = {}  # of those that wait to spawn
+        self._numbers: dict[str, int] = {}  # numbers of the robots' clients at the host
+        self._late_texts: dict[int, list[str]] = {}  # messages, while a robot spawns
         self._noted: list[Moment] = []
         self._interval = NOTED_TICKS
-        self._redraw: Callable[[], bool] | None = None  # for what ``show`` has opened
-        self._drawn = 0  # tick at which ``step`` called it
+        self._redraw: Callable[[], bool] | None = None  # set by ``show``
+        self._drawn = 0  # tick of the last update in ``step``
         self._thread: ServerThread | None = None
         self._ticked = threading.Condition()
 
@@ -141,25 +141,25 @@ class LocalSimulation:
         start: str | None = None,
         pose: Pose2 | Pose3 | Sequence[float] | None = None,
     ) -> LocalRobot:
-        """Create a robot at a start pose of the map, or at any other pose.
+        """Spawn a robot at a start pose of the map, or at any other pose.
 
-        It stands at the nearest free place within 1 m. As on a server, no more than
-        four robots are spawned in a tick, and a search for a free place delays the next
-        one: time passes until then.
+        If the pose is occupied, the nearest free pose within 1 m is used. As on a
+        server, at most four robots are spawned in a tick, and a search for a free pose
+        delays the next spawn, so simulated time may pass.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``, in any case.
             name: Name of the robot; None chooses one. Random numbers depend on it.
             start: Name of a start pose, in any case.
-            pose: Pose in the map frame if ``start`` is None, or ``(x, y)``, ``(x, y,
-                yaw)`` or the six numbers of a ``Pose3``, m and rad. Without both, it
-                takes the first start at which it has room.
+            pose: Pose in the map frame if ``start`` is None: a ``Pose2`` or ``Pose3``,
+                ``(x, y)``, ``(x, y, yaw)`` or the six numbers of a ``Pose3``, m and
+                rad. Without both, the first free start is used.
 
         Raises:
             PresetError: If there is no such class.
-            ClientError: If there is no such start, or no free place.
-            ValueError: If both ``start`` and ``pose`` are given, the pose is none, or a
-                name is no text that can be written on a line.
+            ClientError: If there is no such start, or no free pose.
+            ValueError: If both ``start`` and ``pose`` are given, the pose is malformed,
+                or a name cannot be written on a line.
         """
         starts = [each.name for each in self.scene.starts]
         takes_free = start is None and pose is None
@@ -181,15 +181,15 @@ class LocalSimulation:
         if robot is None:
             self._call(lambda: self.host.disconnect(number))
             raise ClientError("; ".join(texts) or f"no free place for {class_name!r}")
-        for text in texts:  # such as that it stands elsewhere
+        for text in texts:  # such as that it was placed at another pose
             logger.warning("%s: %s", robot.name, text)
         return robot
 
     def remove(self, robot: LocalRobot) -> None:
-        """Take a robot out of the simulation.
+        """Remove a robot from the simulation.
 
         Raises:
-            ValueError: If it is not there.
+            ValueError: If the robot is not in the simulation.
         """
         if robot not in self.robots.values():
             raise ValueError(f"robot {robot!r}, expected one of {[*self.robots]}")
@@ -204,12 +204,12 @@ class LocalSimulation:
         """Let simulated time pass.
 
         Args:
-            duration: s, rounded to ticks of 10 ms, at least one of them.
+            duration: Simulated time, s, rounded to ticks of 10 ms; at least one tick.
 
         Raises:
-            ExceptionGroup: If it is served, and the server has failed.
+            ExceptionGroup: If the server of ``serve`` has failed.
             TypeError: If the duration is no number.
-            ValueError: If it is not finite and above 0.
+            ValueError: If the duration is not finite and above 0.
         """
         check_number("duration in s", duration, above=0.0)
         ticks = ticks_of(duration)
@@ -228,10 +228,10 @@ class LocalSimulation:
             self._redraw()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the robots, their true paths and what they see over the plan.
+        """Draw the robots, their true paths and their newest scans over the plan.
 
         Args:
-            ax: Axes of matplotlib, in m; None for a figure of its own, with a legend.
+            ax: Axes of matplotlib, m; None for a new figure with a legend.
 
         Returns:
             The axes.
@@ -241,17 +241,17 @@ class LocalSimulation:
         return RunPicture(self.scene, self._moments(), ax).axes
 
     def render(self, path: str | Path, *, speed: float = 1.0) -> None:
-        """Write a picture of the simulation as it is, or a film of it so far.
+        """Write a picture of the present state, or a film of the run so far.
 
         Args:
-            path: The file: ``.png``, ``.svg``, ``.pdf``, or ``.gif`` and ``.mp4`` for a
-                film; MP4 needs the extra ``film``.
+            path: The file: ``.png``, ``.svg`` or ``.pdf`` for a picture, ``.gif`` or
+                ``.mp4`` for a film. MP4 needs the extra ``film``.
             speed: Simulated seconds in one second of a film.
 
         Raises:
             OSError: If the file cannot be written.
-            ValueError: If its ending is another one, the speed is not above 0, or a
-                package is not installed.
+            ValueError: If the file name has another ending, the speed is not above 0,
+                or a package is not installed.
         """
         from radarsim.local.pictures import write_run  # noqa: PLC0415 - matplotlib
 
@@ -261,11 +261,12 @@ class LocalSimulation:
     def show(self) -> None:
         """Open a window that shows the picture of ``render`` and follows the run.
 
-        From now on ``step`` draws, at most each 0.1 s of simulated time, until the
-        window is closed. A notebook without windows shows the picture below the cell.
+        From now on ``step`` updates it, at most every 0.1 s of simulated time, until
+        the window is closed. A notebook without windows shows it below the cell.
 
         Raises:
-            RadarsimError: If matplotlib can open no window, as without a display.
+            RadarsimError: If matplotlib cannot open a window, such as without a
+                display.
         """
         from radarsim.local.pictures import follow_run  # noqa: PLC0415 - matplotlib
 
@@ -273,7 +274,7 @@ class LocalSimulation:
             self._redraw = follow_run(self, self._moments)
 
     def _repr_png_(self) -> bytes:
-        """Return the simulation as it is, for notebooks."""
+        """Return a picture of the present state, which notebooks display."""
         from radarsim.local.pictures import draw_run  # noqa: PLC0415 - matplotlib
 
         return draw_run(self.scene, self._moments())
@@ -287,21 +288,21 @@ class LocalSimulation:
         fov_deg: float = 80.0,
         carrier: LocalRobot | None = None,
     ) -> NDArray[np.uint8]:
-        """Take a picture; see also ``LocalRobot.camera``.
+        """Return a picture from any pose; see also ``LocalRobot.camera``.
 
         Args:
             pose: Pose of the camera, which looks along its x axis: x, y, z, roll,
                 pitch, yaw, m and rad, map frame.
-            width: Pixels from left to right.
-            height: Pixels from top to bottom.
-            fov_deg: Angle from left to right, degrees.
-            carrier: Robot that is not in the picture; None for none.
+            width: Width in pixels.
+            height: Height in pixels.
+            fov_deg: Horizontal field of view, degrees.
+            carrier: Robot to leave out of the picture; None for none.
 
         Returns:
-            RGB, (height, width, 3).
+            RGB pixels, (height, width, 3).
 
         Raises:
-            ValueError: If the pose has other than six finite numbers, there are no
+            ValueError: If the pose does not have six finite numbers, the picture has no
                 pixels, or the angle is not below 180 degrees.
         """
         from radarsim.server.camera import Renderer  # noqa: PLC0415 - matplotlib
@@ -314,19 +315,19 @@ class LocalSimulation:
         return renderer.render(View(pose, boxes, carrier.number if carrier else -1))
 
     def record(self, folder: str | Path, *, spectra: bool = False) -> None:
-        """Record all that follows, until ``close``, as a bag of ROS 2.
+        """Record the run as a ROS 2 bag, from now on until ``close``.
 
-        ``radarsim.load_recording`` reads it, and ``radarsim replay`` repeats a run on a
-        map that was loaded by its name. It needs the extra ``record``.
+        ``radarsim.load_recording`` reads the bag, and ``radarsim replay`` can repeat
+        the run if its map was loaded by name. It needs the extra ``record``.
 
         Args:
             folder: Folder to create.
-            spectra: Whether to record what FMCW radars receive as well, some 180 MB a
-                minute.
+            spectra: Whether to record the received power of FMCW radars as well, about
+                180 MB per minute.
 
         Raises:
             RecordingError: If the simulation has begun already, or the folder exists.
-            MissingPackage: If the part of radarsim is missing that records.
+            MissingPackage: If the part of radarsim for recordings is not installed.
         """
         record = plugins.load(GROUP, "record")
         if self.robots or self.host.simulation.ticks or self._complete_recording:
@@ -343,8 +344,8 @@ class LocalSimulation:
     ) -> tuple[str, int]:
         """Let clients connect over TCP as well, until ``close``.
 
-        From now on simulated time passes by the wall clock, in the background, and
-        ``step`` waits until it has.
+        From now on simulated time passes by the wall clock, in a background thread, and
+        ``step`` waits for it.
 
         Args:
             port: Port to listen on; 0 for a free one.
@@ -352,13 +353,12 @@ class LocalSimulation:
             speed: Simulated seconds in one second of the wall clock.
 
         Returns:
-            The address and the port that it listens on.
+            The address and the port on which the server listens.
 
         Raises:
-            ServerError: If the port is taken, or the address is not one of this
-                machine.
-            ValueError: If it is served already, the port is none, or the speed is not
-                above 0.
+            ServerError: If the port is taken, or the address is not of this machine.
+            ValueError: If the server runs already, the port is invalid, or the speed is
+                not above 0.
         """
         check_port(port)
         check_number("speed", speed, above=0.0)
@@ -373,11 +373,11 @@ class LocalSimulation:
         return listening
 
     def close(self) -> None:
-        """End the recording and the server; in the process the simulation can go on.
+        """End the recording and the server; the simulation can still be stepped.
 
         Raises:
             ExceptionGroup: If the server has failed.
-            RecordingError: If not all of the recording could be written.
+            RecordingError: If the recording could not be written completely.
         """
         complete, self._complete_recording = self._complete_recording, None
         if complete is not None:
@@ -387,24 +387,24 @@ class LocalSimulation:
             thread.finish()
 
     def call(self, function: Callable[[Simulation], Value]) -> Value:
-        """Call a function with the simulation underneath, between two ticks.
+        """Call a function with the ``Simulation`` of the host, between two ticks.
 
-        It may read all of it; what it changes is in no recording.
+        The function may read all state; its changes are not in a recording.
         """
         return self._call(lambda: function(self.host.simulation))
 
     def receive(self, number: int, data: bytes) -> list[str]:
-        """Execute lines of a client, and return why some had no effect."""
+        """Execute lines of a client; return the reasons of lines without effect."""
         return [
             each.text for each in self._call(lambda: self.host.receive(number, data))
         ]
 
     def _call(self, function: Callable[[], Value]) -> Value:
-        """Call what uses the host, in the thread that may."""
+        """Call a function that uses the host, in the thread that may use the host."""
         return function() if self._thread is None else self._thread.call(function)
 
     def _find_robot(self, number: int) -> LocalRobot | None:
-        """Return the robot that a client has spawned; None if it has none."""
+        """Create the ``LocalRobot`` of a client; return None if it has no robot."""
         if not self.host.has_robot(number):
             return None
         vehicle = self.host.simulation.vehicles[-1]
@@ -413,25 +413,25 @@ class LocalSimulation:
         return robot
 
     def _pass_on(self) -> None:
-        """Pass on to the robots what they were sent in a tick."""
+        """Pass the bytes of a tick to the robots, and store a moment if one is due."""
         for name, number in self._numbers.items():
             if data := self.host.take(number):
                 self.robots[name].add(data)
         if self.host.simulation.ticks % self._interval == 0:
             self._noted.append(self._moment())
             if len(self._noted) > MOST_MOMENTS:
-                self._noted = self._noted[1::2]  # ticks of twice the interval
+                self._noted = self._noted[1::2]  # drops every second moment
                 self._interval *= 2
         with self._ticked:
             self._ticked.notify_all()
 
     def _moments(self) -> list[Moment]:
-        """Return the moments that were noted, and the present one."""
+        """Return the stored moments, and the present moment."""
         now = self._call(self._moment)
         return [*(m for m in self._noted if m.time < now.time), now]
 
     def _moment(self) -> Moment:
-        """Return the simulation as it is."""
+        """Return the present moment."""
         vehicles = self.host.simulation.vehicles
         scans = [scan for robot in self.robots.values() for scan in robot.scans]
         return Moment(
@@ -445,7 +445,7 @@ class LocalSimulation:
             robot.collect()
 
     def _wait_until(self, ticks: int) -> None:
-        """Wait until the server's thread has come to a tick."""
+        """Wait until the server's thread has reached a tick."""
         thread = self._thread
         assert thread is not None
         with self._ticked:
@@ -454,7 +454,7 @@ class LocalSimulation:
                     thread.finish()
 
     def _log(self, number: int, diagnostic: Diagnostic) -> None:
-        """Log why a command that had waited had no effect."""
+        """Log why a delayed command, such as a spawn, had no effect."""
         if number in self._late_texts:
             self._late_texts[number].append(diagnostic.text)
         for name, each in self._numbers.items():
@@ -468,9 +468,9 @@ def simulate(
     seed: int = 0,
     config: SimulationConfig | None = None,
 ) -> LocalSimulation:
-    """Begin a simulation in this process, without a server.
+    """Start a simulation in this process, without a server.
 
-    A loop spawns robots, drives them, lets time pass and reads their sensors::
+    A loop drives the robots, lets time pass and reads their sensors::
 
         sim = radarsim.simulate("foliage_room", seed=0)
         robot = sim.spawn("P3AT", start="RobotStart1")
@@ -481,8 +481,8 @@ def simulate(
         print(robot.truth.pose, robot.ins.pose, robot.odometry.pose, robot.touch)
 
     ``radarsim.shipped_maps()`` lists the maps that come with radarsim, and
-    ``radarsim.load_map(name).starts`` the start poses of one. The same seed, map and
-    commands give the same numbers as a server sends.
+    ``radarsim.load_map(name).starts`` lists the start poses of a map. The same seed,
+    map and commands give the same numbers as a server.
 
     Args:
         map_: The name of a shipped map, the path of a map file, or a scene.
@@ -491,7 +491,7 @@ def simulate(
             the defaults.
 
     Raises:
-        MapError: If there is no such map, or it is wrong.
+        MapError: If there is no such map, or the map is wrong.
         PresetError: If the configuration does not fit the robot classes.
         TypeError: If an argument is of another type.
         ValueError: If the seed is negative.

@@ -1,7 +1,7 @@
-"""The YAML files of the shipped presets.
+"""Access to the YAML files of the shipped presets.
 
-The folders ``sensors``, ``items``, ``materials`` and ``robots`` hold one file for each
-preset, named after it. Every number states its source.
+The folders ``sensors``, ``items``, ``materials`` and ``robots`` have one file for each
+preset, with its name. Every number states its source.
 """
 
 from functools import cache
@@ -23,10 +23,10 @@ class SourcedValue(BaseModel, extra="forbid", frozen=True):
 
     Attributes:
         value: The value itself.
-        source: Where the value comes from, in words.
-        confidence: ``verified`` if it was read in its source, ``nominal`` if it is
-            recalled from a data sheet, ``estimate`` if it is an engineering judgement,
-            ``choice`` if this project decided it.
+        source: Origin of the value, as text.
+        confidence: ``verified`` if the value was read in its source, ``nominal`` if it
+            is recalled from a data sheet, ``estimate`` if it is an engineering
+            judgement, ``choice`` if this project chose it.
     """
 
     value: Any
@@ -46,6 +46,6 @@ def preset_path(folder: Folder, name: str) -> Path:
 
 
 def read_preset(folder: Folder, name: str) -> Any:
-    """Read the file of a preset that exists."""
+    """Return the parsed file of a preset, which must exist."""
     text = preset_path(folder, name).read_text(encoding="utf-8")
     return parse_plain(text)

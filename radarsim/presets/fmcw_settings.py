@@ -1,61 +1,62 @@
-"""The settings of an FMCW radar that turns: from its antenna to its counts."""
+"""The settings of a rotating FMCW radar: sweep, antenna, receiver and digitisation."""
 
 import math
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 
-# Revision of the model of FMCW radars; another one makes other spectra of the same run.
+# Revision of the model of FMCW radars; spectra of different revisions differ.
 RADAR_MODEL: Final = 3
 SPEED_OF_LIGHT: Final = 299_792_458.0  # m/s
 MAX_CELLS: Final = 4_000_000  # azimuths times bins
-MAX_FAN_RAYS: Final = 500_000  # of a turn, before refinement
+MAX_FAN_RAYS: Final = 500_000  # per revolution, before refinement
 
 Decibels = Annotated[float, Field(ge=-300, le=300, allow_inf_nan=False)]
 
 
 class FmcwSettings(BaseModel, extra="forbid", frozen=True):
-    """What a turning FMCW radar sends, receives and stores.
+    """All settings of a rotating FMCW radar.
 
     Attributes:
         carrier_ghz: Frequency in the middle of the sweep, GHz.
-        bandwidth_mhz: Width of the sweep, MHz.
-        azimuths: Directions in a turn, evenly spaced.
-        bins: Range bins of each direction.
+        bandwidth_mhz: Bandwidth of the sweep, MHz.
+        azimuths: Number of evenly spaced azimuths per revolution.
+        bins: Number of range bins at each azimuth.
         bin_size: Distance between bins, m; smaller than c/2B if the FFT is padded.
-        rotation_hz: Turns per second. One sweep fills the time of one direction.
-        window: Window over the samples of a sweep.
+        rotation_hz: Revolutions per second. One sweep takes the time of one azimuth.
+        window: Window function for the samples of a sweep.
         transmit_dbm: Transmitted power, dBm.
         noise_figure_db: Noise figure of the receiver, dB.
-        noise_tilt_db: By how much the noise falls from the first bin to the last, dB.
-        loss_db: Losses in lines and radome, out and back together, dB.
+        noise_tilt_db: Decrease of the noise from the first bin to the last, dB.
+        loss_db: Two-way losses in cables and radome, dB.
         beamwidth_az_deg: Horizontal width between the one-way half-power points,
             degrees.
-        beamwidth_el_deg: Vertical width likewise, degrees.
-        fan_deg: How far below the horizon the beam is filled in, as a squared
-            cosecant, degrees; 0 for a beam that is symmetric.
-        fan_db: Level of that filling against a squared cosecant that begins at the
-            half-power point, one way, dB.
+        beamwidth_el_deg: Vertical width between the one-way half-power points, degrees.
+        fan_deg: Angle below the horizon down to which the beam has a cosecant-squared
+            pattern, degrees; 0 for a symmetric beam.
+        fan_db: One-way level of this pattern relative to a squared cosecant that begins
+            at the half-power point, dB.
         shoulder_db: Two-way level of the shoulders of the beam at one beamwidth from
             its middle in azimuth, dB.
-        shoulder_slope_db: By how much they fall in each further beamwidth, dB.
+        shoulder_slope_db: Decrease of the shoulders per further beamwidth, dB.
         sidelobe_db: Mean two-way level of the sidelobes in azimuth, dB.
-        leakage_db: What the transmitter leaks into the receiver, dB over the noise.
-        leakage_range: Range as far as which the leakage is even, m; it ends at twice
-            that range.
-        phase_noise_db: Noise in each bin by the transmitter's phase, dB over all power
-            that comes from the same direction.
-        full_scale_dbm: Power of a sine that just fills the converter, dBm; what is
-            more is clipped. The receiver has one channel: a harmonic beyond the last
-            bin folds back.
-        clip_skew: By which share of that the converter ends earlier below than above.
-        clutter_shape: Shape of the gamma distribution of what places scatter, so that
-            the power of rough surfaces and volumes has a K distribution; 0 if all
-            places of a surface scatter the same.
-        count_db: Decibels in a count.
+        leakage_db: Leakage of the transmitter into the receiver, dB over the noise.
+        leakage_range: Range up to which the leakage is constant, m; it ends at twice
+            this range.
+        phase_noise_db: Phase noise of the transmitter in each bin, dB relative to all
+            power received at the same azimuth.
+        full_scale_dbm: Power of a sine at the full scale of the ADC, dBm; stronger
+            signals are clipped. The receiver has one channel, so harmonics beyond the
+            last bin are aliased.
+        clip_skew: Share of full scale by which the lower limit of the ADC is nearer to
+            0 than the upper limit.
+        clutter_shape: Shape of the gamma distribution of the local backscatter, which
+            gives the power of rough surfaces and volumes a K distribution; 0 for
+            constant backscatter over a surface.
+        count_db: Decibels per count.
         floor_count: Count of the median of the noise.
-        rays_across: Rays in each step of azimuth.
-        rays_up: Rays between the lower and the upper edge of the beam.
+        rays_across: Number of rays per azimuth step.
+        rays_up: Number of rays between the lower and the upper edge of the beam.
     """
 
     carrier_ghz: Annotated[float, Field(ge=1, le=1000)]
@@ -94,7 +95,7 @@ class FmcwSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def resolution(self) -> float:
-        """c/2B: the distance at which the sweep resolves two points, m."""
+        """Range resolution of the sweep, c/2B, m."""
         return SPEED_OF_LIGHT / (2e6 * self.bandwidth_mhz)
 
     @property
@@ -109,12 +110,12 @@ class FmcwSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def max_range(self) -> float:
-        """Range at which the last bin ends, m."""
+        """Range at the end of the last bin, m."""
         return self.bins * self.bin_size
 
     @property
     def step(self) -> float:
-        """Angle between neighbouring directions, rad."""
+        """Angle between neighbouring azimuths, rad."""
         return 2 * math.pi / self.azimuths
 
     @model_validator(mode="after")

@@ -1,8 +1,8 @@
 """Robot classes: their dimensions, and the sensors that they carry.
 
-Each class is a file in ``robots/``. A file may be ``based_on`` another: it inherits the
-other's keys and items. A key or item of the same name replaces the inherited one, and
-further items follow the inherited ones.
+Each class is a file in ``robots/``. A file may be ``based_on`` another class, whose
+keys and items it inherits. A key or item with the same name replaces the inherited one;
+new items are appended to the inherited items.
 """
 
 import math
@@ -33,8 +33,8 @@ Generation: TypeAlias = Literal["ut2004", "udk"]
 Side: TypeAlias = Literal["left", "right"]
 Vector: TypeAlias = tuple[float, float, float]
 Length: TypeAlias = Annotated[float, Field(gt=0)]
-_NO_SENSORS: Final = ("RangeScanner", "Camera", "Battery")  # types of other items
-_NOT_INHERITED: Final = {"about"}  # by classes that are based on another one
+_NO_SENSORS: Final = ("RangeScanner", "Camera", "Battery")  # item types without Sensor
+_NOT_INHERITED: Final = {"about"}  # keys that a derived class does not inherit
 
 
 def _known_type(value: str) -> str:
@@ -46,11 +46,11 @@ def _known_type(value: str) -> str:
 
 
 class Source(BaseModel, frozen=True, extra="forbid"):
-    """Where some keys of a class come from.
+    """The source of some keys of a class.
 
     Attributes:
-        of: The keys.
-        source: Where they come from, in words.
+        of: Names of the keys.
+        source: Origin of their values, as text.
         confidence: See ``SourcedValue``.
     """
 
@@ -60,16 +60,16 @@ class Source(BaseModel, frozen=True, extra="forbid"):
 
 
 class Link(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """A link of a mission package, which turns about a joint.
+    """A link of a mission package, which rotates about a joint.
 
     Attributes:
-        name: Name under which MULTIDRIVE moves it; empty for none.
-        min_angle: Smallest angle, rad; one above ``max_angle`` means no limits.
+        name: Name of the link in MULTIDRIVE commands; empty for none.
+        min_angle: Smallest angle, rad; a value above ``max_angle`` means no limits.
         max_angle: Largest angle, rad.
-        max_speed: How fast it turns, rad/s.
+        max_speed: Angular speed of the link, rad/s.
         max_torque: Torque as reported to clients.
-        position: Place of its joint in the frame of the link before, m.
-        rotation_deg: Roll, pitch and yaw of its joint there.
+        position: Position of the joint in the frame of the previous link, m.
+        rotation_deg: Roll, pitch and yaw of the joint in that frame, degrees.
     """
 
     name: str = ""
@@ -81,19 +81,19 @@ class Link(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     rotation_deg: Vector = (0.0, 0.0, 0.0)
 
     def limit(self, angle: float) -> float:
-        """Return the angle nearest to one that is wanted, rad."""
+        """Clip an angle to the limits of the link, rad."""
         if self.min_angle > self.max_angle:
             return angle
         return max(self.min_angle, min(self.max_angle, angle))
 
     @cached_property
     def mount(self) -> Pose3:
-        """Pose of its joint in the frame of the link before."""
+        """Pose of the joint in the frame of the previous link."""
         return _pose(self.position, self.rotation_deg)
 
     def turned(self, angle: float) -> Pose3:
-        """Return its pose in the frame of the link before, turned by an angle, rad."""
-        # It turns about the z axis of its joint, which points down on the wire.
+        """Return the link's pose in the frame of the previous link at an angle, rad."""
+        # The link rotates about the z axis of the joint, which points down on the wire.
         return self.mount.compose(Pose3(0.0, 0.0, 0.0, yaw=-angle))
 
 
@@ -103,12 +103,12 @@ class Item(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     Attributes:
         type: Type of the item on the wire, in its usual spelling.
         name: Name of the item on the wire.
-        position: Position of its origin in the body frame, m.
-        rotation_deg: Roll, pitch and yaw in the body frame.
-        sensor: Name of the sensor preset; range scanners have one, no others do.
+        position: Position of the item in the body frame, m.
+        rotation_deg: Roll, pitch and yaw in the body frame, degrees.
+        sensor: Name of the sensor preset; only for range scanners.
         links: Links of a mission package, from the robot outwards.
-        parent: Name of the mission package on whose last link a camera is; its position
-            and rotation are in the frame of that link then.
+        parent: Name of the mission package that carries a camera on its last link.
+            Position and rotation of the camera are then in the frame of that link.
         settings: Settings that differ from the preset of the sensor, or from the
             defaults of the item's type.
         interval: Time between two readings, s; None for the interval of the dialect.
@@ -149,11 +149,11 @@ def _pose(position: Vector, rotation_deg: Vector) -> Pose3:
 
 
 class Steering(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """The axles of a robot that steers as a car does (Ackermann).
+    """The axles of a robot with car-like (Ackermann) steering.
 
     Attributes:
-        max_front_deg: Largest angle of the front wheels to either side.
-        max_rear_deg: Largest angle of the rear wheels; 0 if they cannot be steered.
+        max_front_deg: Largest angle of the front wheels to either side, degrees.
+        max_rear_deg: Largest angle of the rear wheels, degrees; 0 if they are fixed.
         rear_axle: x of the rear axle in the body frame, m; None for half the wheel base
             behind the origin.
     """
@@ -164,16 +164,16 @@ class Steering(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
 
 class Flight(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """How a robot flies: it hovers, and moves in all directions.
+    """Flight limits of a robot that hovers and moves in all directions.
 
     Attributes:
-        max_linear: Highest speed ahead and backwards, m/s.
-        max_lateral: Highest speed to either side, m/s.
-        max_altitude: Highest speed up and down, m/s.
-        max_turn_deg: Highest turn rate, degrees a second.
-        tilt_deg: How far it tilts while it moves ahead or aside, in the
-            dialect ``udk``; in ``compat`` it stays level.
-        tilt_rate_deg: How fast it tilts, degrees a second.
+        max_linear: Largest forward and backward speed, m/s.
+        max_lateral: Largest speed to either side, m/s.
+        max_altitude: Largest vertical speed, m/s.
+        max_turn_deg: Largest yaw rate, degrees per second.
+        tilt_deg: Tilt during horizontal motion in the dialect ``udk``, degrees; in
+            ``compat`` the robot stays level.
+        tilt_rate_deg: Speed of tilting, degrees per second.
     """
 
     max_linear: Length
@@ -194,32 +194,32 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     the floor.
 
     Attributes:
-        name: Name of the class, as clients use it.
-        about: What it is, in a few sentences.
-        sources: Where its keys come from.
-        generation: Generation of servers whose clients ask for the class: in the
-            dialect ``compat`` it reports as those servers did.
+        name: Name of the class in commands of clients.
+        about: Description in a few sentences.
+        sources: Sources of the keys.
+        generation: Generation of the USARSim servers that had the class: in the
+            dialect ``compat``, reports have the format of these servers.
         length: Length of the body with its bumpers, centred on the origin, m.
         width: Width of the body, centred on the origin, m.
-        height: Height from the floor to the top of its load, m.
+        height: Height from the floor to the top of the payload, m.
         origin_height: Height of the body frame's origin above the floor, m.
         wheel_radius: Radius of the wheels, m.
         wheel_separation: Distance between the left and the right wheels, m.
         wheel_base: Distance between the front and the rear axle, m.
-        track: Effective separation of the wheels in turns, m; more than
-            ``wheel_separation`` makes the robot turn less than its wheels suggest.
-        wheels: Side of each wheel, in wire order.
-        steering: Its axles if it steers as a car does; None for skid steering.
-        flight: How it flies; None if it drives. One that flies needs no wheels: those
-            that it has by default stand for its speed and its turn rate.
-        max_rev_per_s: Highest speed of a wheel, turns a second; None for that of the
-            dialect.
+        track: Effective track width for rotation, m; if it is larger than
+            ``wheel_separation``, the robot rotates slower than ideal wheels would.
+        wheels: Side of each wheel, in the order of wheels on the wire.
+        steering: Axles of a robot with car-like steering; None for skid steering.
+        flight: Flight limits; None for a driving robot. A flying robot needs no wheel
+            keys: the default wheels represent its speed and its yaw rate.
+        max_rev_per_s: Largest speed of a wheel, revolutions per second; None for the
+            limit of the dialect.
         mass: Mass, kg.
-        max_torque: Torque as reported to clients, in the units of the original.
+        max_torque: Torque as reported to clients, in the units of the original server.
         cog: Centre of gravity in the body frame, m.
-        compat_interval: Time between two readings of its items in the dialect
+        compat_interval: Time between two readings of the items in the dialect
             ``compat``, s; None for the intervals of the dialect.
-        items: The items that it carries, in mounting order.
+        items: The mounted items, in mounting order.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -290,12 +290,12 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         return (self.length, self.width, self.height)
 
     def items_of(self, item_type: str) -> tuple[Item, ...]:
-        """Return the items of one type, in mounting order; case does not matter."""
+        """Return the items of a type, ignoring case, in mounting order."""
         wanted = item_type.casefold()
         return tuple(item for item in self.items if item.type.casefold() == wanted)
 
     def in_dialect(self, dialect: str) -> Self:
-        """Return the class with the items that it carries in a dialect."""
+        """Return a copy of the class with the items and flight limits of a dialect."""
         carried = [item for item in self.items if item.dialect in (None, dialect)]
         if dialect == "compat" and self.compat_interval is not None:
             default = {"interval": self.compat_interval}
@@ -305,12 +305,12 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             ]
         flight = self.flight
         if flight is not None and dialect == "compat":
-            # Clients of servers for UT2004 map what drones scan, which is level then.
+            # Clients of UT2004 servers build maps from drones' scans, which are level.
             flight = flight.model_copy(update={"tilt_deg": 0.0})
         return self.model_copy(update={"items": tuple(carried), "flight": flight})
 
     def scanner_pose(self, start: Pose3) -> Pose3:
-        """Return the pose of its first range scanner if it stands at a start pose.
+        """Return the pose of the first range scanner for a robot at a start pose.
 
         Args:
             start: Pose on the floor, map frame.
@@ -326,7 +326,7 @@ def robot_names() -> tuple[str, ...]:
 
 @cache
 def load_robot(class_name: str) -> RobotModel:
-    """Load a shipped robot class by its name; case does not matter.
+    """Load a shipped robot class by its name, ignoring case.
 
     Raises:
         PresetError: If there is no such class.
@@ -340,15 +340,16 @@ def load_robot(class_name: str) -> RobotModel:
 def read_robot(path: Path, seen: tuple[Path, ...] = ()) -> RobotModel:
     """Read the file of a robot class.
 
-    A class that it is based on is a file in the same folder, or a shipped one.
+    The class named by ``based_on`` is a file in the same folder, or a shipped class.
 
     Args:
         path: The file.
-        seen: The files of classes that are based on it.
+        seen: The files of the classes that are based on this file.
 
     Raises:
         OSError: If one of the files cannot be read.
-        PresetError: If the file is invalid; one line for each problem, with its place.
+        PresetError: If the file is invalid; one line for each problem, with its
+            position in the file.
     """
     file = read_yaml(path)
     if file.problems:
@@ -367,7 +368,7 @@ def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
     changed = {key: value for key, value in data.items() if key != "based_on"}
     name = str(data["based_on"])
     neighbour = path.parent / f"{name}.yaml"
-    # A file with the name of a shipped class may be based on that, not on itself.
+    # A file with the name of a shipped class may be based on the shipped class.
     if name.isidentifier() and neighbour.is_file() and neighbour not in (path, *seen):
         model = read_robot(neighbour, (path, *seen))
     else:

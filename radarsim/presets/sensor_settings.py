@@ -1,17 +1,17 @@
-"""The settings of scanners and cameras: values, limits, combinations.
+"""The settings of scanners and cameras, with limits and allowed combinations.
 
 Theory of operation
 ===================
-The setting ``side_offset_uu``, N, is an offset in Unreal units, 250 to the metre, not
-an angle: the angle depends on the distance at which the offset holds. At D metres, rays
-N units to either side are ``atan(N / (250 D))`` off the beam. So 50 units are 0.573
-degrees at 20 m and 0.115 degrees at 100 m. Divergent rays keep that angle, and are N
-units off at D only; perpendicular and lateral rays keep the offset N, and the angle at
-which it appears shrinks with distance.
+The setting ``side_offset_uu``, N, is an offset in Unreal units, 250 per metre, not an
+angle: the angle depends on the distance at which the offset holds. At D metres, rays N
+units to either side are ``atan(N / (250 D))`` off the beam. So 50 units are 0.573
+degrees at 20 m and 0.115 degrees at 100 m. Divergent rays keep this angle and have the
+offset N only at D. Perpendicular and lateral rays keep the offset N, so their angle
+decreases with distance.
 
 An antenna is specified by its beamwidth: the angle between the two directions in which
 it radiates half of its peak power. Side rays in these directions are half a beamwidth
-off. An antenna that sends and receives weighs each direction twice, so the effective
+from the centre. The pattern applies on transmission and on reception, so the effective
 beam is narrower: a Gaussian with the standard deviation ``two_way_deviation``.
 
 Sources: the noise model of a thesis on a radar for USARSim, section 4.3; USARSim's
@@ -23,9 +23,9 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
-BANDS_GHZ: Final = (24, 77, 94)  # the radar bands for which materials have numbers
+BANDS_GHZ: Final = (24, 77, 94)  # radar bands for which materials have values
 
-# The largest scene is 1 km wide; numbers far beyond that overflow in the ray casting.
+# The largest scene is 1 km wide; much larger ranges overflow in the ray casting.
 Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
@@ -33,13 +33,13 @@ Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
 FieldOfView = Annotated[float, Field(ge=1, le=170, allow_inf_nan=False)]
 RightAngle = Annotated[float, Field(ge=1, le=90, allow_inf_nan=False)]
 METRES_PER_UNIT: Final = 1 / 250  # USARSim's scale of Unreal units
-MAX_RAYS = 1_000_000  # in one scan; ``simulation.config`` allows clients fewer
+MAX_RAYS = 1_000_000  # per scan; ``simulation.config`` has lower limits for clients
 MAX_FINITE_POWER = 1e12
-MAX_NODES = 100  # of a quadrature in a row; beyond it the outer weights underflow
+MAX_NODES = 100  # of a quadrature in a row; with more, the outer weights underflow
 
 
 def _check_quantum(value: float) -> float:
-    """Require zero, or a step large enough to divide ranges by."""
+    """Require 0, or a step that is large enough for a division of ranges."""
     if 0 < value < 1e-6:
         raise ValueError("expected 0 or at least 1e-06")
     return value
@@ -49,8 +49,8 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a scanner.
 
     Attributes:
-        medium: What the beams are: ``radar`` waves or ``laser`` light; it selects
-            which properties of the materials apply.
+        medium: Sensor type, ``radar`` or ``laser``; it selects which properties of the
+            materials apply.
         fov_deg: Angle between the first and the last beam, degrees.
         resolution_deg: Angle between neighbouring beams, degrees.
         max_range: Maximum range, inclusive, m.
@@ -62,42 +62,42 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
             materials apply.
         margin_db: Largest two-way loss at which an echo is still detected, dB; it
             converts the dB of materials to penetration power.
-        max_bounces: Maximum number of mirror reflections of a ray; a mirror met after
-            that is an ordinary surface.
-        glint_deg: Angle to the normal of a mirror, degrees, up to which a ray comes
-            straight back, so that the mirror answers; None for half the width of a
-            cone, and for 0, none at all, of other beams.
-        least_rcs_dbsm: Smallest radar cross section that is detected 10 m away, dBsm;
-            rain shows where it exceeds this.
+        max_bounces: Maximum number of mirror reflections of a ray; the next mirror is
+            treated like any other surface.
+        glint_deg: Angle of incidence on a mirror, degrees, up to which the mirror
+            returns an echo; 0 for no echoes. None means half the beamwidth for a cone,
+            and 0 for other beams.
+        least_rcs_dbsm: Smallest radar cross section that is detected at 10 m, dBsm;
+            rain with a larger cross section is detected.
         echo_threshold: Strength above which an echo counts as the first or the
             strongest of its beam, 0 to 1; 1e-5 is -50 dB, the default margin.
         penetration_power: Power that a beam can lose to densities; infinite for a beam
-            that only an opaque surface stops.
-        detector: How ranges are found: by the ``penetration`` law of rays, or, of a
-            sensor with an FMCW radar, by a detector of targets in its spectrum: ``ca``,
-            ``os`` or ``k``. Noise, resolution, beamwidths and the number of rays are
-            then those of its spectrum.
-        detector_pfa: Probability of a false alarm in a bin of noise, of ``ca`` and
-            ``os``.
-        detector_count: How many bins ``k`` takes in each direction, at most.
-        spent_reads: Reading of a beam whose power runs out: the ``range`` of that
-            point, ``zero``, as of USARSim's Hokuyo in smoke, or ``nothing``.
+            that ends only at opaque surfaces.
+        detector: Method that finds ranges: the ``penetration`` model of rays, or for a
+            sensor with an FMCW radar, a target detector for its spectrum: ``ca``,
+            ``os`` or ``k``. With a target detector, noise, resolution, beamwidths and
+            the number of rays are settings of the FMCW radar.
+        detector_pfa: Probability of a false alarm per noise bin, for ``ca`` and ``os``.
+        detector_count: Maximum number of bins that ``k`` selects at each azimuth.
+        spent_reads: Reading of a beam whose power is depleted: the ``range`` of that
+            point, ``zero``, as for USARSim's Hokuyo in smoke, or ``nothing``.
         return_mode: Which echoes of a beam are kept: the ``last``, at which its ray
             ended, the ``first``, read at its leading edge, the ``strongest``, read
-            where half of its power has come back, or ``all``; with ``all``, the range
-            is that of the last echo.
+            where half of its power has returned, or ``all``; with ``all``, the range is
+            that of the last echo.
         side_mode: Arrangement of the rays of a beam: three rays, whose outer two are
             ``perpendicular`` to each beam, ``lateral`` on the sensor's left-right
             axis, or ``divergent`` from one point; or a ``cone`` of many rays.
         side_offset_uu: Offset N of the side rays from their beam, Unreal units of
             4 mm; 0 for none.
-        divergence_distance: Distance at which divergent rays are N units off, m.
-        ray_weights: Weights of the right, centre and left ray, in any unit: their
-            chances to be drawn, or their shares of the beam's power.
+        divergence_distance: Distance at which divergent rays have the offset N, m.
+        ray_weights: Relative weights of the right, centre and left ray: probabilities
+            of being drawn, or shares of the beam's power.
         ray_choice: Whether one ray is ``drawn`` for each beam or all are evaluated
-            ``together``; None for ``drawn`` where the last echo is kept, and
+            ``together``; None means ``drawn`` if the last echo is kept, and
             ``together`` otherwise.
-        incidence_weights: Whether surfaces met head-on weigh more than grazed ones.
+        incidence_weights: Whether surfaces hit at normal incidence have larger weights
+            than surfaces hit at grazing angles.
         beamwidth_az_deg: Horizontal width of a cone between its one-way half-power
             points, degrees.
         beamwidth_el_deg: Vertical width of a cone between its one-way half-power
@@ -107,9 +107,9 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
             ``even`` steps from edge to edge, or ``random``, drawn for each scan.
         range_noise: Standard deviation of ranges, m; 0 for none.
         range_noise_share: Standard deviation of ranges as a share of the range; the
-            larger of both applies.
-        range_resolution: Distance below which echoes of a beam merge, m; 0 to merge
-            none.
+            larger of the two standard deviations applies.
+        range_resolution: Distance below which echoes of a beam are merged, m; 0 for no
+            merging.
         range_quantum: Step to which ranges are rounded, m; 0 for no rounding.
     """
 
@@ -155,19 +155,19 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def has_detector(self) -> bool:
-        """Whether ranges are those of targets in a spectrum."""
+        """Whether a target detector finds the ranges in a spectrum."""
         return self.detector != "penetration"
 
     @property
     def power_per_db(self) -> float:
-        """Penetration power that a one-way loss of 1 dB costs; 1 if it is unlimited."""
+        """Penetration power per dB of one-way loss; 1 if the power is unlimited."""
         if math.isinf(self.penetration_power):
             return 1.0
         return self.penetration_power / (self.margin_db / 2)
 
     @property
     def reads_first_returns(self) -> bool:
-        """Whether beams answer from inside a cloud by the law of first returns."""
+        """Whether beams have first returns from inside clouds, at random depths."""
         return (
             self.medium == "laser"
             and 0 < self.penetration_power < math.inf
@@ -177,7 +177,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def glint(self) -> float:
-        """The angle up to which a mirror answers, rad."""
+        """The angle of incidence up to which a mirror returns an echo, rad."""
         if self.glint_deg is not None:
             return math.radians(self.glint_deg)
         is_cone = self.has_side_rays and self.side_mode == "cone"
@@ -186,7 +186,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def has_side_rays(self) -> bool:
-        """Whether beams can have several rays; those of lasers are ideally thin."""
+        """Whether beams can have several rays; laser beams have one ray."""
         return self.medium == "radar"
 
     @property
@@ -198,7 +198,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def rays_per_beam(self) -> int:
-        """The number of rays of a beam; one of them may be drawn."""
+        """The number of rays of a beam, from which one may be drawn."""
         if not self.has_side_rays:
             return 1
         if self.side_mode == "cone":
@@ -208,7 +208,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def cone_grid(self) -> tuple[int, int]:
-        """The number of nodes across, and that up and down."""
+        """The number of nodes of a cone in azimuth, and in elevation."""
         if not self.beamwidth_el_deg:
             return self.cone_rays, 1
         if not self.beamwidth_az_deg:
@@ -272,9 +272,9 @@ class CameraSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a camera.
 
     Attributes:
-        fov_deg: Field of view from left to right, degrees.
-        min_fov_deg: Smallest one to which clients can zoom, degrees.
-        max_fov_deg: Largest one, degrees.
+        fov_deg: Horizontal field of view, degrees.
+        min_fov_deg: Smallest field of view to which clients can zoom, degrees.
+        max_fov_deg: Largest field of view to which clients can zoom, degrees.
     """
 
     fov_deg: FieldOfView
@@ -282,16 +282,16 @@ class CameraSettings(BaseModel, extra="forbid", frozen=True):
     max_fov_deg: FieldOfView
 
     def limit(self, fov_deg: float) -> float:
-        """Return the field of view nearest to one that is wanted, degrees."""
+        """Clip a field of view to the limits, degrees."""
         return max(self.min_fov_deg, min(self.max_fov_deg, fov_deg))
 
 
 def offset_angle(side_offset_uu: float, distance: float) -> float:
-    """Return the angle at which an offset appears, rad.
+    """Return the angle between a beam and a side ray with an offset, rad.
 
     Args:
-        side_offset_uu: N, Unreal units.
-        distance: D, m, above 0.
+        side_offset_uu: Offset N, Unreal units.
+        distance: Distance D, m, above 0.
 
     >>> round(math.degrees(offset_angle(50, 20)), 3)
     0.573
@@ -300,11 +300,11 @@ def offset_angle(side_offset_uu: float, distance: float) -> float:
 
 
 def offset_units(angle: float, distance: float) -> float:
-    """Return the offset that appears at an angle: N, Unreal units.
+    """Return the offset N of a side ray at an angle, Unreal units.
 
     Args:
         angle: Angle between the beam and a side ray, rad.
-        distance: D, m.
+        distance: Distance D, m.
 
     >>> round(offset_units(math.radians(1.8) / 2, 100))
     393
@@ -313,11 +313,11 @@ def offset_units(angle: float, distance: float) -> float:
 
 
 def two_way_deviation(beamwidth: float) -> float:
-    """Return the standard deviation of a Gaussian beam, transmit and receive combined.
+    """Return the standard deviation of the two-way pattern of a Gaussian beam.
 
     Args:
-        beamwidth: Between the one-way half-power points, in any unit, which is the
-            unit of the result.
+        beamwidth: Angle between the one-way half-power points; the result has the same
+            unit.
 
     >>> round(two_way_deviation(1.0), 4)
     0.3003

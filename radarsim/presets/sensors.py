@@ -1,4 +1,4 @@
-"""Presets of sensors: named settings of scanners, and those of other items."""
+"""Presets of sensors: named settings of scanners, and settings of other items."""
 
 import re
 from functools import cache
@@ -14,7 +14,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.validation import describe_settings
 from radarsim.yaml_reader import parse_plain
 
-MOST_SETTINGS: Final = len(SensorSettings.model_fields) + 1  # that are parsed at once
+MOST_SETTINGS: Final = len(SensorSettings.model_fields) + 1  # settings in one text
 
 _NEXT_SETTING: Final = re.compile(r"[\s,]+(?=[A-Za-z_]\w*\s*=)")
 _Settings = TypeVar("_Settings", bound=BaseModel)
@@ -25,9 +25,9 @@ class SensorPreset(BaseModel, extra="forbid", frozen=True):
 
     Attributes:
         about: Description; the first sentence names the sensor.
-        title: What pictures call it; empty if the name says as much.
-        settings: Settings by name; the others have their default.
-        fmcw: Settings of its FMCW radar likewise; empty if it measures ranges only.
+        title: Name of the sensor in pictures; empty for the name of the preset.
+        settings: Settings by name; missing settings have their defaults.
+        fmcw: Settings of the FMCW radar by name; empty for a sensor without one.
     """
 
     about: str
@@ -38,11 +38,11 @@ class SensorPreset(BaseModel, extra="forbid", frozen=True):
 
 @cache
 def sensor_presets(folder: Folder = "sensors") -> dict[str, SensorPreset]:
-    """Read presets by name, in alphabetical order.
+    """Return all presets of a folder by name, in alphabetical order.
 
     Args:
-        folder: ``sensors`` for those of scanners, or ``items`` for those of others,
-            which are named after the types of the items.
+        folder: ``sensors`` for presets of scanners, or ``items`` for presets of other
+            items, which have the names of item types.
     """
     return {
         name: SensorPreset.model_validate(read_preset(folder, name))
@@ -65,7 +65,7 @@ def load_settings(name: str, /, **settings: object) -> SensorSettings:
             f"{label}: detector {loaded.detector!r}, expected 'penetration', as it has"
             " no spectrum"
         )
-    # An error here, not at the first scan: a robot would have been spawned by then.
+    # Without this check, the error would only occur at the first scan of a robot.
     if loaded.has_detector and not plugins.has("radarsim.sensors", "fmcw"):
         raise PresetError(
             f"sensor {name}: detector {loaded.detector!r} needs radarsim.addons.fmcw,"
@@ -78,8 +78,8 @@ def load_fmcw_settings(name: str, /, **settings: object) -> FmcwSettings:
     """Return the settings of a preset's FMCW radar, with some of them changed.
 
     Raises:
-        PresetError: If there is no such preset or setting, or it has no such radar, or
-            a value is invalid; one line for each problem.
+        PresetError: If there is no such preset or setting, or the preset has no FMCW
+            radar, or a value is invalid; one line for each problem.
     """
     preset = _scanner_preset(name)
     if not preset.fmcw:
@@ -91,15 +91,15 @@ def load_fmcw_settings(name: str, /, **settings: object) -> FmcwSettings:
 def item_settings(
     item_type: str, model: type[_Settings], /, **settings: object
 ) -> _Settings:
-    """Return the settings of an item besides scanners, with some of them changed.
+    """Return the settings of an item that is not a scanner, with some of them changed.
 
     Args:
         item_type: Type of the item, such as ``GPS``; a preset may have this name.
-        model: All its settings.
-        **settings: Settings by name.
+        model: Model of the settings of this type.
+        **settings: Changed settings by name.
 
     Raises:
-        PresetError: As ``load_settings``.
+        PresetError: As in ``load_settings``.
     """
     name = item_type.lower()
     preset = sensor_presets("items").get(name)
@@ -132,16 +132,16 @@ def _validate(
 
 
 def parse_settings(text: str) -> dict[str, object]:
-    """Parse several ``KEY=VALUE`` with commas or blanks between them.
+    """Parse several ``KEY=VALUE`` settings, separated by commas or blanks.
 
     Raises:
-        PresetError: If there is none, or more than ``MOST_SETTINGS``, or one is wrong.
+        PresetError: If there is no setting, or more than ``MOST_SETTINGS``, or one of
+            them is invalid.
 
     >>> parse_settings("max_range=20, ray_weights=1,2,1 return_mode=first")
     {'max_range': 20, 'ray_weights': [1, 2, 1], 'return_mode': 'first'}
     """
-    # A blank separates settings only before the next key, so that lists may have
-    # blanks.
+    # Blanks separate settings only before the next key, so lists may contain blanks.
     texts = _NEXT_SETTING.split(text.strip(" ,"), MOST_SETTINGS)
     if len(texts) > MOST_SETTINGS:
         raise PresetError(f"settings {text[:80]!r}, expected at most {MOST_SETTINGS}")
@@ -162,7 +162,7 @@ def parse_setting(text: str) -> tuple[str, object]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"setting {text[:80]!r}, expected KEY=VALUE")
-    # A list needs no brackets: in a shell they would have to be quoted.
+    # Lists need no brackets, which would have to be quoted in a shell.
     if "," in value and not value.lstrip().startswith("["):
         value = f"[{value}]"
     try:

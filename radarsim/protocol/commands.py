@@ -1,13 +1,13 @@
-"""The commands of a client: one table of fields each, from lines and to lines.
+"""The commands of a client: classes that parse lines and encode lines.
 
-An attribute of a command is annotated with its key, how its text is read, and how its
-value is written; an attribute without a default is required. Fields come in any order,
-and an empty field is a missing one, which leaves the attribute its default.
+An attribute of a command is annotated with its key, a parser and a formatter; an
+attribute without a default is required. Fields come in any order. An empty field counts
+as missing, and the attribute of a missing field keeps its default.
 
-Positions and angles are in REP-103 frames; the axes of the wire are converted here. A
-command is parsed completely or refused, so that a bad number in one field never leaves
-half of the command. Written numbers have all their digits and no exponent, vectors have
-commas, and truth values are lower case: servers of all generations read that.
+Positions and angles are in REP-103 frames; this module converts them from and to the
+axes of the wire. A command with a malformed field is refused as a whole. Numbers are
+written with all digits and without exponent, vectors with commas, and Booleans in lower
+case, because servers of all generations read these forms.
 """
 
 import math
@@ -47,16 +47,16 @@ from radarsim.protocol.message import (
 from radarsim.protocol.packages import ABSOLUTE, LinkOrder
 from radarsim.protocol.watch import ECHO_WORDS, NO_ROBOTS, RobotChoice
 
-Values: TypeAlias = Sequence[str | None]  # one for each key; None leaves it out
-Read: TypeAlias = Callable[[str], Any]  # of a text that is not empty
-Write: TypeAlias = Callable[[Any], str | None]  # of a value that is not None
+Values: TypeAlias = Sequence[str | None]  # a text per key; None omits the key
+Read: TypeAlias = Callable[[str], Any]  # parses a text that is not empty
+Write: TypeAlias = Callable[[Any], str | None]  # formats a value that is not None
 Form: TypeAlias = tuple[Read, Write]
 
-PACKAGE: Final = "USARBot."  # of robot classes
+PACKAGE: Final = "USARBot."  # package prefix of robot classes
 FOV: Final = "FOV"
 VIEWPORTS: Final = tuple(f"Viewport{number}" for number in range(1, 5))
 _CONFIGS: Final = ("singleview", "quadview", "0", "1")
-# As a client lists them: red, green and blue of each.
+# Colours of trails with red, green and blue; the names are from a client's source.
 TRACE_COLOURS: Final = {
     "Red": (1.0, 0.0, 0.0),
     "Yellow": (1.0, 1.0, 0.0),
@@ -67,26 +67,26 @@ TRACE_COLOURS: Final = {
     "Purple": (0.5, 0.0, 0.5),
 }
 
-# World controllers: clients that move things instead of driving a robot. Source of the
-# lines: USARSim for UDK (repository hrnr/robocup-usarsim),
+# World controllers are clients that move objects instead of driving a robot. Source of
+# the lines: USARSim for UDK (repository hrnr/robocup-usarsim),
 # ``USARBotAPI/classes/WorldController.uc`` and ``BotConnection.uc``.
-CONTROLLER: Final = "WorldController"  # class of robots; it has no body
-NOWHERE: Final = (0.0, 0.0, 0.0)  # as the original, which reads missing numbers as 0
+CONTROLLER: Final = "WorldController"  # robot class of a controller, without a body
+NOWHERE: Final = (0.0, 0.0, 0.0)  # default vector, as in the original server
 CUBE: Final = (1.0, 1.0, 1.0)
-LARGEST_PLACE: Final = 1e4  # m; rad
+LARGEST_PLACE: Final = 1e4  # limit of coordinates and angles of crates, m or rad
 _FALLING: Final = ("rigidbody", "falling", "ground")
 
 
 def format_number(value: float) -> str:
-    """Write a number.
+    """Format a number with all digits and without exponent.
 
     Raises:
-        ValueError: If it is not finite, or too large to be read.
+        ValueError: If the number is not finite, or larger than ``LARGEST_COMMANDED``.
     """
     if not math.isfinite(value) or abs(value) > LARGEST_COMMANDED:
         limit = f"at most {LARGEST_COMMANDED:g} in size"
         raise ValueError(f"number {value!r}, expected {limit}")
-    # The sum makes 0.0 of -0.0, whose sign no server needs.
+    # Adding 0.0 turns -0.0 into 0.0.
     return np.format_float_positional(value + 0.0, trim="0")
 
 
@@ -117,7 +117,7 @@ def _parse_attitude(text: str) -> Triple:
 
 
 def _one_of(words: Sequence[str]) -> Read:
-    """Return what reads one of some words in any case."""
+    """Return a parser that accepts one of the words in any case."""
 
     def read(text: str) -> str:
         for word in words:
@@ -129,7 +129,7 @@ def _one_of(words: Sequence[str]) -> Read:
 
 
 def _parse_echoes(text: str) -> RobotChoice:
-    """Parse a choice of robots, or whether all of them are meant."""
+    """Parse a choice of robots; ``true`` means all robots and ``false`` none."""
     return RobotChoice.parse(ECHO_WORDS.get(text.strip().casefold(), text))
 
 
@@ -137,13 +137,13 @@ parse_commanded: Final = partial(parse_number, largest=LARGEST_COMMANDED)
 _parse_place: Final = partial(parse_flipped, largest=LARGEST_COMMANDED)
 _parse_crate_place: Final = partial(parse_flipped, largest=LARGEST_PLACE)
 
-# How attributes are read and written.
+# Pairs of parser and formatter for the annotations of attributes.
 TEXT: Final[Form] = str, lambda text: text or None
 NUMBER: Final[Form] = parse_commanded, format_number
-# On the wire the right is positive.
+# Angles to the right are positive on the wire and negative here.
 ANGLE: Final[Form] = _parse_angle, lambda angle: format_number(-angle)
 FLAG: Final[Form] = parse_flag, lambda flag: str(flag).lower()
-# A truth value that is false where it is missing.
+# A Boolean whose field is only written if it is true.
 SWITCH: Final[Form] = parse_flag, lambda flag: "true" if flag else None
 PLACE: Final[Form] = _parse_place, _write_flipped
 ATTITUDE: Final[Form] = _parse_attitude, _write_flipped
@@ -154,7 +154,7 @@ _FIELDS: Final[dict[type, Sequence[tuple[str, str, Read, Write, bool]]]] = {}
 
 
 def _fields_of(command: type) -> Sequence[tuple[str, str, Read, Write, bool]]:
-    """Return name, key, reader and writer of each attribute, and if it is required."""
+    """Return name, key, parser, formatter of each attribute, and if it is required."""
     if command not in _FIELDS:
         hints = get_type_hints(command, include_extras=True)
         _FIELDS[command] = [
@@ -166,7 +166,7 @@ def _fields_of(command: type) -> Sequence[tuple[str, str, Read, Write, bool]]:
 
 @dataclass_transform(frozen_default=True)
 class KeyedCommand:
-    """A command whose line follows from the annotations of its attributes.
+    """Base class of commands whose attributes are annotated with their fields.
 
     Every subclass is a frozen dataclass.
 
@@ -197,11 +197,11 @@ class KeyedCommand:
 
     @property
     def keys(self) -> Sequence[str]:
-        """The keys of its fields."""
+        """The keys of the command's fields."""
         return [key for _, key, *_others in _fields_of(type(self))]
 
     def values(self) -> Values:
-        """Return the text for each of ``keys``."""
+        """Return the text of each field in the order of ``keys``; None omits one."""
         attributes = [
             (getattr(self, name), write)
             for name, _, _read, write, _required in _fields_of(type(self))
@@ -218,8 +218,8 @@ class Init(KeyedCommand):
         start: Name of a start pose; if it is given, position and rotation are None.
         position: x, y, z, m.
         rotation: Roll, pitch, yaw, rad.
-        takes_free: Whether the robot takes the first start of the map at which it has
-            room, whatever its own is; only radarsim knows this.
+        takes_free: Whether the robot takes the first start of the map with room for it,
+            even if another pose is requested; an extension of radarsim.
     """
 
     verb: ClassVar[str] = "INIT"
@@ -233,7 +233,7 @@ class Init(KeyedCommand):
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command; the original ignores a pose with a Start, too."""
+        """Read the command; ``Start`` overrides a pose, as in the original server."""
         if message.get("Start"):
             pose = ("location", "rotation")
             kept = [each for each in message.segments if each[0].lower() not in pose]
@@ -241,14 +241,14 @@ class Init(KeyedCommand):
         return super().decode(message, dialect)
 
 
-MOST_LINKS: Final = 32  # in a command, so that none takes long
+MOST_LINKS: Final = 32  # per command, to limit the time to execute one
 
 
 def _few(orders: Sequence[LinkOrder]) -> tuple[LinkOrder, ...]:
-    """Return orders that are not too many.
+    """Return the orders as a tuple.
 
     Raises:
-        MalformedMessage: If they are.
+        MalformedMessage: If there are more than ``MOST_LINKS`` orders.
     """
     if len(orders) > MOST_LINKS:
         raise MalformedMessage(f"{len(orders)} links, expected at most {MOST_LINKS}")
@@ -261,7 +261,7 @@ class MovePackage:
 
     Attributes:
         name: Name of the package.
-        orders: Orders for its links, in sequence.
+        orders: Orders for its links, in the order of the fields.
     """
 
     verb: ClassVar[str] = "MISPKG"
@@ -271,19 +271,19 @@ class MovePackage:
 
     @classmethod
     def decode(cls, message: Message, _dialect: Dialect) -> Self:
-        """Read the command from its message, whose fields are in order.
+        """Read the command from its message; each ``Link`` precedes its other fields.
 
-        A ``Rotation`` stands for the orders of a pan-tilt: roll, pan and tilt.
+        ``Rotation`` contains roll, pan and tilt for the two links of a pan-tilt unit.
 
         Raises:
-            MalformedMessage: If a number is not readable, or stands before its link.
+            MalformedMessage: If a number is not readable, or precedes its ``Link``.
         """
         name = message.require("Name")
         orders: list[LinkOrder] = []
         for key, text in message.segments:
             if key.lower() == "rotation":
                 _, pan, tilt = parse_numbers(text, 3, largest=LARGEST_COMMANDED)
-                # On the wire the right is positive; the first link turns to the left.
+                # Pan is positive to the right, the angle of the first link to the left.
                 orders = [LinkOrder(name, 1, 0.0 - pan), LinkOrder(name, 2, tilt)]
             elif key.lower() == "order" and message.get("Rotation"):
                 kind = int(parse_commanded(text))
@@ -302,11 +302,11 @@ class MovePackage:
 
     @property
     def keys(self) -> Sequence[str]:
-        """The keys of its fields."""
+        """The keys of the command's fields."""
         return ["Name", *("Link", "Value", "Order") * len(self.orders)]
 
     def values(self) -> Values:
-        """Return the text for each of ``keys``."""
+        """Return the text of each field in the order of ``keys``."""
         texts = [self.name]
         for order in self.orders:
             texts += [str(order.link), format_number(order.value), str(order.order)]
@@ -314,17 +314,17 @@ class MovePackage:
 
 
 class Act(MovePackage):
-    """The same on servers for UDK."""
+    """Move links of a mission package: the form of ``MovePackage`` for UDK servers."""
 
     verb: ClassVar[str] = "ACT"
 
 
 @dataclass(frozen=True, slots=True)
 class MultiDrive:
-    """Turn several links to angles.
+    """Move several links to angles.
 
     Attributes:
-        orders: Orders for links, each by its own name.
+        orders: Orders for links, which are addressed by their own names.
     """
 
     verb: ClassVar[str] = "MULTIDRIVE"
@@ -349,30 +349,33 @@ class MultiDrive:
         return [order.name for order in self.orders]
 
     def values(self) -> Values:
-        """Return the text for each of ``keys``."""
+        """Return the text of each field in the order of ``keys``."""
         return tuple(format_number(order.value) for order in self.orders)
 
 
 class Drive(KeyedCommand):
-    """Set wheel speeds and lamps; None leaves them as they are.
+    """Set the speeds, the steering angles, the headlight or a link of a robot.
+
+    A value of None leaves the present setting unchanged.
 
     Attributes:
-        left: Wheel speed in the dialect's drive unit, or percent of the maximum.
-        right: Likewise; a command with only one of the two does not move the robot.
+        left: Speed of the left wheels in the dialect's drive unit, or in percent of the
+            maximum. Without ``right``, it does not move the robot.
+        right: Speed of the right wheels, as ``left``; it needs ``left``.
         normalized: Whether speeds are percentages from this command on.
         light: Whether the headlight is on.
         flip: Whether to turn over a robot that lies on its back.
-        speed: Wheel speed of a robot that steers as a car does, as ``left``.
-        front_steer: Angle of its front wheels, rad, left positive.
-        rear_steer: Angle of its rear wheels, likewise.
-        joint: Name of a link to move; clients also send the robot's name there.
-        value: Value of its order, as of ``LinkOrder``; None if no link is meant.
-        order: How the value is meant.
-        altitude: Speed upwards of a robot that flies, m/s, or percent of the maximum if
+        speed: Wheel speed of a robot with car-like steering, in the unit of ``left``.
+        front_steer: Angle of the front wheels, rad, left positive.
+        rear_steer: Angle of the rear wheels, rad, left positive.
+        joint: Name of a link to move; some clients send the robot's name here.
+        value: Angle or speed of the link, see ``LinkOrder``; None to move no link.
+        order: Meaning of ``value``, such as ``ABSOLUTE``.
+        altitude: Upward speed of a flying robot, m/s, or percent of the maximum if
             this command is normalized.
-        linear: Its speed ahead, likewise.
-        lateral: Its speed to the left, likewise.
-        rotational: Its turn rate, counter-clockwise, rad/s, likewise.
+        linear: Forward speed of a flying robot, in the same unit.
+        lateral: Speed of a flying robot to the left, in the same unit.
+        rotational: Yaw rate of a flying robot, counter-clockwise, rad/s or percent.
     """
 
     verb: ClassVar[str] = "DRIVE"
@@ -400,7 +403,7 @@ class Drive(KeyedCommand):
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command, with the units and truth values of a dialect."""
+        """Read the command, with the units and Booleans of a dialect."""
         command = super().decode(message, dialect)
         if not dialect.accepts_any_case_true:
             flags: Any = {
@@ -422,13 +425,13 @@ class GetStartPoses(KeyedCommand):
 
 
 class _ItemQuery(KeyedCommand):
-    """A question about the robot or its items.
+    """A query about the robot or its items.
 
     Attributes:
         type: Type of the items in the client's spelling, which the answer repeats;
             ``Robot`` for the robot itself.
         name: Name of one item; None for all items of the type.
-        robot: Name of the robot, in any case; None for the client's own.
+        robot: Name of the robot, case-insensitive; None for the client's own robot.
     """
 
     type: Annotated[str, "Type", *TEXT]
@@ -437,7 +440,7 @@ class _ItemQuery(KeyedCommand):
 
 
 class GetGeo(_ItemQuery):
-    """Ask where items are mounted, or for the dimensions of the robot."""
+    """Ask for the mounting poses of items, or for the dimensions of the robot."""
 
     verb: ClassVar[str] = "GETGEO"
 
@@ -457,7 +460,7 @@ class SetItem(KeyedCommand):
         opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES``, ``TARGETS``, ``SETTING``,
             ``ZOOM`` or ``FOV`` in the client's spelling.
         params: Parameters of the opcode; empty if there are none.
-        fov: Always None: a field of view is read as an opcode.
+        fov: Always None, because ``decode`` reads a field ``FOV`` as an opcode.
     """
 
     verb: ClassVar[str] = "SET"
@@ -470,7 +473,7 @@ class SetItem(KeyedCommand):
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command; students' clients write a field of view as a field."""
+        """Read the command; a field ``FOV``, which some clients send, is an opcode."""
         angle = message.get(FOV)
         if angle and message.get("Opcode") is None:
             opcode = ("Opcode", FOV), ("Params", angle)
@@ -481,13 +484,13 @@ class SetItem(KeyedCommand):
 
 
 class ShowCamera(KeyedCommand):
-    """Choose whose camera the viewers of pictures on a machine see.
+    """Choose the robot and camera that the image viewers on a machine show.
 
     Attributes:
-        client: Address of the machine.
-        robot: Name of the robot, in any case; None to choose none.
-        name: Name of its camera; None for what its viewports show.
-        type: Type of the items.
+        client: IP address of the machine.
+        robot: Name of the robot, case-insensitive; None to cancel the choice.
+        name: Name of the robot's camera; None for the picture of its viewports.
+        type: Type of the item, always ``Camera``.
     """
 
     verb: ClassVar[str] = "SET"
@@ -500,12 +503,13 @@ class ShowCamera(KeyedCommand):
 
 @dataclass(frozen=True, slots=True)
 class SetViewports:
-    """Choose which cameras of a robot a picture shows.
+    """Choose the cameras of a robot that its pictures show.
 
     Attributes:
-        is_quad: Whether a picture shows four cameras, not one; None leaves it.
-        cameras: Names of the cameras in the four viewports; ``Disable`` for none. None
-            leaves a viewport as it is.
+        is_quad: Whether a picture shows four cameras instead of one; None keeps the
+            present setting.
+        cameras: Names of the cameras in the four viewports; ``Disable`` shows none, and
+            None keeps the present camera.
     """
 
     verb: ClassVar[str] = "SET"
@@ -519,7 +523,7 @@ class SetViewports:
         """Read the command from its message.
 
         Raises:
-            MalformedMessage: If there is no such configuration.
+            MalformedMessage: If the value of ``Config`` is unknown.
         """
         config, is_quad = message.get("Config"), None
         if config:
@@ -529,7 +533,7 @@ class SetViewports:
         return cls(is_quad, tuple(message.get(key) or None for key in VIEWPORTS))
 
     def values(self) -> Values:
-        """Return the text for each of ``keys``."""
+        """Return the text of each field in the order of ``keys``; None omits one."""
         config = None
         if self.is_quad is not None:
             config = "QuadView" if self.is_quad else "SingleView"
@@ -537,10 +541,10 @@ class SetViewports:
 
 
 class Trace(KeyedCommand):
-    """Leave a trail that cameras see, as servers for UT2004 draw one.
+    """Draw a trail of marks behind the robot, visible to cameras, as UT2004 servers do.
 
     Attributes:
-        is_on: Whether to leave one; if not, what there is vanishes.
+        is_on: Whether to draw a trail; False removes the present trail.
         interval: Time between two marks, s.
         colour: One of ``TRACE_COLOURS``.
     """
@@ -553,7 +557,7 @@ class Trace(KeyedCommand):
 
 
 class Action(StrEnum):
-    """What a world controller does."""
+    """An action of a world controller."""
 
     CREATE = "Create"
     KILL = "Kill"
@@ -565,24 +569,24 @@ class Action(StrEnum):
 
 def _parse_scale(text: str) -> Triple:
     scale = parse_triple(text)
-    return scale if any(scale) else CUBE  # as the original
+    return scale if any(scale) else CUBE  # as in the original server
 
 
 class Control(KeyedCommand):
     """Create, move, remove or list crates.
 
     Attributes:
-        action: What to do.
-        name: Name of the crate, in any case; None for all of them.
-        class_name: Class of the objects that are created or listed.
-        position: Where it is put, or by what it is moved: x, y, z, m.
-        rotation: Roll, pitch, yaw, rad.
-        scale: Length, width and height of the created object, in those of its class.
-        start: Start of the map at which it is created instead.
-        falls: Whether the created object falls to the floor.
-        stays: Whether it is still there when its client has left.
-        low: A corner of the space in which all are removed; None for everywhere.
-        high: The opposite corner, likewise.
+        action: The action.
+        name: Name of the crate, case-insensitive; None for all crates.
+        class_name: Class of the crates to create or list.
+        position: Position of the crate, or displacement for ``RelMove``: x, y, z, m.
+        rotation: Roll, pitch, yaw of the crate, or a rotation by these angles, rad.
+        scale: Factors of length, width and height to the size of the class.
+        start: Name of a start of the map, which replaces ``position`` of a new crate.
+        falls: Whether the new crate falls to the floor.
+        stays: Whether the crate remains after its client has disconnected.
+        low: Corner of the box in which all crates are removed; None for everywhere.
+        high: Opposite corner of the box; None for everywhere.
     """
 
     verb: ClassVar[str] = "CONTROL"
@@ -606,9 +610,9 @@ class Control(KeyedCommand):
 
     @property
     def corners(self) -> tuple[Triple, Triple] | None:
-        """Lowest and highest x, y, z of the space in which all are removed.
+        """Lowest and highest x, y, z of the box in which all crates are removed.
 
-        None for everywhere.
+        None if crates are removed everywhere.
         """
         if self.low is None or self.high is None or self.low == self.high:
             return None
@@ -617,12 +621,13 @@ class Control(KeyedCommand):
 
 
 class Watch(KeyedCommand):
-    """Watch robots from now on, instead of those watched before.
+    """Watch robots from now on; replaces the client's earlier choice of robots.
 
     Attributes:
-        robots: The robots; only with all of them the watcher gets which there are.
-        echoes: Those of them whose scanners list their echoes.
-        clock: Whether the watcher gets the time in every tick.
+        robots: The watched robots. Only a watcher of all robots receives lines about
+            robots that join or leave.
+        echoes: The watched robots whose scanners also send echo lines.
+        clock: Whether the watcher receives the simulated time in every tick.
     """
 
     verb: ClassVar[str] = "WATCH"
@@ -637,7 +642,7 @@ class Watch(KeyedCommand):
     clock: Annotated[bool, "Clock", *SWITCH] = False
 
 
-# Those that need a robot.
+# Commands that need a robot.
 RobotCommand: TypeAlias = (
     Drive | MovePackage | MultiDrive | Trace | SetViewports | SetItem
 )
@@ -654,8 +659,8 @@ COMMANDS: Final = {
     )
 }
 
-# Angles of a pan-tilt, as a driver of Player and older servers have them; of crates
-# their looks and a text that only logs tell.
+# Keys that are not reported as unknown although no attribute has them: the rotation of
+# a pan-tilt unit from a Player driver, and the appearance and the log text of crates.
 _NEEDLESS_KEYS: Final = {
     MovePackage.verb: ["Type", "Rotation"],
     Control.verb: ["Material", "Memory"],
@@ -666,9 +671,8 @@ def parse_command(line: str, dialect: Dialect) -> tuple[Command, Sequence[str]]:
     """Parse one line of a client.
 
     Returns:
-        The command, and the keys of fields that it does not have, since clients of
-        other servers send some. Fields that drive commands of common clients have
-        without need are not among them.
+        The command, and the keys of unknown fields. Clients of other servers send such
+        fields; keys in ``_NEEDLESS_KEYS`` are not returned.
 
     Raises:
         MalformedMessage: If the line is not a command, lacks a required field, or has
@@ -693,11 +697,11 @@ def parse_command(line: str, dialect: Dialect) -> tuple[Command, Sequence[str]]:
 
 
 def encode_command(command: Command) -> str:
-    """Write a command as one line without its end.
+    """Return the line of a command without its line end.
 
     Raises:
-        ValueError: If a number in it is not finite or too large to be read, or a text
-            contains line ends, braces or non-ASCII characters.
+        ValueError: If a number is not finite or larger than ``LARGEST_COMMANDED``, or a
+            text contains line ends, braces or non-ASCII characters.
     """
     fields = zip(command.keys, command.values(), strict=True)
     given = tuple((key, _checked(text)) for key, text in fields if text is not None)
@@ -705,7 +709,7 @@ def encode_command(command: Command) -> str:
 
 
 def parse_pose(params: str) -> Pose3:
-    """Parse ``x,y,z,roll,pitch,yaw`` in the wire's frame, the parameters of INS POSE.
+    """Parse ``x,y,z,roll,pitch,yaw`` in the wire frame, the parameters of INS POSE.
 
     Raises:
         MalformedMessage: If the text is not six numbers.
@@ -718,7 +722,7 @@ def parse_switch(params: str) -> bool:
     """Parse ``true`` or ``false`` in any case, the parameters of ECHOES.
 
     Raises:
-        MalformedMessage: If the text is neither.
+        MalformedMessage: If the text is another word.
     """
     word = params.strip().lower()
     if word not in ("true", "false"):
@@ -727,10 +731,10 @@ def parse_switch(params: str) -> bool:
 
 
 def _checked(text: object) -> str:
-    """Return a text that cannot end its field or its line.
+    """Return a text after a check that it cannot end its field or its line.
 
     Raises:
-        ValueError: If it could, or it is no text.
+        ValueError: If the text is not printable ASCII without braces, or no ``str``.
     """
     if isinstance(text, str):
         if text.isascii() and text.isprintable() and not {*text} & {"{", "}"}:

@@ -1,9 +1,9 @@
 """The two dialects of the server: number formats, rates and limits in one table.
 
-The keys of lines and their order are with the reports.
+The report classes define the keys of lines and their order.
 
-``COMPAT`` is the union of what clients in the field need; ``UDK`` is the original
-server of the Unreal Development Kit, byte for byte. They agree in everything else.
+``COMPAT`` meets the needs of all known clients; ``UDK`` matches the original server of
+the Unreal Development Kit byte for byte. Anything not listed here is the same in both.
 """
 
 import math
@@ -22,11 +22,11 @@ RAD_PER_S: Final[dict[DriveUnit, float]] = {
 }
 MAX_WHEEL_SPEEDS: Final[dict[DriveUnit, float]] = {"rad_per_s": 8.17, "rev_per_s": 1.3}
 
-# The original stores the angles of scanners as whole 1/65536 turns and truncates its
-# conversion factor: a field of view of 180 degrees is 32767 of them.
+# The original server stores the angles of scanners as integer multiples of 1/65536
+# revolution and truncates its conversion factor: 180 degrees are stored as 32767.
 ROTATION_UNIT = 1 / 10430.378  # rad
 
-# Decimals, rounded to the nearest.
+# Formats with 2, 4 and 6 decimals, rounded to the nearest.
 _TWO, _FOUR, _SIX = NumberFormat(2), NumberFormat(4), NumberFormat(6)
 
 
@@ -34,13 +34,14 @@ _TWO, _FOUR, _SIX = NumberFormat(2), NumberFormat(4), NumberFormat(6)
 class Dialect:
     """Texts, number formats, rates and limits of one dialect; by default ``COMPAT``.
 
-    A dialect equals only itself, so that it is found quickly as a key.
+    Dialects compare by identity, which makes them fast dictionary keys.
 
     Attributes:
         name: Name on the command line.
         time: Format of time stamps.
         ranges: Format of the ranges in a scan.
-        angle: Format of a scanner's resolution and field of view and an encoder's tick.
+        angle: Format of a scanner's resolution and field of view, and of the angle of
+            an encoder tick.
         truth: Format of ground truth.
         ins: Format of the INS pose.
         plain: Format of odometry, tachometer, intervals and echoes.
@@ -49,30 +50,31 @@ class Dialect:
         robot: Format of the robot's dimensions, of range limits, and of the ranges of
             sonars.
         mass: Format of the robot's mass.
-        no_steering: The angle of a steering axle that a robot does not have.
-        dimensions_are_wheels: Whether the robot's dimensions are wheel base and
-            separation instead of those of the body.
+        no_steering: Text written for the steering angles of a robot without steering.
+        dimensions_are_wheels: Whether the robot's reported dimensions are its wheel
+            base and wheel separation instead of the size of its body.
         joins_mounts: Whether the mount of an item is in the segment of its name.
         joined: Types of sensors whose readings are in the segments of their names; all
-            of such sonars or encoders are in one line.
+            sonars, or all encoders, then share one line.
         timeless: Types of sensors whose lines have no time stamp.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         has_actuators: Whether mission packages are reported as actuators.
         cameras_in_degrees: Whether fields of view of cameras are in degrees.
-        turns_in_degrees: Whether turn rates of robots that fly are in degrees a second.
+        turns_in_degrees: Whether the commanded yaw rates of flying robots are in
+            degrees per second, not rad/s.
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
         image_type: Type of the image server's pictures.
         drive_unit: Unit of Left and Right in DRIVE and of MaxSpeed in CONF.
-        battery_start: Time that a full battery lasts, s.
-        battery_runs_out: Whether the battery gets empty; otherwise it stops at 1 s.
-        scan_interval: Interval of a scanner, s.
-        hokuyo_scan_interval: Interval of a Hokuyo, s.
-        ins_interval: Interval of the INS, s.
-        tachometer_interval: Interval of the tachometer, s.
-        sonar_interval: Interval of the sonars, s.
-        gps_interval: Interval of the GPS, s.
-        laser_max_range: Range limit of a robot's radar and SICK, m; None for the
-            preset's own.
+        battery_start: Run time of a full battery, s.
+        battery_runs_out: Whether the battery runs empty; otherwise it stops at 1 s.
+        scan_interval: Time between two scans of a scanner, s.
+        hokuyo_scan_interval: Time between two scans of a Hokuyo, s.
+        ins_interval: Time between two readings of the INS, s.
+        tachometer_interval: Time between two readings of the tachometer, s.
+        sonar_interval: Time between two readings of the sonars, s.
+        gps_interval: Time between two readings of the GPS, s.
+        laser_max_range: Range limit of radars and SICK laser scanners, m; None for the
+            limit of the sensor preset.
     """
 
     name: str
@@ -89,7 +91,8 @@ class Dialect:
     no_steering: str = "0.0000"
     dimensions_are_wheels: bool = False
     joins_mounts: bool = True
-    # One client stops reading at a segment of its own for a touch sensor.
+    # The client "maldo" stops reading if name and reading of a touch sensor are in
+    # separate segments.
     joined: frozenset[str] = frozenset(("Touch", "Sonar"))
     timeless: frozenset[str] = frozenset()
     ins_angles_positive: bool = False
@@ -100,8 +103,8 @@ class Dialect:
     image_type: ImageType = ImageType.JPEG_GOOD
     drive_unit: DriveUnit = "rad_per_s"
     battery_start: float = 3600.0
-    battery_runs_out: bool = False  # a client that reads 0 pauses its robot permanently
-    scan_interval: float = 0.1  # one client drops every second 100 ms, by its own clock
+    battery_runs_out: bool = False  # UsarCommander never resumes a robot that reports 0
+    scan_interval: float = 0.1  # UsarCommander skips scans in alternate 100 ms periods
     hokuyo_scan_interval: float = 0.1
     ins_interval: float = 0.1
     tachometer_interval: float = 0.1
@@ -110,32 +113,32 @@ class Dialect:
     laser_max_range: float | None = None
 
     def of_generation(self, generation: Generation) -> "Dialect":
-        """Return the dialect in which robots of a generation of servers report."""
+        """Return the dialect for reports of robots from one generation of servers."""
         return COMPAT_UT2004 if self is COMPAT and generation == "ut2004" else self
 
     def steering_limits(self, front: float, rear: float) -> tuple[float, float]:
-        """Return how far wheels turn as a dialect reports it, rad.
+        """Return the steering limits of front and rear wheels to report, rad.
 
         Args:
-            front: Largest angle of the front wheels to either side.
-            rear: Largest angle of the rear wheels.
+            front: Largest angle of the front wheels to either side, rad.
+            rear: Largest angle of the rear wheels to either side, rad.
         """
         if self is not UDK:
             return front, rear
-        # The original subtracts the lower limit of a joint from the upper one, and has
-        # a turn of 6.28 where there is no joint.
+        # The original server reports the upper minus the lower limit of a joint, and
+        # 6.28 if there is no joint.
         ranges = [2 * limit or 6.28 for limit in (front, rear)]
         return ranges[0], ranges[1]
 
     def scan_interval_of(self, sensor: str) -> float:
-        """Return the interval of a scanner preset, s."""
+        """Return the time between two scans of a scanner preset, s."""
         return self.hokuyo_scan_interval if sensor == "hokuyo" else self.scan_interval
 
 
 COMPAT = Dialect(name="compat")
 
-# What clients that were written for the servers of UT2004 expect of their robots: they
-# read the fields of these lines by position.
+# Dialect of robots that UT2004 servers introduced: clients for UT2004 read the fields
+# of these lines by position.
 COMPAT_UT2004 = replace(
     COMPAT,
     joined=COMPAT.joined | {"Encoder"},
@@ -153,7 +156,8 @@ UDK = Dialect(
     start_pose=NumberFormat(4, Rounding.FLOAT32),
     mount=NumberFormat(2, Rounding.FLOAT32),
     robot=NumberFormat(4, Rounding.TRUNCATED),
-    mass=NumberFormat(4, Rounding.FLOAT32),  # a sum of parts, just above these decimals
+    # The sum of the parts' masses is slightly above the number with four decimals.
+    mass=NumberFormat(4, Rounding.FLOAT32),
     no_steering="0",
     dimensions_are_wheels=True,
     joins_mounts=False,
@@ -178,7 +182,7 @@ UDK = Dialect(
 
 
 def get_dialect(name: str) -> Dialect:
-    """Return the dialect of a name, which is case-sensitive.
+    """Return the dialect with a name, which is case-sensitive.
 
     Raises:
         ValueError: If there is no such dialect.
@@ -191,7 +195,7 @@ def get_dialect(name: str) -> Dialect:
 
 @dataclass(frozen=True, slots=True)
 class WheelDrive:
-    """Conversion of drive commands to wheel speeds.
+    """Converts drive commands to wheel speeds.
 
     Attributes:
         max_spin: Highest speed of a wheel in either direction, in ``unit``.

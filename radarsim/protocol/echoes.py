@@ -1,12 +1,12 @@
-"""Echo lines and target lines: all that one scan of a radar, or one turn, met.
+"""Echo lines with the echoes of one scan, and target lines with radar detections.
 
 Each echo line reports the echoes of one scan on one object. It names all properties of
 the object, so that a client can use it by itself. Names come from maps and from other
 clients; they are reduced to characters that a line can contain.
 
-Target lines report what the detector of a radar found in one turn. They are the targets
-of a spectrum: a beam can have many, and each has a power. The objects behind them are
-unknown, to a real radar as well.
+Target lines report the detections of a radar in one revolution, as peaks of its range
+spectra: a beam can have many targets, each with a power. As with a real radar, targets
+do not identify the objects that caused them.
 """
 
 import math
@@ -40,19 +40,20 @@ from radarsim.protocol.line_template import (
 )
 from radarsim.protocol.message import Message, parse_list, parse_number
 
-# A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
-# nine of the range), two names twice the longest, and everything else less than 300.
+# A line has at most 4095 bytes. An echo takes up to 37 bytes (six digits of the beam,
+# nine of the range), two names up to 210 each, and everything else less than 300.
 ECHOES_A_LINE: Final = 90
-# A target takes up to 29 (six digits of the beam, ten of the range and of the power).
+# A target takes up to 29 bytes (six digits of the beam, ten of the range, ten of the
+# power).
 TARGETS_A_LINE: Final = 130
-LARGEST_DENSITY: Final = 1e9  # no beam enters denser materials
+LARGEST_DENSITY: Final = 1e9  # no beam enters a denser material
 OPAQUE: Final = "Opaque"
 
 _END: Final = f"}}{LINE_END}".encode("latin-1")
 
 
 class Density(Field[float]):
-    """Power that a beam loses per metre; a word where no beam enters."""
+    """Power loss of a beam per metre; infinity is written as ``Opaque``."""
 
     def read(self, message: Message) -> float:
         return message.parse(self.key, _parse_density)
@@ -65,7 +66,7 @@ class Density(Field[float]):
 
 
 class FixedFlag(Flag):
-    """A truth value that stays the same for all echoes of an object."""
+    """A Boolean that is part of the line's template; it is constant for an object."""
 
     def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
         return (Segment(self.key, str(value)),)
@@ -78,15 +79,16 @@ class TargetEchoes:
     Attributes:
         object: Name of the object in the map, or of a robot; any text.
         material: Name of the material; any text.
-        density: Power that a beam loses per metre inside; ``math.inf`` is opaque.
-        transparency: Share of a beam that a metre of it, or a sheet, transmits.
-        laser_passes: Whether light enters it.
-        robot_passes: Whether robots can drive through it.
-        beams: (E,) beam of each echo, counted from 0 at the right.
-        ranges: (E,) m.
+        density: Power loss of a beam per metre of the material; ``math.inf`` is opaque.
+        transparency: Fraction of a beam's power that one metre of the material, or a
+            sheet, transmits, 0 to 1.
+        laser_passes: Whether a laser beam passes through the object.
+        robot_passes: Whether robots can drive through the object.
+        beams: (E,) beam index of each echo, counted from 0 at the right.
+        ranges: (E,) range of each echo, m.
         kinds: Kind of each echo: enter, leave, sheet, hit or spent.
-        power: (E,) share of the beam's power that is left on arrival, 0 to 1.
-        strength: (E,) share of the beam that is reflected back, 0 to 1.
+        power: (E,) fraction of the beam's power on arrival, 0 to 1.
+        strength: (E,) fraction of the beam's power that is reflected back, 0 to 1.
     """
 
     object: Annotated[str, PrintableText("Object")]
@@ -102,7 +104,7 @@ class TargetEchoes:
     strength: Floats
 
     def properties(self, dialect: Dialect) -> Sequence[Segment]:
-        """Return the segments about the object."""
+        """Return the segments with the properties of the object and the material."""
         return [
             segment
             for name, field in fields_of(TargetEchoes)
@@ -111,7 +113,7 @@ class TargetEchoes:
 
 
 class SeenEchoes(Field[TargetEchoes | None]):
-    """Echoes, after the properties of their object."""
+    """The properties of an object, followed by its echoes."""
 
     def read(self, message: Message) -> TargetEchoes | None:
         if message.get(self.key) is None:
@@ -126,7 +128,7 @@ class SeenEchoes(Field[TargetEchoes | None]):
     def write(self, value: TargetEchoes | None, dialect: Dialect) -> Sequence[Segment]:
         if value is None:
             return ()
-        # The sign of a zero is taken off, except for that of a range.
+        # Adding 0.0 turns -0.0 into 0.0; only ranges keep a negative zero.
         columns = (value.beams, value.ranges, value.power + 0.0, value.strength + 0.0)
         series: Floats = np.column_stack(columns).astype(np.float64).ravel()
         echoes = b" ".join([find_mark(dialect, kind) for kind in value.kinds])
@@ -135,12 +137,12 @@ class SeenEchoes(Field[TargetEchoes | None]):
 
 
 class EchoLine(ItemReport):
-    """Echoes of one scan, as many as fit into a line.
+    """Echoes of one scan on one object, up to ``ECHOES_A_LINE``.
 
     Attributes:
         line: Number of the line, from 1 to ``lines``; 0 for a scan without echoes.
-        lines: Number of lines of the scan; 0 for a scan without echoes.
-        echoes: None for a scan without echoes.
+        lines: Count of lines of the scan; 0 for a scan without echoes.
+        echoes: The echoes and the object; None for a scan without echoes.
     """
 
     sensor_type: ClassVar[str] = "Echoes"
@@ -150,25 +152,25 @@ class EchoLine(ItemReport):
     echoes: Annotated[TargetEchoes | None, SeenEchoes("Echoes")]
 
 
-# The template of an echo line up to its first echo, and its numbers after three: the
-# time, the number of the line, and that of lines.
+# The template of an echo line up to its first echo, and its numbers except the first
+# three: the time, the number of the line, and the count of lines.
 LineHead: TypeAlias = tuple[bytes, Sequence[float]]
 
 
 def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead:
-    """Return what all lines of a scanner about an object share.
+    """Return the common start of all echo lines of a scanner about an object.
 
     Args:
         dialect: Dialect of the line.
         scanner: Name of the scanner.
-        target: The object; its echoes do not matter.
+        target: The object; its echoes are ignored.
     """
     line, numbers, _ = EchoLine(0.0, scanner, 0, 0, target).split(dialect)
     head, key, _ = line.rpartition(b"{Echoes")
     return head + key + b" ", numbers[3:]
 
 
-@lru_cache(100)  # kinds may be those of another server
+@lru_cache(100)  # limited, because lines from other servers may have any kinds
 def find_mark(dialect: Dialect, kind: str) -> bytes:
     """Return the template of an echo: beam, range, power and strength in the series."""
     before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
@@ -177,19 +179,19 @@ def find_mark(dialect: Dialect, kind: str) -> bytes:
 
 
 def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
-    """Return the template of a line of one or more echoes from ``find_mark``."""
+    """Return the template of a line from its head and templates of ``find_mark``."""
     return head + b" ".join(echoes) + _END
 
 
 class RadarTargets(ItemReport, eq=False):
-    """Targets of one turn of a radar, as many as fit into a line.
+    """Targets of one revolution of a radar, up to ``TARGETS_A_LINE``.
 
     Attributes:
-        line: Number of the line, from 1 to ``lines``; 0 for a turn without targets.
-        lines: Number of lines of the turn; 0 for one without targets.
-        beams: (T,) int64, beam of each target, counted from 0 at the right.
-        ranges: (T,) m.
-        dbm: (T,) received power, dBm.
+        line: Number of the line, from 1 to ``lines``; 0 if there are no targets.
+        lines: Count of lines of the revolution; 0 if there are no targets.
+        beams: (T,) int64, beam index of each target, counted from 0 at the right.
+        ranges: (T,) range of each target, m.
+        dbm: (T,) received power of each target, dBm.
     """
 
     sensor_type: ClassVar[str] = "RadarTargets"
@@ -221,14 +223,14 @@ class RadarTargets(ItemReport, eq=False):
 def target_lines(
     time: float, scanner: str, beams: NDArray[np.int64], ranges: Floats, dbm: Floats
 ) -> Sequence[RadarTargets]:
-    """Return the target lines of a turn, at least one.
+    """Return the target lines of a revolution, at least one.
 
     Args:
-        time: s.
+        time: Simulated time, s.
         scanner: Name of the scanner item.
-        beams: (T,) beam of each target.
-        ranges: (T,) m.
-        dbm: (T,) dBm.
+        beams: (T,) beam index of each target.
+        ranges: (T,) range of each target, m.
+        dbm: (T,) received power of each target, dBm.
     """
     count = -(-len(beams) // TARGETS_A_LINE)
     if not count:
@@ -242,7 +244,7 @@ def target_lines(
 
 
 def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
-    """Parse the echoes of a line, all at once: there are hundreds in each scan.
+    """Parse the echoes of a line in one pass, since a scan has hundreds of echoes.
 
     Returns:
         Kinds, and (E, 4) beams, ranges, powers and strengths.
@@ -254,10 +256,10 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
 
 
 def _split_parts(what: str, text: str, count: int, expected: str) -> list[str]:
-    """Return the parts of all words of a text; each word has so many."""
+    """Return the comma-separated parts of all words; each word has ``count`` parts."""
     words = text.split()
-    # All words are checked before they are joined: a part too few in one and too many
-    # in the next would shift everything between them unnoticed.
+    # All words are checked before they are joined. Otherwise a missing part in one word
+    # and an extra part in a later one would shift all parts between them unnoticed.
     for word in words:
         if word.count(",") != count - 1:
             raise MalformedMessage(f"{what} {word[:80]!r}, expected {expected}")
@@ -266,7 +268,7 @@ def _split_parts(what: str, text: str, count: int, expected: str) -> list[str]:
 
 def _parse_parts(parts: Sequence[str]) -> Floats:
     text = ",".join(parts)
-    if not all(parts):  # a list would have one number less
+    if not all(parts):  # parse_list would skip an empty part
         raise MalformedMessage(f"{text[:80]!r}, expected numbers")
     return parse_list(text)
 

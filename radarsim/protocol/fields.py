@@ -1,12 +1,12 @@
-"""The fields of reports: one table for each report, which writes and reads its lines.
+"""Base classes of reports, and the fields that write and read their attributes.
 
-An attribute of a report is annotated with its field, which has key and format:
+An attribute of a report is annotated with its field, which defines key and format:
 
     velocities: Annotated[tuple[float, ...], Numbers("Vel", "plain")]
 
-Formats are those of the dialect, by name. Fields are written in the order of the
-attributes, or in that of ``layouts`` where dialects differ. They are read in any order,
-and keys in any case.
+A format is named by an attribute of the dialect. Fields are written in the order of the
+attributes, or of ``layouts`` if dialects differ. They are read in any order, with keys
+in any case.
 """
 
 from abc import ABC, abstractmethod
@@ -63,20 +63,20 @@ from radarsim.protocol.message import (
 FormatName: TypeAlias = Literal[
     "time", "ranges", "angle", "truth", "ins", "plain", "mount", "robot", "mass"
 ]
-# By the name of the dialect, as the line itself: keys, or keys with constant texts.
+# Maps the name of a dialect to its line: keys, or keys with constant values.
 Layouts: TypeAlias = Mapping[str, str]
 Split: TypeAlias = tuple[bytes, Sequence[float], Floats]
 Value = TypeVar("Value")
 
 
 class Segment(NamedTuple):
-    """One key of a line.
+    """One segment ``{Key value}`` of a line.
 
     Attributes:
         key: The key.
-        text: Its value, with marks for numbers.
-        numbers: Numbers of these marks.
-        series: Numbers of the marks in a series.
+        text: The value, with a mark for each number.
+        numbers: The numbers of the marks outside the series.
+        series: The numbers of the marks in the series.
     """
 
     key: str
@@ -86,7 +86,7 @@ class Segment(NamedTuple):
 
 
 class Field(ABC, Generic[Value]):
-    """How one attribute of a report is written and read."""
+    """Writes one attribute of a report to a line and reads it from a line."""
 
     def __init__(self, key: str) -> None:
         self.key = key
@@ -96,16 +96,16 @@ class Field(ABC, Generic[Value]):
         """Read the attribute.
 
         Raises:
-            MalformedMessage: If it is missing or not readable.
+            MalformedMessage: If the attribute is missing or not readable.
         """
 
     @abstractmethod
     def write(self, value: Value, dialect: Dialect) -> Sequence[Segment]:
-        """Return the keys in which the attribute is written, mostly one."""
+        """Return the segments of the attribute, usually one."""
 
 
 class Text(Field[str]):
-    """A text that servers choose; empty if it is missing."""
+    """A text that the server defines; empty if it is missing."""
 
     def read(self, message: Message) -> str:
         return message.get(self.key) or ""
@@ -115,14 +115,14 @@ class Text(Field[str]):
 
 
 class RequiredText(Text):
-    """A text without which a line means nothing."""
+    """A text that must not be missing from the line."""
 
     def read(self, message: Message) -> str:
         return message.require(self.key)
 
 
 class PrintableText(RequiredText):
-    """A text of users' choice; lines have only its printable characters."""
+    """A text from a user, which is reduced to printable characters."""
 
     def __init__(self, key: str, longest: int = LONGEST_NAME) -> None:
         super().__init__(key)
@@ -133,7 +133,7 @@ class PrintableText(RequiredText):
 
 
 class FormattedField(Field[Value]):
-    """A field of numbers; its format has a name in the dialect."""
+    """A field of numbers, whose format is an attribute of the dialect."""
 
     def __init__(self, key: str, format_name: FormatName) -> None:
         super().__init__(key)
@@ -146,7 +146,7 @@ class FormattedField(Field[Value]):
 
 
 class Number(FormattedField[float]):
-    """One number, which can have a default for lines without it."""
+    """One number, with an optional default for lines without it."""
 
     def __init__(
         self, key: str, format_name: FormatName, default: float | None = None
@@ -167,7 +167,7 @@ class Number(FormattedField[float]):
 
 
 class Numbers(FormattedField[tuple[float, ...]]):
-    """Numbers of any count."""
+    """A tuple of numbers of any length."""
 
     def read(self, message: Message) -> tuple[float, ...]:
         return tuple(message.parse(self.key, parse_list).tolist())
@@ -177,7 +177,7 @@ class Numbers(FormattedField[tuple[float, ...]]):
 
 
 class Series(FormattedField[Floats]):
-    """Numbers of any count as an array; a line has only one."""
+    """An array of numbers of any length; a line has at most one."""
 
     def read(self, message: Message) -> Floats:
         return message.parse(self.key, parse_list)
@@ -188,7 +188,7 @@ class Series(FormattedField[Floats]):
 
 
 class Whole(Field[int]):
-    """A whole number."""
+    """An integer."""
 
     def read(self, message: Message) -> int:
         return int(message.parse(self.key, parse_number))
@@ -208,7 +208,7 @@ class Flag(Field[bool]):
 
 
 class Extent(Numbers):
-    """Three lengths, the same in the axes of the wire."""
+    """Three lengths, which are the same in the axes of the wire."""
 
     def read(self, message: Message) -> Triple:
         return message.parse(self.key, parse_triple)
@@ -225,7 +225,7 @@ class Point(FormattedField[Triple]):
 
 
 class BodyAngles(Point):
-    """Roll, pitch and yaw of a body, converted as the angles of poses are."""
+    """Roll, pitch and yaw of a body, wrapped to (-pi, pi] when written."""
 
     def write(self, value: Triple, dialect: Dialect) -> Sequence[Segment]:
         text = vector_marks(self.format(dialect), WRAPPED)
@@ -233,20 +233,20 @@ class BodyAngles(Point):
 
 
 class WheelPose(FormattedField[Pose2]):
-    """x, y and a yaw that counts turns."""
+    """x, y and unwrapped yaw."""
 
     def read(self, message: Message) -> Pose2:
         x, y, yaw = message.parse(self.key, parse_triple)
         return Pose2(x, 0.0 - y, 0.0 - yaw)
 
     def write(self, value: Pose2, dialect: Dialect) -> Sequence[Segment]:
-        # The yaw is flipped as z of a vector is.
+        # The sign of the yaw changes like that of z in a vector.
         text = vector_marks(self.format(dialect))
         return (Segment(self.key, text, (value.x, value.y, value.yaw)),)
 
 
 class Pose(FormattedField[Pose3]):
-    """A place and the angles of a body, in two keys."""
+    """The position and the orientation of a body, in two segments."""
 
     def __init__(self, format_name: FormatName) -> None:
         super().__init__("Location", format_name)
@@ -267,14 +267,14 @@ class Pose(FormattedField[Pose3]):
 
 
 class Rows(Field[tuple[Any, ...]]):
-    """Items, each with the same fields; a repeated key starts the next item."""
+    """Items with the same fields each; a repeated key starts the next item."""
 
     def __init__(self, *columns: Field[Any], layouts: Layouts | None = None) -> None:
-        """Describe a row.
+        """Describe the fields of each item.
 
         Args:
-            columns: The fields of a row, the name first.
-            layouts: Of a row in each dialect; None for all of its fields.
+            columns: The fields of an item, the name first.
+            layouts: Layout of an item in each dialect; None to write all fields.
         """
         super().__init__(columns[0].key)
         self._columns, self._layouts = columns, layouts or {}
@@ -298,15 +298,15 @@ class Rows(Field[tuple[Any, ...]]):
 
 
 def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment]:
-    """Return the segments that a layout has, in its order; all without a layout.
+    """Return the segments of a layout, in its order; all segments without a layout.
 
     Args:
         segments: Segments in the order of their fields.
-        layout: See ``Layouts``.
+        layout: See ``Layouts``; None for no layout.
     """
     if layout is None:
         return segments
-    # One layout of the original spells a key in lower case; clients match any case.
+    # Keys are matched in any case: the sonar layout of UDK has a key in lower case.
     found = {segment.key.lower(): segment for segment in segments}
     return [
         Segment(key, text) if text else found[key.lower()]._replace(key=key)
@@ -315,7 +315,7 @@ def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment
 
 
 def join_items(segments: Iterable[Segment]) -> list[Segment]:
-    """Return the fields of each item in the segment of its name."""
+    """Move the fields of each item into the segment of its name."""
     joined: list[Segment] = []
     for key, text, numbers, _ in segments:
         if key == "Name":
@@ -331,7 +331,7 @@ _FIELDS: Final[dict[type, Sequence[tuple[str, Field[Any]]]]] = {}
 
 
 def fields_of(report: type) -> Sequence[tuple[str, Field[Any]]]:
-    """Return the attributes of a report that have fields, in their order."""
+    """Return name and field of each annotated attribute of a report, in their order."""
     if report not in _FIELDS:
         hints = get_type_hints(report, include_extras=True)
         annotated = [
@@ -344,17 +344,17 @@ def fields_of(report: type) -> Sequence[tuple[str, Field[Any]]]:
 
 @dataclass_transform(frozen_default=True)
 class LineReport:
-    """A report whose line follows from the fields of its attributes.
+    """Base class of reports whose attributes are annotated with their fields.
 
-    Every subclass is a frozen dataclass. One with arrays is declared with ``eq=False``,
-    and compares by identity.
+    Every subclass is a frozen dataclass. A subclass with arrays is declared with
+    ``eq=False`` and compares by identity.
 
     Attributes:
         verb: First word of the line.
-        layouts: Of the line after its verb, in each dialect; without a layout, the
-            fields are in the order of the attributes.
+        layouts: Layout of the line after its verb, by dialect; without a layout, fields
+            are written in the order of the attributes.
         item_keys: Keys that servers of some generations write into the segment of the
-            name before them.
+            item's name.
     """
 
     verb: ClassVar[str]
@@ -410,13 +410,13 @@ class LineReport:
         return f"{line}{LINE_END}".encode("latin-1"), numbers, series
 
     def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end."""
+        """Return the line of the report without its line end."""
         template, numbers, series = self.split(dialect)
         line = fill_lines([template], numbers, series)
         return line.removesuffix(b"\r\n").decode("ascii")
 
     def sources(self, dialect: Dialect) -> list[str]:
-        """Return the attributes whose numbers are in the line, in their order there."""
+        """Return the attributes with numbers in the line, in the order of the line."""
         found = [
             (name, field)
             for name, field in fields_of(type(self))
@@ -425,14 +425,14 @@ class LineReport:
         layout = self.layouts.get(dialect.name)
         if layout is not None:
             keys = [key for key, _ in parse_segments(layout)]
-            # Jobs of readings write their numbers by position, so that the order of the
-            # line decides, not that of the attributes.
+            # The jobs that compute readings write numbers by position in the line, so
+            # attributes are sorted by the order of the layout.
             found.sort(key=lambda each: keys.index(each[1].key))
         return [name for name, _ in found]
 
 
 class SensorReport(LineReport, eq=False):
-    """One reading.
+    """One reading of a sensor, or of all sensors of one type.
 
     Attributes:
         sensor_type: Value of ``Type`` on the wire.
@@ -465,7 +465,7 @@ class SensorReport(LineReport, eq=False):
 
 
 class ItemReport(SensorReport, eq=False):
-    """One reading of one item.
+    """One reading of one sensor.
 
     Attributes:
         name: Name of the item.
@@ -475,11 +475,11 @@ class ItemReport(SensorReport, eq=False):
 
 
 class ReportGroup:
-    """Reports of one robot that are sent together, each time with other numbers.
+    """Reports of one robot that are always sent together, each time with new numbers.
 
     Attributes:
-        samples: The reports with any numbers, in the order of their lines.
-        dialect: The dialect of their lines.
+        samples: Reports with placeholder numbers, in the order of their lines.
+        dialect: Dialect of the lines.
     """
 
     def __init__(self, samples: Iterable[LineReport], dialect: Dialect) -> None:
@@ -488,5 +488,5 @@ class ReportGroup:
 
     @cached_property
     def template(self) -> bytes:
-        """The templates of the lines, after each other."""
+        """The concatenated templates of the lines."""
         return b"".join([sample.split(self.dialect)[0] for sample in self.samples])

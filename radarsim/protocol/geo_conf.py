@@ -1,8 +1,8 @@
-"""The dimensions and settings of a robot and its items: GEO and CONF lines.
+"""GEO and CONF lines: dimensions and settings of a robot and its items.
 
-Generations of servers differ in how they write mounts: one segment for each item, or
-one for each of its fields. Both are read. Fields that a client can do without may be
-missing; such a number is NaN.
+Servers of different generations write a mount as one segment for each item, or as one
+segment for each field; both forms are read. Optional fields may be missing; a missing
+number is NaN.
 """
 
 from collections.abc import Sequence
@@ -31,8 +31,8 @@ from radarsim.protocol.message import Message, Triple, parse_flipped, parse_numb
 _VEHICLES: Final = frozenset(
     ("groundvehicle", "leggedrobot", "nauticvehicle", "aerialvehicle")
 )
-_RIGID: Final = "HARD"  # a kind of mount, where other servers name the carrier
-_ACKERMANN: Final = "AckermanSteered"  # as servers and clients spell it
+_RIGID: Final = "HARD"  # value of Mount on UT2004 servers; UDK writes the robot class
+_ACKERMANN: Final = "AckermanSteered"  # the spelling of servers and clients
 _MAX_STEERING: Final = ("MaxFrontSteer", "MaxRearSteer")
 
 
@@ -41,7 +41,7 @@ class RobotGeo(LineReport):
 
     Attributes:
         name: Class of the robot, not the name that its client chose.
-        dimensions: Length, width, height of the body, m.
+        dimensions: Length, width and height of the robot, m.
         cog: Centre of gravity in the body frame, m.
         wheel_radius: Radius of the wheels, m.
         wheel_separation: Distance between left and right wheels, m.
@@ -71,9 +71,10 @@ class RobotGeo(LineReport):
 
 
 class AerialGeo(RobotGeo):
-    """The dimensions of a robot that flies.
+    """The dimensions of a flying robot.
 
-    It has no wheels: those of 1 m stand for its speed and its turn rate.
+    It has no wheels. Wheel radius, separation and base are placeholders of 1 m, which
+    let clients convert its speed and yaw rate like those of a wheeled robot.
     """
 
     layouts: ClassVar[Layouts] = dict.fromkeys(
@@ -96,7 +97,7 @@ class ItemGeo(LineReport):
     Attributes:
         type: Type of the items in the spelling of the request.
         mounts: Name and pose in the body frame of each item, in mounting order.
-        robot: Class of the robot that carries them; empty if it is not reported.
+        robot: Class of the robot that carries the items; empty if it is not reported.
     """
 
     verb: ClassVar[str] = "GEO"
@@ -120,7 +121,7 @@ class ItemGeo(LineReport):
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         place = vector_marks(dialect.mount)
-        # The original writes no blank between these two segments.
+        # The original server writes no space between these two segments.
         angles = f"{place}}}{{Mount {reduce_text(self.robot)}"
         segments: list[Segment] = []
         for name, pose in self.mounts:
@@ -129,8 +130,8 @@ class ItemGeo(LineReport):
                 Segment("Name", reduce_text(name)),
                 Segment("Location", place, numbers[:3]),
             ]
-            # In segments of their own, mounts crash the driver of Player and lose the
-            # offset in UsarCommander; ROS reads both forms.
+            # Separate segments crash Player's driver and make UsarCommander lose the
+            # sensor's offset; ROS reads both forms.
             if dialect.joins_mounts:
                 written.append(Segment("Orientation", place, numbers[3:]))
                 written.append(Segment("Mount", _RIGID))
@@ -141,7 +142,7 @@ class ItemGeo(LineReport):
 
 
 class Steering(Field[tuple[float, float] | None]):
-    """Type of the steering, and how far wheels turn; None for skid steering."""
+    """Steering type, and steering limits of the wheels; None for skid steering."""
 
     def read(self, message: Message) -> tuple[float, float] | None:
         if (message.get(self.key) or "").lower() != _ACKERMANN.lower():
@@ -169,8 +170,8 @@ class RobotConf(LineReport):
         mass: Mass, kg.
         max_speed: Maximum speed of a wheel in the dialect's drive unit.
         max_torque: Maximum torque of a wheel, N m.
-        max_steering: How far the front and the rear wheels turn, rad, in the words of
-            the dialect: to either side, or from one side to the other; None if the
+        max_steering: Steering limits of the front and the rear wheels, rad. In
+            ``COMPAT`` the angle to either side, in ``UDK`` the full range; None if the
             robot is skid-steered.
     """
 
@@ -190,7 +191,7 @@ class RobotConf(LineReport):
 
 
 class AerialConf(RobotConf):
-    """The performance of a robot that flies; its speed is that ahead, m/s."""
+    """The performance of a flying robot; its maximum speed is the forward one, m/s."""
 
     layouts: ClassVar[Layouts] = {
         "compat": "{Type AerialVehicle} {Name} {Mass} {MaxSpeed}",
@@ -205,8 +206,8 @@ class ItemConf(LineReport):
 
     Attributes:
         type: Type of the items in the spelling of the request.
-        items: Name and settings of each item, as of ``rows``.
-        rows: How they are written and read.
+        items: Name and settings of each item, in the order of the fields of ``rows``.
+        rows: Fields of an item.
     """
 
     verb: ClassVar[str] = "CONF"
@@ -227,7 +228,7 @@ class ItemConf(LineReport):
 class ScannerConf(ItemConf):
     """The settings of scanners.
 
-    Of each its name, maximum and minimum range, m, resolution and field of view, rad.
+    An item is name, maximum and minimum range, m, resolution and field of view, rad.
     """
 
     rows = Rows(
@@ -246,8 +247,8 @@ class ScannerConf(ItemConf):
 class SonarConf(ItemConf):
     """The settings of sonars.
 
-    Of each its name, maximum and minimum range, m, angle of the cone, rad, and
-    interval, s, which is NaN if it is not reported.
+    An item is name, maximum and minimum range, m, angle of the cone, rad, and interval,
+    s. The interval is NaN if it is not reported.
     """
 
     rows = Rows(
@@ -258,7 +259,7 @@ class SonarConf(ItemConf):
         Number("ScanInterval", "robot", default=nan),
         layouts={
             "compat": "{Name} {MaxRange} {MinRange} {BeamAngle}",
-            # The original's numbers, which have no effect there.
+            # The last three numbers are constants that have no effect in the original.
             "udk": "{Name} {MaxRange} {MinRange} {ScanInterval} {beamAngle}"
             " {maxAngleOfIncidence 0.1745} {tracesPerCone 16} {numberOfCones 10}",
         },
@@ -266,7 +267,7 @@ class SonarConf(ItemConf):
 
 
 class IntervalConf(ItemConf):
-    """The names of items, and their intervals, s."""
+    """The names of items, and the times between their readings, s."""
 
     rows = Rows(Text("Name"), Number("ScanInterval", "plain"))
 
@@ -278,21 +279,19 @@ class TouchConf(ItemConf):
 
 
 class EncoderConf(ItemConf):
-    """The names of encoders, and the angles of one tick, rad."""
+    """The names of encoders, and the wheel angle of one tick, rad."""
 
     rows = Rows(Text("Name"), Number("Resolution", "angle"))
 
 
 class CameraLimits(NamedTuple):
-    """How a camera can be zoomed, and where it is in pictures.
+    """The zoom limits of a camera, and the region of its image in pictures.
 
     Attributes:
         name: Name of the camera.
-        corner: x and y of its upper left corner in a picture, pixels; NaN if they are
-            not reported.
-        size: Width and height of what it fills of a picture, pixels, likewise.
-        fovs: Fields of view from left to right: the first one, the smallest, the
-            largest and the present one, rad.
+        corner: x and y of the upper left corner of the image in a picture, pixels.
+        size: Width and height of the image in a picture, pixels.
+        fovs: Horizontal fields of view: default, minimum, maximum and present, rad.
     """
 
     name: str
@@ -309,9 +308,9 @@ _FOV_KEYS: Final = ("CameraDefFov", "CameraMinFov", "CameraMaxFov", "CameraFov")
 
 
 class CameraConf(LineReport):
-    """The settings of cameras, which is only written.
+    """The settings of cameras; never decoded.
 
-    Servers for UDK write degrees, and no blanks between fields; those for UT2004 write
+    UDK servers write degrees and no spaces between fields; UT2004 servers write
     radians.
 
     Attributes:
@@ -333,7 +332,7 @@ class CameraConf(LineReport):
             fields += [(key, angle) for key in _FOV_KEYS]
             name, fovs = reduce_text(camera.name), camera.fovs
             if dialect.cameras_in_degrees:
-                # The original writes no blanks between these segments.
+                # The original server writes no spaces between these segments.
                 text = "".join([f"}}{{{key} {value}" for key, value in fields])
                 degrees_ = [degrees(each) for each in fovs]
                 segments.append(Segment("Name", name + text, degrees_))
@@ -348,7 +347,7 @@ class CameraConf(LineReport):
 
 
 class ItemNames(Field[tuple[str, ...]]):
-    """The names of items."""
+    """A field with the names of items."""
 
     def read(self, message: Message) -> tuple[str, ...]:
         return tuple(item.name for item in message.items())
@@ -367,7 +366,7 @@ class NameConf(LineReport):
 
 
 _UNREAD: Final = ("JointType", *_FOV_KEYS)
-# By a key that no report after it has.
+# Kinds of CONF lines with the key of each; the first key in the line decides.
 _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
     ("BeamAngle", SonarConf),
     ("MaxRange", ScannerConf),
@@ -392,7 +391,7 @@ def decode_conf(message: Message) -> LineReport | None:
     """Read a CONF message; its keys determine the kind of report.
 
     Returns:
-        None for one about mission packages or cameras.
+        The report; None for a message about mission packages or cameras.
 
     Raises:
         MalformedMessage: If a field is missing or not readable.
@@ -406,7 +405,7 @@ def decode_conf(message: Message) -> LineReport | None:
 
 
 def is_aerial(message: Message) -> bool:
-    """Return whether a message is about a robot that flies."""
+    """Return whether a message is about a flying robot."""
     return (message.get("Type") or "").lower() == "aerialvehicle"
 
 

@@ -1,8 +1,8 @@
-"""Requests for pictures and pictures on the wire, as USARSim's image server has them.
+"""The protocol of USARSim's image server: requests for pictures, and pictures.
 
-A viewer asks for a picture with ``OK``, or for a part of it with ``U`` and four numbers
-of 4 bytes: x and y of the part's upper left corner, its width and its height, in
-pixels. All other bytes mean nothing. A picture is a byte for its type, 4 bytes for the
+A viewer requests a picture with ``OK``, or a part of it with ``U`` and four numbers of
+4 bytes: x and y of the part's upper left corner, its width and its height, in pixels.
+All other bytes are ignored. A picture is sent as 1 byte for its type, 4 bytes for the
 length of its data, and the data. All numbers are big-endian.
 """
 
@@ -10,12 +10,12 @@ import struct
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-WIDTH, HEIGHT = 160, 120  # pixels of what one camera sees
-_PART_BYTES: Final = 17  # of a request for a part
+WIDTH, HEIGHT = 160, 120  # size of the image of one camera, pixels
+_PART_BYTES: Final = 17  # length of a request for a part
 
 
 class ImageType(IntEnum):
-    """Types of pictures on the wire, of those that the original has."""
+    """Supported types of pictures, with the numbers of the original server."""
 
     RAW = 0
     JPEG_GOOD = 2
@@ -30,7 +30,7 @@ class Region(NamedTuple):
     height: int
 
     def clip(self, width: int, height: int) -> "Region":
-        """Return what of a region is in a picture; all of it if nothing is.
+        """Return the part of the region in a picture; the whole picture if none is.
 
         Args:
             width: Width of the picture.
@@ -49,13 +49,13 @@ WHOLE: Final = Region(0, 0, 2**32 - 1, 2**32 - 1)
 
 
 class RequestBuffer:
-    """Finds requests in what a viewer sends, in pieces of any size."""
+    """Finds requests in the byte stream from a viewer."""
 
     def __init__(self) -> None:
         self._received = b""
 
     def feed(self, data: bytes) -> None:
-        """Append what was received."""
+        """Append received bytes."""
         self._received += data
 
     def take(self) -> Region | None:
@@ -66,13 +66,13 @@ class RequestBuffer:
         if whole >= 0:
             self._received = self._received[whole + 2 :]
             return WHOLE
-        # The only beginning of a request that can be left: nothing else is kept, so
-        # that garbage cannot fill the memory.
+        # Only an "O" can be the beginning of an incomplete request. All other bytes are
+        # dropped, so that invalid data cannot fill the memory.
         self._received = b"O" if self._received.endswith(b"O") else b""
         return None
 
     def _take_part(self, start: int) -> Region | None:
-        """Remove a request for a part; keep it if it is not complete yet."""
+        """Remove a request for a part and return its region; None if incomplete."""
         request = self._received[start : start + _PART_BYTES]
         if len(request) < _PART_BYTES:
             self._received = request
@@ -92,10 +92,9 @@ def encode_raw(width: int, height: int, rows: list[bytes]) -> bytes:
     Args:
         width: Width in pixels.
         height: Height in pixels.
-        rows: Pixels of each row from the top, blue, green and red; padded with zeros
-            to a multiple of 4 bytes, as the original's library does.
+        rows: Pixels of each row from the top, blue, green and red, without padding.
     """
-    # Rows of bitmaps of Windows begin at multiples of four bytes, and the original
-    # sends such a bitmap.
+    # The original server sends a Windows bitmap, in which each row is padded with zeros
+    # to a multiple of 4 bytes.
     padding = bytes(-3 * width % 4)
     return struct.pack(">2H", width, height) + b"".join(row + padding for row in rows)

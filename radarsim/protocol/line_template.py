@@ -1,15 +1,16 @@
-r"""Templates of lines: lines with a mark for each number.
+r"""Templates of lines, which have a placeholder character (mark) for each number.
 
 The engine (``lines.hpp``) writes the numbers of many lines into their templates, in one
 call.
 
-A line is ASCII; marks are characters from U+00C0. The lower six bits of a mark are
+A line is ASCII; marks are characters from U+00C0. The lower six bits of a mark are the
+sum of
 
-- 32 if the number is taken from the series of the report, an array, and
-- 8 times its rounding and its decimals; a fourth rounding is for whole numbers, and for
-  other texts.
+- 32 if the number comes from the series (the array) of the report, and
+- 8 times the rounding, plus the number of decimals; a rounding of 3 stands for integers
+  and the other special marks below.
 
-Before the mark of a number there may be others, which change the number: ``FLIPPED``,
+The mark of a number can have prefixes, which modify the number: ``FLIPPED``,
 ``WRAPPED`` and ``POSITIVE``, in this order.
 """
 
@@ -37,48 +38,48 @@ IN_SERIES: Final = 32
 WHOLE: Final = "\xd8"
 WHOLE_IN_SERIES: Final = "\xf8"
 LINE_END: Final = "\xda"
-TRUTH: Final = "\xdb"  # of a number that is 1 or 0
-FLIPPED: Final = "\xdc"  # the sign of the number that follows; zero has none
-WRAPPED: Final = "\xdd"  # the angle that follows, rad, to (-pi, pi]
-POSITIVE: Final = "\xde"  # the angle that follows, rad, to [0, 2 pi)
-LONGEST_NAME: Final = 210  # of an object, material or robot: those of maps, and copies
+TRUTH: Final = "\xdb"  # writes the number 1 or 0 as True or False
+FLIPPED: Final = "\xdc"  # negates the next number; never yields -0.0
+WRAPPED: Final = "\xdd"  # wraps the next angle, rad, to (-pi, pi]
+POSITIVE: Final = "\xde"  # wraps the next angle, rad, to [0, 2 pi)
+LONGEST_NAME: Final = 210  # characters of the name of an object, material or robot
 NO_SERIES: Final[Floats] = np.zeros(0)
-MOST_MARKS: Final = 256  # that are kept; clients can ask for scans of any length
-_BLOCK_END: Final = b"\xf9"  # after the lines of each block
-_LONGEST_NUMBER: Final = 19  # bytes
-_TOO_LARGE: Final = -1  # result of the engine instead of the number of bytes
-# Braces would end a field, and marks of templates are no ASCII.
+MOST_MARKS: Final = 256  # cache size, as clients can ask for scans of any length
+_BLOCK_END: Final = b"\xf9"  # separator after the lines of each block
+_LONGEST_NUMBER: Final = 19  # length of the longest written number, bytes
+_TOO_LARGE: Final = -1  # error code of the engine, returned in place of a byte count
+# Braces are excluded because they end a field, and non-ASCII characters are marks.
 _NOT_PRINTABLE: Final = re.compile(r"[^ -z|~]")
 
-# Reports whose lines are sent together, after those of a group, which is given by its
-# numbers only.
+# Lines that are sent together: reports, their dialect, and a group with its numbers,
+# whose lines come first; None without a group.
 Block: TypeAlias = (
     "tuple[Iterable[LineReport], Dialect, ReportGroup | None, Sequence[float]]"
 )
 
 
 class Rounding(IntEnum):
-    """How a number is rounded to its decimals; the values are those in marks."""
+    """How a number is rounded to its decimals; marks contain these values."""
 
     NEAREST = 0  # to the nearest; zero never has a minus sign
     FLOAT32 = 1  # as C's printf rounds a float32; -0.00 is possible
     TRUNCATED = 2  # cut off in float32: 1.3 is written as 1.2999
 
 
-# A whole number of steps may come out just below, since steps are rounded themselves.
+# A multiple of a step may evaluate to just below an integer, as the step is rounded.
 _STEP_TOLERANCE: Final = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NumberFormat:
-    """How one kind of number is written; never with an exponent.
+    """The format of one kind of number, always without an exponent.
 
-    A format equals only itself, so that it is found quickly as a key.
+    Formats compare by identity, which makes them fast dictionary keys.
 
     Attributes:
         decimals: Digits after the point, from 1 to 6.
         rounding: How numbers are rounded to these decimals.
-        step: If given, the number is first cut to a whole multiple of it.
+        step: If given, the number is first truncated to an integer multiple of it.
     """
 
     decimals: int
@@ -86,46 +87,46 @@ class NumberFormat:
     step: float | None = None
 
     def format(self, value: float) -> str:
-        """Write one number; one that does not fit into 32 bits is clipped."""
+        """Return the text of a number, clipped to less than 2**31 in size."""
         return self.join([value])
 
     def cut_to_step(self, value: float) -> float:
-        """Return the whole multiple of the step that is written for a number."""
+        """Return the number truncated to an integer multiple of the step, if any."""
         if self.step is None or not abs(value) < LARGEST:
             return value
-        # The original keeps angles as whole units of rotation and converts them back
-        # when it writes a line.
+        # The original server stores angles as integer rotation units and converts them
+        # back when it writes a line.
         return int(value / self.step + _STEP_TOLERANCE) * self.step
 
     def join(self, values: Sequence[float]) -> str:
-        """Write a vector with commas and without blanks."""
+        """Return the text of a vector, with commas and without spaces."""
         return _fill(marks(self, len(values)), list(map(self.cut_to_step, values)))
 
     def join_flipped(self, values: Triple, before: str = "") -> str:
-        """Write x, y, z or roll, pitch, yaw, as ``vector_marks`` does."""
+        """Return x, y, z or roll, pitch, yaw as text in the axes of the wire."""
         return _fill(vector_marks(self, before), values)
 
 
 def reduce_text(text: str) -> str:
-    """Return a text of ASCII, so that nothing in it is a mark."""
+    """Replace non-ASCII characters by ``?``, because such characters are marks."""
     return text.encode("ascii", "replace").decode("ascii")
 
 
 def printable_name(text: str, longest: int = LONGEST_NAME) -> str:
-    """Return a text of printable ASCII with single blanks; never an empty one.
+    """Reduce a text to printable ASCII with single spaces; the result is never empty.
 
-    Names come from maps and from clients. Every other character, and braces, read "?".
+    Names come from maps and from clients. Braces and all other characters become "?".
 
     Args:
         text: Any text.
-        longest: Number of characters after which it is cut.
+        longest: Maximum length of the result, characters.
     """
     return _NOT_PRINTABLE.sub("?", " ".join(text.split()))[:longest].rstrip() or "?"
 
 
 @lru_cache(MOST_MARKS)
 def marks(number_format: NumberFormat, count: int = 1) -> str:
-    """Return the marks of numbers with commas between them."""
+    """Return ``count`` marks of a number format, separated by commas."""
     mark = chr(FIRST_MARK + 8 * number_format.rounding + number_format.decimals)
     return ",".join([mark] * count)
 
@@ -135,8 +136,8 @@ def vector_marks(number_format: NumberFormat, before: str = "") -> str:
     """Return the marks of x, y, z or roll, pitch, yaw, written in the wire's axes.
 
     Args:
-        number_format: Format of each.
-        before: Marks of other changes of each number, ``WRAPPED`` and ``POSITIVE``.
+        number_format: Format of each number.
+        before: Prefixes of the mark of each number: ``WRAPPED`` and ``POSITIVE``.
     """
     mark = before + marks(number_format)
     return f"{mark},{FLIPPED}{mark},{FLIPPED}{mark}"
@@ -144,7 +145,7 @@ def vector_marks(number_format: NumberFormat, before: str = "") -> str:
 
 @lru_cache(MOST_MARKS)
 def series_marks(number_format: NumberFormat, count: int = 1) -> str:
-    """Return the marks of numbers in the series, with commas between them."""
+    """Return ``count`` marks of numbers in the series, separated by commas."""
     mark = chr(ord(marks(number_format)) + IN_SERIES)
     return ",".join([mark] * count)
 
@@ -154,7 +155,8 @@ def encode_blocks(blocks: Sequence[Block]) -> list[bytes]:
     templates: list[bytes] = []
     numbers: list[float] = []
     series = [NO_SERIES]
-    # A loop that keeps nothing else: what it kept would be looked at by the collector.
+    # The loop keeps no tuples or lists of reports, which would add work for Python's
+    # garbage collector.
     for reports, dialect, group, group_numbers in blocks:
         if group is not None:
             templates.append(group.template)
@@ -173,19 +175,20 @@ def encode_blocks(blocks: Sequence[Block]) -> list[bytes]:
 def fill_lines(
     templates: Sequence[bytes], numbers: Sequence[float], series: Floats
 ) -> bytes:
-    """Return lines with CRLF; numbers that do not fit into 32 bits are clipped.
+    """Fill templates with numbers and return the lines, each with CRLF.
 
     Args:
         templates: Templates of the lines.
-        numbers: Numbers of all lines, in the order of their marks.
-        series: Series of all lines, in the order of their marks.
+        numbers: Numbers of all lines, in the order of their marks; clipped to less than
+            2**31 in size.
+        series: Numbers of all series, in the order of their marks; clipped as well.
     """
     from radarsim.engine import engine
 
     marked = np.frombuffer(bytearray().join(templates), np.uint8)
     values = np.array(numbers, np.float64)
-    # An upper bound, as counting exactly would mean to format all numbers twice. The
-    # end of a line has two bytes for one mark.
+    # An upper bound, as an exact count would need to format all numbers twice. A line
+    # end is one mark and two bytes.
     most = 2 * len(marked) + _LONGEST_NUMBER * (len(values) + len(series))
     out = np.zeros(most, np.uint8)
     size = engine.write_lines(marked, values, series, out)

@@ -1,17 +1,17 @@
-"""Lines of the protocol, from a stream of bytes: ``VERB {Key value} {Key value}``.
+"""Parses a byte stream into lines of the form ``VERB {Key value} {Key value}``.
 
 White space around and inside braces is ignored, and so is text between two segments.
-Segments do not nest. Keys match in any case, and the first of two equal keys counts.
+Segments do not nest. Keys are case-insensitive, and the first of two equal keys counts.
 Verbs keep their case here because clients distinguish replies by it.
 
 Numbers are read as existing clients send them: with the decimal comma of their locale,
-and with blanks or commas between the numbers of a vector. ``nan``, ``1e400`` and
+and with spaces or commas between the numbers of a vector. ``nan``, ``1e400`` and
 ``abc`` are refused, so that no such number reaches the simulation.
 
-The axes of the wire point x forward, y right and z down, and yaw is clockwise from
-above. They are the axes of REP-103 after half a turn about x. That rotation is its own
+The axes on the wire are x forward, y right and z down, and yaw is clockwise from above.
+They are the axes of REP-103 rotated by 180 degrees about x. This rotation is its own
 inverse, and it acts on roll, pitch and yaw as on x, y and z: the first number keeps its
-sign, the other two change theirs.
+sign, the other two change their signs.
 """
 
 import functools
@@ -28,28 +28,28 @@ from pydantic_core import from_json
 from radarsim.errors import LineTooLong, MalformedMessage
 from radarsim.geometry import Floats, Pose3, wrap_angle
 
-# In Latin-1. Programs in C send the ends of their strings as well, which are zeros.
+# White space in Latin-1. Clients in C may also send the zeros that end their strings.
 _BLANKS = b"\0 \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"
-# With the blank lines after it; there can be thousands in one packet. CR is
-# replaced before: a search for one character is several times as fast as for two.
+# One line end and the blank lines after it; a packet can have thousands of blank lines.
+# CR is replaced by LF before, as a search for one character is several times faster.
 _LINE_END = re.compile(rb"\n[%b]*" % re.escape(_BLANKS))
 _ANY_END = re.compile(rb"\r\n|\n\r|\r|\n")
-# Before the first line: the mark of UTF-8, of editors and of programs in .NET, and the
-# options that a telnet client offers. Both in Latin-1.
+# Bytes before the first line, in Latin-1: the byte order mark of UTF-8, which editors
+# and .NET programs write, and the option negotiation of telnet clients.
 _PREAMBLE = re.compile(
     r"(?:\xef\xbb\xbf|\xff(?:[\xfb-\xfe].?|\xfa.*?\xff\xf0|[\xf1-\xf9])|\0)*",
     re.DOTALL,
 )
-# Methods are of any characters and case: pages choose them for their own site, whose
-# name they can make resolve to here. Or TLS, whose first message has bytes of theirs.
+# The HTTP method may be any word: by DNS rebinding, a web page can send requests of any
+# method to this address. The last alternative is the start of a TLS handshake.
 _HTTP_REQUEST = re.compile(r"[^\s{}]+\s+\S+\s+HTTP/\d|\x16\x03", re.IGNORECASE)
 
 
 def is_http_request(line: str) -> bool:
-    """Return whether a line begins a request of a web browser, or a TLS connection.
+    """Return whether a line is the start of an HTTP request or a TLS handshake.
 
-    Any page that a user visits can make a browser send one to any port, with lines of
-    the page's choice after it.
+    Any web page can make the browser of a user send an HTTP request to any port, with
+    arbitrary lines after the request line.
 
     >>> is_http_request("POST / HTTP/1.1")
     True
@@ -64,11 +64,11 @@ def is_http_request(line: str) -> bool:
 class LineBuffer:
     r"""Collects received bytes and returns whole lines.
 
-    A line ends at CR or at LF. Empty and blank lines are dropped, so CRLF, LF CR and
-    bare LF, which all occur in the field, are one line end each. Where blank lines are
-    kept, adjacent CR and LF are one line end. The mark of UTF-8 and the options of
-    telnet before the first line are dropped. Bytes are decoded as Latin-1, so none are
-    refused here.
+    A line ends at CR or at LF. Empty and blank lines are dropped, so that CRLF, LF CR
+    and LF, which clients use, all count as one line end. If blank lines are kept,
+    adjacent CR and LF are one line end. A byte order mark of UTF-8 and telnet options
+    before the first line are dropped. Bytes are decoded as Latin-1, which accepts all
+    bytes.
 
     >>> lines = LineBuffer()
     >>> lines.feed(b"DRIVE {Left 1}")
@@ -77,9 +77,10 @@ class LineBuffer:
     ['DRIVE {Left 1} {Right 1}', 'GETSTARTPOSES']
 
     Attributes:
-        limit: Maximum length of a line without blanks before it and its end, bytes.
-        overflow: None until a line is longer than that. Then the connection is to be
-            closed after the lines before it have been handled.
+        limit: Maximum length of a line in bytes, without leading white space and line
+            end.
+        overflow: The error of a line that exceeds ``limit``; None before. The caller
+            handles the lines before it and then closes the connection.
     """
 
     def __init__(self, limit: int = 65536, *, keeps_blank: bool = False) -> None:
@@ -88,7 +89,7 @@ class LineBuffer:
         self._pending = b""
         self._keeps_blank = keeps_blank
         self._is_first = True
-        self._half_end = b""  # CR or LF that came last, if the other one may follow
+        self._half_end = b""  # last byte if it is CR or LF and may be half a line end
 
     def feed(self, data: bytes) -> list[str]:
         """Add received bytes and return the lines that they complete.
@@ -99,8 +100,8 @@ class LineBuffer:
         if self.overflow is not None:
             raise self.overflow
         lines: list[str] = []
-        # Clients end lines with CRLF, with LF CR, or with LF alone; a line ends at the
-        # first of both, and what follows of the same line end is a blank line.
+        # Clients end lines with CRLF, LF CR, or LF. A line ends at the first of these
+        # characters; the second one only adds a blank line.
         if self._keeps_blank:
             *ended, rest = self._split_at_each_end(data)
         else:
@@ -118,7 +119,7 @@ class LineBuffer:
         return lines
 
     def _split_at_each_end(self, data: bytes) -> list[bytes]:
-        """Split bytes at CR, LF, or both, also if the two came one after the other."""
+        """Split bytes at CR, LF or a pair, even if a pair spans two calls."""
         if self._half_end and data[:1] in (b"\r", b"\n") and data[:1] != self._half_end:
             data, self._half_end = data[1:], b""
         if data:
@@ -127,12 +128,12 @@ class LineBuffer:
         return _ANY_END.split(data)
 
     def has_room_for(self, data: bytes) -> bool:
-        """Return whether bytes cannot make a line too long, wherever it ends."""
+        """Return whether the data fits within the limit even without a line end."""
         return len(self._pending) + len(data) <= self.limit
 
     def _append(self, piece: bytes) -> bool:
         """Append to the pending line; return whether it is within the limit."""
-        # Without this a flood of blanks before a line would count against its limit.
+        # Leading white space does not count against the limit of a line.
         if not self._pending:
             piece = piece.lstrip(_BLANKS)
         size = len(self._pending) + len(piece)
@@ -146,19 +147,21 @@ class LineBuffer:
         return True
 
 
-LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be written
-LARGEST = 2.0**31  # in reports, as in lines.hpp; the original casts to 32 bit integers
-_LARGEST_WRITTEN = 2.0**31 - 128.0  # the largest number of single precision below that
+# Limit of numbers in commands, m, rad or rad/s; their results still fit into reports.
+LARGEST_COMMANDED = 1e9
+# Limit of numbers in reports, as in lines.hpp; the original casts to 32-bit integers.
+LARGEST = 2.0**31
+_LARGEST_WRITTEN = 2.0**31 - 128.0  # the largest float32 below LARGEST
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
-# As nearly all servers write them: below any limit, and float() reads them as they are.
+# The usual form of numbers from servers: below any limit, and readable by float().
 _PLAIN_NUMBER = re.compile(r"-?[0-9]{1,9}(?:\.[0-9]+)?")
 _PLAIN_TRIPLE = re.compile(",".join([f"({_PLAIN_NUMBER.pattern})"] * 3))
 _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1_0
 
 
 def clip_numbers(numbers: Floats) -> Floats:
-    """Return numbers that can be written: below ``LARGEST`` in size, and 0 for NaN."""
+    """Return the numbers clipped to less than ``LARGEST`` in size, with NaN as 0."""
     text = "a number of a line is clipped, expected less than 2**31 in size"
     warnings.warn(text, RuntimeWarning, stacklevel=1)  # Python shows it once
     finite = np.nan_to_num(numbers, nan=0.0)
@@ -194,18 +197,18 @@ def parse_numbers(
 ) -> tuple[float, ...]:
     """Parse a vector of at least two numbers in any form that clients send.
 
-    If there are as many words as numbers, blanks separate them, and a comma inside a
-    word is the decimal comma of the client's locale. Otherwise commas separate them.
+    If the text has ``count`` words, each word is a number, and a comma inside a word is
+    the decimal comma of the client's locale. Otherwise commas separate the numbers.
 
     >>> parse_numbers("4.5,1.9,1.8", 3) == parse_numbers("4,5, 1,9, 1,8", 3)
     True
 
     Raises:
-        MalformedMessage: If the text is not that many numbers, or one of them is
+        MalformedMessage: If the text is not ``count`` numbers, or one of them is
             larger than ``largest``.
     """
     # UsarCommander writes "47,17 -55,70 -2,25" under a locale with decimal commas,
-    # others "1, 2, 3" or "1 2 3": the count of words distinguishes them.
+    # other clients "1, 2, 3" or "1 2 3": the number of words distinguishes these forms.
     joined = " ".join(text.split()).replace(" ,", ",")
     words = joined.split()
     if len(words) == count:
@@ -218,7 +221,7 @@ def parse_numbers(
 
 
 def parse_list(text: str) -> Floats:
-    """Parse one or more numbers separated by commas, blanks or both; return (N,).
+    """Parse one or more numbers separated by commas, spaces or both; return (N,).
 
     Only decimal points are accepted: when the count is unknown, a decimal comma cannot
     be distinguished from a separator.
@@ -242,17 +245,17 @@ def parse_list(text: str) -> Floats:
 
 
 def _parse_plain_list(text: str) -> Floats | None:
-    """Parse numbers as servers write them; return None for what JSON reads otherwise.
+    """Parse comma-separated numbers by the JSON parser; return None if it cannot.
 
-    The numbers are those of ``float``, in a fifth of its time: ranges are most of what
-    a client receives.
+    The result equals that of ``float`` in a fifth of the time. Ranges make up most of
+    the data that a client receives.
     """
     try:
         digits = text.encode()
         if not digits or digits.translate(None, b"-.,0123456789"):
             return None
         array = b"[%b]" % digits
-        # Whole numbers of JSON have no sign of zero.
+        # JSON reads the integer -0 as 0, without its sign.
         if b"-0," in array or b"-0]" in array:
             return None
         return np.fromiter(from_json(array), np.float64)
@@ -261,25 +264,25 @@ def _parse_plain_list(text: str) -> Floats | None:
 
 
 def parse_flag(text: str) -> bool:
-    """Parse a truth value: ``true`` in any case is true, everything else is false."""
+    """Parse a Boolean: ``true`` in any case is true, everything else is false."""
     return text.lower() == "true"
 
 
 Triple: TypeAlias = tuple[float, float, float]
 Value = TypeVar("Value")
 
-MAX_SEGMENTS = 1000  # of a line; a client can send some 20 000, which takes 10 ms
+MAX_SEGMENTS = 1000  # per line; without it, 20 000 would fit, and take 10 ms to parse
 
 
-@dataclass(slots=True)  # not frozen, with which it would take twice as long to create
+@dataclass(slots=True)  # not frozen, which would double the time to create one
 class Message:
-    """The verb and the segments of one line, which do not change.
+    """The verb and the segments of one line; treat both as immutable.
 
     Attributes:
         verb: First word of the line.
         segments: Key and value of each segment, in order. ``{Name }`` has an empty
             value; ``{}`` is left out. The value of a list of start poses or of an
-            item's mount contains blanks.
+            item's mount contains spaces.
     """
 
     verb: str
@@ -287,11 +290,11 @@ class Message:
     _values: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        # Reversed, so that the first of two equal keys is the one that stays.
+        # In reverse order, so that the first of two equal keys overwrites the second.
         self._values = {key.lower(): value for key, value in self.segments[::-1]}
 
     def encode(self) -> str:
-        """Write the line without a line end."""
+        """Return the line without a line end."""
         return encode_segments(self.verb, self.segments)
 
     def get(self, key: str) -> str | None:
@@ -307,7 +310,7 @@ class Message:
         """Return the value of a key.
 
         Raises:
-            MalformedMessage: If it is missing or empty.
+            MalformedMessage: If the value is missing or empty.
         """
         value = self.get(key)
         if not value:
@@ -320,7 +323,8 @@ class Message:
         """Parse the value of a key.
 
         Raises:
-            MalformedMessage: If it is missing, empty or not readable; names the key.
+            MalformedMessage: If the value is missing, empty or not readable. The error
+                names the key.
         """
         text = self._values.get(key.lower()) or self.require(key)
         try:
@@ -332,22 +336,22 @@ class Message:
         """Parse the value of a key; return None if it is missing or empty.
 
         Raises:
-            MalformedMessage: If it is not readable; names the key.
+            MalformedMessage: If the value is not readable. The error names the key.
         """
         return self.parse(key, parse) if self.get(key) else None
 
     def number_or_nan(self, key: str) -> float:
-        """Parse a number; return NaN if it is missing or empty.
+        """Parse the number of a key; return NaN if it is missing or empty.
 
         Raises:
-            MalformedMessage: If it is not readable.
+            MalformedMessage: If the number is not readable.
         """
         return self.parse(key, parse_number) if self.get(key) else math.nan
 
     def items(self) -> Iterator["Message"]:
-        """Yield the segments of each item; a repeated key starts the next item.
+        """Yield a message for each item; a repeated key starts the next item.
 
-        The only item of a line is the whole line.
+        If no key is repeated, the whole line is the only item.
         """
         values = self._values
         if len(values) == len(self.segments):
@@ -370,15 +374,15 @@ class Message:
             yield Message(self.verb, tuple(item))
 
     def split_fields(self, *keys: str) -> "Message":
-        """Return the message with a segment of its own for each field of an item.
+        """Return the message with each field of an item in a separate segment.
 
-        Servers of some generations write the fields of an item into one segment.
+        Servers of some generations write all fields of an item into one segment.
 
         >>> Message("SEN", (("Name", "Bumper Touch True"),)).split_fields("Touch")
         Message(verb='SEN', segments=(('Name', 'Bumper'), ('Touch', 'True')))
 
         Args:
-            keys: Keys of the fields besides the name, in any case.
+            keys: Keys of the fields other than the name, in any case.
         """
         inner = _inner_keys(keys)
         if not any(map(inner.search, [value for _, value in self.segments])):
@@ -394,7 +398,7 @@ class Message:
 
 
 def encode_segments(verb: str, segments: Iterable[tuple[str, str]]) -> str:
-    """Write a line of keys and values without a line end."""
+    """Return the line of a verb, keys and values without a line end."""
     groups = [f"{{{f'{key} {value}'.rstrip()}}}" for key, value in segments]
     return " ".join([verb, *groups])
 
@@ -407,12 +411,12 @@ def decode_message(line: str, *, keeps_closed: bool = False) -> Message:
 
     Args:
         line: The line.
-        keeps_closed: Whether a last segment that is not closed is left out, as the
-            original server does in commands, instead of an error.
+        keeps_closed: Whether an unclosed last segment is left out instead of raising
+            an error; the original server parses commands so.
 
     Raises:
         MalformedMessage: If the verb is missing, if other text than a segment follows
-            it, if a brace is not closed, or if there are more segments than
+            the verb, if a brace is not closed, or if there are more segments than
             ``MAX_SEGMENTS``.
     """
     head, *parts = line.split("{", MAX_SEGMENTS + 1)
@@ -441,14 +445,14 @@ def parse_segments(
 def _parse_parts(
     parts: Sequence[str], text: str, *, keeps_closed: bool
 ) -> tuple[tuple[str, str], ...]:
-    """Parse the parts of a text after each of its opening braces."""
+    """Return key and value of each segment, given the text split at opening braces."""
     segments = []
     for index, part in enumerate(parts):
         inside, brace, _ = part.partition("}")
         if not brace:
             if keeps_closed and index == len(parts) - 1:
                 break
-            # A stray brace would otherwise swallow the next field without a word.
+            # Without this error, a stray brace would silently hide the next field.
             after = sum(len(each) + 1 for each in parts[index:])
             raise _expected("'}' after the brace", len(text) - after, text)
         words = inside.split(None, 1)
@@ -471,7 +475,9 @@ def _expected(expected: str, index: int, line: str) -> MalformedMessage:
 
 
 def flip_axes(triple: Triple) -> Triple:
-    """Convert x, y, z or roll, pitch, yaw between the frames; never return -0.0.
+    """Convert x, y, z or roll, pitch, yaw between the wire frame and REP-103.
+
+    The conversion is the same in both directions and never returns -0.0.
 
     >>> flip_axes((1.0, 2.0, 0.0))
     (1.0, -2.0, 0.0)
@@ -494,7 +500,7 @@ def parse_triple(text: str, *, largest: float = LARGEST) -> Triple:
 
 
 def parse_flipped(text: str, *, largest: float = LARGEST) -> Triple:
-    """Parse x, y, z or roll, pitch, yaw of the wire and convert them to REP-103.
+    """Parse x, y, z or roll, pitch, yaw in the wire frame and convert to REP-103.
 
     Raises:
         MalformedMessage: If the text is not three numbers up to ``largest``.
@@ -503,13 +509,13 @@ def parse_flipped(text: str, *, largest: float = LARGEST) -> Triple:
 
 
 def pose_from_wire(numbers: Sequence[float]) -> Pose3:
-    """Build a pose from x, y, z, roll, pitch, yaw in the frame of the wire."""
+    """Build a pose from x, y, z, roll, pitch, yaw in the wire frame."""
     x, y, z, roll, pitch, yaw = numbers
     return Pose3(*flip_axes((x, y, z)), *flip_axes((roll, pitch, yaw)))
 
 
 def wrapped_pose(position: Triple, angles: Triple) -> Pose3:
-    """Build a pose with wrapped angles; some servers count them to a full turn.
+    """Build a pose with angles wrapped to (-pi, pi]; some servers send up to 2 pi.
 
     Args:
         position: x, y, z, m, REP-103.

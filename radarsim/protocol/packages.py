@@ -1,8 +1,8 @@
-"""Mission packages: orders for their links, their state, and GEO and CONF lines.
+"""Mission packages (such as arms): orders, state reports, and GEO and CONF lines.
 
-Servers for UT2004 call them mission packages and report them by MISSTA; those for UDK
-call them actuators and report them by ASTA. Both write their links one after the other,
-each from the key ``Link`` on.
+UT2004 servers call them mission packages and report their state in MISSTA lines; UDK
+servers call them actuators and use ASTA lines. Both write the links one after the
+other, each beginning with the key ``Link``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,8 +20,8 @@ from radarsim.protocol.line_template import (
 )
 from radarsim.protocol.message import Message, parse_number
 
-ABSOLUTE, RATE = 0, 1  # orders of links: an angle, rad; a speed, rad/s
-BANG_BANG, RELATIVE = 3, 10  # also an angle; how much farther to turn, rad
+ABSOLUTE, RATE = 0, 1  # types of orders: target angle, rad; speed, rad/s
+BANG_BANG, RELATIVE = 3, 10  # target angle, rad; change of the angle, rad
 
 
 class LinkOrder(NamedTuple):
@@ -29,9 +29,9 @@ class LinkOrder(NamedTuple):
 
     Attributes:
         name: Name of the package, or of the link.
-        link: Number of the link in the package, from 1 on; None if the name is its own.
-        value: An angle or a speed.
-        order: Which of them: ``ABSOLUTE`` and so on. Torques, 2, do nothing.
+        link: Number of the link in the package, from 1; None if ``name`` is the link's.
+        value: An angle, rad, or a speed, rad/s.
+        order: Type of the order, such as ``ABSOLUTE``. Torque orders, 2, are ignored.
     """
 
     name: str
@@ -40,12 +40,12 @@ class LinkOrder(NamedTuple):
     order: int = ABSOLUTE
 
 
-ACTUATOR: Final = "actuator"  # the type of packages on servers for UDK
+ACTUATOR: Final = "actuator"  # the type of packages on UDK servers
 _TORQUE: Final = NumberFormat(2)
 
 
 def _links_of(message: Message) -> Iterator[Message]:
-    """Yield the segments of each link, from its number on."""
+    """Yield a message for each link, beginning with its ``Link`` segment."""
     link: list[tuple[str, str]] = []
     for key, value in message.segments:
         if key.lower() == "link" or (link and key.lower() == "name"):
@@ -59,7 +59,7 @@ def _links_of(message: Message) -> Iterator[Message]:
 
 
 class LinkStates(Field[tuple[tuple[float, float], ...]]):
-    """Angle and torque of each link; servers for UDK report no torque."""
+    """Angle and torque of each link; UDK servers do not report torques."""
 
     def read(self, message: Message) -> tuple[tuple[float, float], ...]:
         return tuple(
@@ -99,12 +99,12 @@ class PackageState(LineReport):
 
 
 class PackageConf(LineReport):
-    """The limits of the links of mission packages, which is only written.
+    """The limits of the links of mission packages; never decoded.
 
     Attributes:
         type: Type of the packages in the spelling of the request.
-        packages: Name and links of each package, with the limits that
-            ``presets.robots.Link`` has.
+        packages: Name and links of each package; a link has the attributes of
+            ``presets.robots.Link``.
     """
 
     verb: ClassVar[str] = "CONF"
@@ -115,7 +115,7 @@ class PackageConf(LineReport):
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         is_actuator = self.type.lower() == ACTUATOR
         number = marks(dialect.plain)
-        # The keys of three generations, by their sources and their clients' comments.
+        # Keys of three generations, from server sources and from comments in clients.
         speed = "MaxRotationSpeed" if dialect.has_actuators else "MaxSpeed"
         low, high = "MinRange", "MaxRange"
         if is_actuator:
@@ -135,13 +135,13 @@ class PackageConf(LineReport):
 
 
 class PackageGeo(LineReport):
-    """The poses of the links of mission packages, which is only written.
+    """The poses of the links of mission packages; never decoded.
 
     Attributes:
         type: Type of the packages in the spelling of the request.
-        packages: Name and links of each package: the pose of each in the frame of the
-            link before; that of the first on the robot.
-        robot: Class of the robot that carries them; empty if it is not reported.
+        packages: Name of each package and poses of its links. The first pose is in the
+            body frame of the robot, the others in the frame of the previous link.
+        robot: Class of the robot that carries the packages; empty if not reported.
     """
 
     verb: ClassVar[str] = "GEO"
@@ -157,7 +157,7 @@ class PackageGeo(LineReport):
         segments = [Segment("Type", reduce_text(self.type))]
         for name, links in self.packages:
             segments.append(Segment("Name", reduce_text(name)))
-            if is_actuator:  # the package itself, which is where its first link is
+            if is_actuator:  # the pose of the package is that of its first link
                 numbers = links[0].numbers()
                 segments.append(Segment("Location", place, numbers[:3]))
                 segments.append(Segment("Orientation", place, numbers[3:]))

@@ -1,14 +1,14 @@
-"""Questions about all robots, on ports of their own, and the model of wireless signals.
+"""Queries about all robots, on separate ports, and the model of wireless signals.
 
-**USARTruth** reports where robots are. A client asks with a line such as ``{Class
-USARBot.P3AT} {Name R1}``; each field limits the answer, and ``{Actors}`` or a blank
-line does not. The answer is a line for each robot and each victim, and ``{End}``.
+**USARTruth** reports the poses of robots. A client sends a line such as ``{Class
+USARBot.P3AT} {Name R1}``; each field filters the answer, and ``{Actors}`` or a blank
+line asks for all. The answer is a line for each robot and each victim, and ``{End}``.
 
-**Wireless servers** (WSS) are between the robots and their operators, and know how well
-they hear each other. As a program of its own, such a server asks on a port of the
-simulator with ``GETPOS`` where all robots are, and with ``GETOBS`` how many obstacles
-are between two robots, or between two places. Robots and operators ask it for ports to
-each other.
+**Wireless servers** (WSS) relay connections between robots and their operators and
+model the signal strength. The original WSS is a separate program, which queries a port
+of the simulator: ``GETPOS`` asks for the positions of all robots, ``GETOBS`` for the
+number of obstacles between two robots or positions. Robots and operators ask the WSS
+for ports on which they reach each other.
 
 Source of lines and model: USARSim for UDK (repository hrnr/robocup-usarsim),
 ``USARBotAPI/classes/ComServerInterface.uc`` and ``ComServerNewCon.uc``; its WSS
@@ -33,31 +33,31 @@ from radarsim.protocol.message import (
 )
 
 VICTIM: Final = "Victim"
-# Classes of the original without their packages: of all, and of the robots.
+# Unreal class names without their packages: those of all actors, and of all robots.
 _ALL: Final = frozenset(("", "actor", "pawn"))
 _ROBOTS: Final = frozenset(("basevehicle", "usarvehicle"))
 END: Final = b"{End}\r\n"
 
-UNKNOWN: Final = -1.0  # number of obstacles from a robot that is not there
-POWER_AT_REFERENCE: Final = -49.67  # dBm
+UNKNOWN: Final = -1.0  # number of obstacles if a robot does not exist
+POWER_AT_REFERENCE: Final = -49.67  # received power at the distance REFERENCE, dBm
 REFERENCE: Final = 2.0  # m
-EXPONENT: Final = 1.0  # of the loss with distance
-LOSS_AN_OBSTACLE: Final = 6.325  # dB
-CUTOFF: Final = -93.0  # dBm; below it nobody hears
+EXPONENT: Final = 1.0  # path loss exponent
+LOSS_AN_OBSTACLE: Final = 6.325  # loss per obstacle, dB
+CUTOFF: Final = -93.0  # dBm; a weaker signal is not received
 LARGEST_PORT: Final = 65_535
 
 
 def answer_truth(
     line: str, actors: Iterable[tuple[str, str, Pose3]], time: float, dialect: Dialect
 ) -> bytes:
-    """Return the lines for those of some actors that a question asks for, and the end.
+    """Return the lines of the actors that match a query, followed by ``{End}``.
 
     Args:
-        line: The question.
-        actors: Name and class of each robot and victim, ``VICTIM`` of the latter, and
-            the pose of its body, map frame.
+        line: The query.
+        actors: Name, class and body pose in the map frame of each robot and victim;
+            the class of victims is ``VICTIM``.
         time: Simulated time, s.
-        dialect: Formats of numbers.
+        dialect: Dialect with the number formats.
     """
     try:
         message = Message("TRUTH", parse_segments(line, keeps_closed=True))
@@ -85,17 +85,18 @@ def answer_wireless(
     count_obstacles: Callable[[Triple, Triple], int],
     dialect: Dialect,
 ) -> bytes:
-    """Return the answer to a question of a wireless server.
+    """Return the answer to a query of a wireless server.
 
-    A blank line has no answer, and other lines get a blank line, as by
-    the original, so that nobody waits for one.
+    A blank line gets no answer. An unknown query gets a blank line, as from the
+    original server, so that the client does not wait for an answer.
 
     Args:
-        line: The question.
-        robots: Name of each robot, its place, m, map frame, and whether its battery is
-            empty.
-        count_obstacles: Returns how many are between two places, m, map frame.
-        dialect: Formats of numbers.
+        line: The query.
+        robots: Name of each robot, its position, m, map frame, and whether its battery
+            is empty.
+        count_obstacles: Returns the number of obstacles between two positions, m, map
+            frame.
+        dialect: Dialect with the number formats.
     """
     text = ""
     try:
@@ -120,7 +121,7 @@ def _count_between(
     robots: dict[str, Triple],
     count_obstacles: Callable[[Triple, Triple], int],
 ) -> str:
-    """Return the answer about two robots or two places; empty if one is missing."""
+    """Return the answer to ``GETOBS``; empty if one of the two positions is missing."""
     for keys, find in (
         (("From", "To"), robots.get),
         (("Start", "End"), parse_flipped),
@@ -138,11 +139,11 @@ def _count_between(
 
 
 def signal_strength(distance: float, obstacles: int) -> float:
-    """Return the power received from a robot, dBm; inf at no distance.
+    """Return the received signal strength of a robot, dBm; inf at distance 0.
 
     Args:
-        distance: m.
-        obstacles: How many are between the two.
+        distance: Distance between sender and receiver, m.
+        obstacles: Number of obstacles between sender and receiver.
     """
     if distance <= 0.0:
         return math.inf
@@ -151,7 +152,11 @@ def signal_strength(distance: float, obstacles: int) -> float:
 
 
 def strength_text(strength: float | None) -> str:
-    """Return a strength, dBm, as in answers to ``GETSS``; None if there is none."""
+    """Return the fields of an answer to ``GETSS``.
+
+    Args:
+        strength: Signal strength, dBm; None if it is unknown.
+    """
     if strength is None or 0 < strength < math.inf:
         return "{Strength NaN} {Error Model.Returned.NaN}"
     if strength == math.inf:
@@ -163,8 +168,8 @@ def read_request(line: str) -> tuple[str, str, tuple[int, ...] | None]:
     """Read a request of a robot to a wireless server.
 
     Returns:
-        Its verb in capitals, the name of a robot, and numbers of ports; what it does
-        not have is empty, and ports that are no such numbers are None.
+        The verb in capitals, the name of a robot, and the port numbers. Missing parts
+        are empty, and the ports are None if one of them is not a valid port number.
     """
     try:
         message = decode_message(line)

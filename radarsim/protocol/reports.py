@@ -1,10 +1,10 @@
-"""The reports of a server: one table of fields each, from lines and to lines.
+"""The reports of a server: classes that encode lines and decode lines.
 
 Reports are in REP-103 frames and SI units and not rounded. Attributes are annotated
-with the fields that write and read them; decimals and rounding are in ``dialect``. A
+with the fields that write and read them; ``dialect`` defines decimals and rounding. A
 line is ASCII and never contains an exponent, NaN or an infinity.
-``decode_report`` reads the lines of servers of all generations. A time stamp that a
-server leaves out is NaN, in both directions.
+``decode_report`` reads the lines of servers of all generations. A time of NaN means
+that the line has no time stamp.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -91,10 +91,10 @@ from radarsim.protocol.watch import RobotLeft as RobotLeft
 from radarsim.protocol.watch import Watching as Watching
 from radarsim.protocol.watch import is_seen, see_head, split_seen
 
-MOST_KEPT: Final = 4096  # templates of scans; a robot has a few
+MOST_KEPT: Final = 4096  # cached templates of scan lines; a robot needs a few
 _KEPT: Final[dict[Hashable, tuple[bytes, Sequence[float]]]] = {}
 _SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
-LONGEST_LINE: Final = 4095  # bytes with its end; clients read into buffers of 4096
+LONGEST_LINE: Final = 4095  # bytes with line end; some clients have buffers of 4096
 
 
 class Greeting(LineReport):
@@ -117,7 +117,7 @@ class StartPoses:
 
     @classmethod
     def decode(cls, message: Message) -> Self:
-        """Read the poses, which are listed after their count.
+        """Read the poses, which follow the field ``StartPoses`` with their count.
 
         Raises:
             MalformedMessage: If a pose is not readable.
@@ -139,7 +139,7 @@ class StartPoses:
         )
 
     def encode(self, dialect: Dialect) -> str:
-        """Write as many poses as fit into one line, without its end.
+        """Return one line without its end, with as many poses as fit.
 
         Raises:
             ValueError: If a number is not finite.
@@ -147,31 +147,32 @@ class StartPoses:
         join = dialect.start_pose.join_flipped
         numbers = [(name, pose.numbers()) for name, pose in self.poses]
         poses = [f"{name} {join(n[:3])} {join(n[3:], WRAPPED)}" for name, n in numbers]
-        # Clients read a line into a buffer: as many poses as fit into it are sent.
+        # Some clients have a line buffer of limited size, so only the poses that fit
+        # are sent. No pose is cut, because clients parse triples of words.
         limit = LONGEST_LINE - len("NFO {StartPoses 1000} {}\r\n")
         ends = accumulate(len(pose) + 1 for pose in poses)
-        # Names that are cut off would be worse: clients look for whole triples.
         poses = poses[: sum(end - 1 <= limit for end in ends)]
         count = f"NFO {{StartPoses {len(poses)}}}"
         return f"{count} {{{' '.join(poses)}}}" if poses else count
 
 
 class BatteryLife(Field[int]):
-    """The time that the battery lasts; 0 if it is missing."""
+    """The remaining battery time, s; 0 if it is missing."""
 
     def read(self, message: Message) -> int:
         return int(message.parse_optional(self.key, parse_number) or 0)
 
     def write(self, value: int, dialect: Dialect) -> Sequence[Segment]:
-        # A client that reads 0 pauses its robot for ever.
+        # UsarCommander pauses a robot for good when it reads 0.
         least = 0 if dialect.battery_runs_out else 1
         return (Segment(self.key, WHOLE, (max(value, least),)),)
 
 
 class SteeringAngles(FormattedField[tuple[float, float] | None]):
-    """The angles of front and rear wheels; None if there is no steering axle.
+    """Steering angles of front and rear wheels; None without a steering axle.
 
-    On the wire the right is positive, and of skid-steered robots both are 0.
+    On the wire, angles to the right are positive, and both angles of a skid-steered
+    robot are 0.
     """
 
     def __init__(self, key: str, other_key: str) -> None:
@@ -189,7 +190,7 @@ class SteeringAngles(FormattedField[tuple[float, float] | None]):
         keys = (self.key, self._other_key)
         if value is None:
             return [Segment(key, dialect.no_steering) for key in keys]
-        # The angles are flipped as y of a vector is.
+        # The signs of the angles change like that of y in a vector.
         text = FLIPPED + marks(self.format(dialect))
         return [
             Segment(k, text, (angle,)) for k, angle in zip(keys, value, strict=True)
@@ -197,7 +198,7 @@ class SteeringAngles(FormattedField[tuple[float, float] | None]):
 
 
 class Headlight(Field[bool]):
-    """The headlight, in two keys; text, so that each line with the light on is one."""
+    """The headlight, in two segments, whose values are part of the line's template."""
 
     def read(self, message: Message) -> bool:
         return parse_flag(message.get(self.key) or "")
@@ -212,7 +213,7 @@ class Status(LineReport):
 
     Attributes:
         time: Simulated time, s.
-        battery: Time that the battery lasts, s.
+        battery: Remaining battery time, s.
         light: Whether the headlight is on.
         steering: Angles of the front and the rear wheels, rad, left positive; None
             without a steering axle.
@@ -235,7 +236,7 @@ class Status(LineReport):
 
 
 class AerialStatus(Status):
-    """The state of a robot that flies, which has no steering."""
+    """The state of a flying robot, which has no steering angles."""
 
     layouts: ClassVar[Layouts] = {
         "compat": "{Type AerialVehicle} {Time} {LightToggle} {LightIntensity}"
@@ -247,10 +248,10 @@ class AerialStatus(Status):
 
 @dataclass(frozen=True, slots=True)
 class CrateStates:
-    """Where crates are.
+    """The sizes and poses of crates.
 
     Attributes:
-        crates: Name of each, its length, width and height, m, and its pose.
+        crates: Name, size (length, width, height, m) and pose of each crate.
     """
 
     crates: tuple[tuple[str, Triple, Pose3], ...]
@@ -260,8 +261,8 @@ class CrateStates:
         """Read the report from its message.
 
         Raises:
-            MalformedMessage: If four fields of each do not follow each other, or are
-                not readable.
+            MalformedMessage: If the line does not consist of the four fields of each
+                crate in order, or a field is not readable.
         """
         keys = [key.lower() for key, _ in message.segments]
         if keys != ["name", "size", "location", "rotation"] * (len(keys) // 4):
@@ -281,7 +282,7 @@ class CrateStates:
         )
 
     def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end."""
+        """Return the line of the report without its line end."""
         join, fields = dialect.robot.join_flipped, []
         for name, size, pose in self.crates:
             numbers = pose.numbers()
@@ -299,8 +300,8 @@ class RangeScan(ItemReport, eq=False):
     Attributes:
         resolution: Angle between neighbouring beams, rad.
         fov: Angle between the first beam and the last, rad.
-        ranges: (N,) m, counter-clockwise from the right, finite: a beam without
-            return has the maximum range.
+        ranges: (N,) range of each beam, m, counter-clockwise from the right; always
+            finite: a beam without return has the maximum range.
     """
 
     sensor_type: ClassVar[str] = "RangeScanner"
@@ -313,8 +314,8 @@ class RangeScan(ItemReport, eq=False):
     def angles(self) -> Floats:
         """Angles of the beams, (N,) rad; 0 is ahead of the scanner.
 
-        They follow from the field of view and the number of ranges: the resolution has
-        few digits, and over half a circle its error would add up to half a degree.
+        The angles are computed from the field of view and the number of ranges. The
+        resolution has few digits; its error would add up to half a degree over a scan.
         """
         return np.linspace(-self.fov / 2, self.fov / 2, len(self.ranges))
 
@@ -322,8 +323,8 @@ class RangeScan(ItemReport, eq=False):
         if isnan(self.time):
             return ItemReport.split(self, dialect)
         key = (dialect, self.name, self.resolution, self.fov, len(self.ranges))
-        # A scan is most of what a server sends: only time and ranges differ from one to
-        # the next, so that the rest of the line is built once.
+        # Scans make up most of a server's output. Only time and ranges change from scan
+        # to scan, so the template of the line is cached.
         if key not in _KEPT:
             if len(_KEPT) >= MOST_KEPT:
                 _KEPT.clear()
@@ -350,7 +351,7 @@ class Ins(ItemReport):
 
 
 class Odometry(ItemReport):
-    """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
+    """The pose from wheel odometry, relative to the spawn pose; yaw is unwrapped."""
 
     sensor_type: ClassVar[str] = "Odometry"
 
@@ -358,7 +359,7 @@ class Odometry(ItemReport):
 
 
 class Tachometer(ItemReport):
-    """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
+    """The angular speed of each wheel, rad/s, and its total rotation angle, rad."""
 
     sensor_type: ClassVar[str] = "Tachometer"
 
@@ -376,7 +377,7 @@ class Encoder(SensorReport):
 
 
 class Touch(ItemReport):
-    """Whether something touches the robot."""
+    """Whether an object touches the robot."""
 
     sensor_type: ClassVar[str] = "Touch"
     item_keys: ClassVar[tuple[str, ...]] = ("Touch",)
@@ -385,7 +386,7 @@ class Touch(ItemReport):
 
 
 class Acceleration(ItemReport):
-    """How the velocity changes, m/s2, along the axes of the sensor."""
+    """Acceleration without gravity, m/s2, along the axes of the sensor."""
 
     sensor_type: ClassVar[str] = "Accel"
 
@@ -393,7 +394,7 @@ class Acceleration(ItemReport):
 
 
 class ProperAcceleration(ItemReport):
-    """How the velocity changes, with gravity, m/s2, along the axes of the sensor."""
+    """Acceleration including gravity, m/s2, along the axes of the sensor."""
 
     sensor_type: ClassVar[str] = "AcceleroMeter"
 
@@ -401,12 +402,12 @@ class ProperAcceleration(ItemReport):
 
 
 class Imu(ItemReport):
-    """What an inertial measurement unit reads.
+    """A reading of an inertial measurement unit.
 
     Attributes:
-        acceleration: How the velocity changes, m/s2, along the axes of the sensor.
+        acceleration: Acceleration, m/s2, along the axes of the sensor.
         rates: Rates of roll, pitch and yaw, rad/s.
-        rate_changes: How these change, rad/s2.
+        rate_changes: Rates of change of ``rates``, rad/s2.
         angles: Roll, pitch and yaw of the body, rad.
     """
 
@@ -419,7 +420,7 @@ class Imu(ItemReport):
 
 
 class Altitude(ItemReport):
-    """The height of the robot above its spawn, and above the sea, m."""
+    """The height of the robot above its spawn position and above sea level, m."""
 
     sensor_type: ClassVar[str] = "AltitudeSensor"
 
@@ -428,7 +429,7 @@ class Altitude(ItemReport):
 
 
 class CompassAngle(FormattedField[float]):
-    """An angle from the north, clockwise on the wire."""
+    """An angle from north, rad, clockwise on the wire and counter-clockwise here."""
 
     def read(self, message: Message) -> float:
         return 0.0 - message.parse(self.key, parse_number)
@@ -439,7 +440,7 @@ class CompassAngle(FormattedField[float]):
 
 
 class Compass(ItemReport):
-    """The heading of the robot from the x axis of the map, the north, rad."""
+    """The heading of the robot from north, which is the x axis of the map, rad."""
 
     sensor_type: ClassVar[str] = "MagneticCompass"
 
@@ -458,8 +459,8 @@ class Sonar(SensorReport):
     """The ranges of sonars.
 
     Attributes:
-        ranges: Name and range of each sonar, m; the maximum range where nothing
-            returned.
+        ranges: Name and range of each sonar, m; a sonar without return has its maximum
+            range.
     """
 
     sensor_type: ClassVar[str] = "Sonar"
@@ -471,7 +472,7 @@ class Sonar(SensorReport):
 
 
 class GlobePosition(Field[tuple[float, float] | None]):
-    """Latitude and longitude in degrees and minutes; only written with a fix."""
+    """Latitude and longitude in degrees and minutes, written only with a GPS fix."""
 
     def read(self, message: Message) -> tuple[float, float] | None:
         if message.parse("Fix", parse_number) != 1:
@@ -495,7 +496,7 @@ class GlobePosition(Field[tuple[float, float] | None]):
 
 
 class Gps(ItemReport):
-    """A position on the globe.
+    """A GPS position.
 
     Attributes:
         position: Latitude and longitude, degrees, north and east positive; None without
@@ -511,13 +512,13 @@ class Gps(ItemReport):
 
 @dataclass(frozen=True, slots=True)
 class WatchedLine:
-    """A copy of a line that the client of another robot was sent.
+    """A copy of a line that the server sent to the client of another robot.
 
     Attributes:
         robot: Name of the robot.
         line: The line, without its end.
-        report: What the line reports; None for an unknown kind of report, or if it is
-            not wanted.
+        report: The decoded line; None for an unknown kind of report, or if decoding was
+            not requested.
     """
 
     robot: str
@@ -526,10 +527,11 @@ class WatchedLine:
 
     @classmethod
     def decode(cls, text: str, *, reads_report: bool = True) -> Self:
-        """Read a copy, and the report in it if that is wanted.
+        """Read a copied line, and its report unless ``reads_report`` is False.
 
         Raises:
-            MalformedMessage: If it is not a copy, or the report is not readable.
+            MalformedMessage: If the text is no copied line, or the report is not
+                readable.
         """
         robot, line = split_seen(text)
         is_read = reads_report and not is_seen(line)
@@ -537,19 +539,19 @@ class WatchedLine:
         return cls(robot, line, report)
 
     def encode(self, _: Dialect) -> str:
-        """Write the copy without its end."""
+        """Return the copied line, prefixed by ``SEE {Robot name}``, without its end."""
         return f"{see_head(self.robot).decode('ascii')}{self.line}"
 
 
 Report: TypeAlias = LineReport | StartPoses | CrateStates | WatchedLine
 
-# By a key that no report after it has.
+# Kinds of NFO lines with the key of each; the first key in the line decides.
 _INFOS: Final = (
     *(("StartPoses", StartPoses), ("Clock", ClockTick), ("Watching", Watching)),
     *(("Joined", RobotJoined), ("Level", Greeting), ("Left", RobotLeft)),
     ("Error", CommandError),
 )
-# All that this module defines or imports, by their types on the wire.
+# All sensor reports that this module defines or imports, by their types on the wire.
 _SENSOR_REPORTS: Final[dict[str, type[SensorReport]]] = {
     each.sensor_type.lower(): each
     for each in list(globals().values())
@@ -564,7 +566,7 @@ def decode_report(line: str, *, reads_copies: bool = True) -> Report | None:
 
     Args:
         line: The line.
-        reads_copies: Whether the reports in copies of robots' lines are wanted.
+        reads_copies: Whether to decode the reports in copied lines of other robots.
 
     >>> decode_report("NFO {Gametype BotDeathMatch} {Level DM-Yard} {TimeLimit 0}")
     Greeting(level='DM-Yard')
@@ -597,7 +599,7 @@ def _decode_info(message: Message) -> Report | None:
 
 
 def _decode_status(message: Message) -> Report:
-    if message.get("Size") is not None:  # no robot has one
+    if message.get("Size") is not None:  # only crates have a size
         return CrateStates.decode(message)
     return (AerialStatus if is_aerial(message) else Status).decode(message)
 
@@ -610,15 +612,15 @@ def _decode_reading(message: Message) -> Report | None:
 def _split_degrees(
     angle: float, letters: str, minutes_format: NumberFormat
 ) -> tuple[str, float, float]:
-    """Return the letter for the sign of an angle, whole degrees, and minutes.
+    """Return the letter for the sign of an angle, integer degrees, and minutes.
 
     Raises:
-        ValueError: If it is not finite.
+        ValueError: If the angle is not finite.
     """
     degrees, minutes = divmod(abs(angle) * 60, 60)
     written = minutes
-    # Formatting is slow, and matters only where rounding carries over into degrees.
-    if not 0.1 < minutes < 59.9:  # it may be written as 0 or 60
+    # Formatting is slow, and needed only if the minutes may be rounded to 0 or 60.
+    if not 0.1 < minutes < 59.9:
         written = float(minutes_format.format(minutes))
         if written == 60.0:
             degrees, minutes = degrees + 1, 0.0
@@ -630,7 +632,7 @@ def _parse_degrees(text: str) -> float:
     """Read an angle in degrees and minutes, with a letter for its sign.
 
     Raises:
-        MalformedMessage: If it is not two numbers and a letter.
+        MalformedMessage: If the text is not two numbers and a letter.
     """
     numbers, _, letter = text.rpartition(",")
     sign = _SIGNS.get(letter.strip().upper())

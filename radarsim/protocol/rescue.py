@@ -1,7 +1,7 @@
-"""Readings of the sensors that look for victims and for RFID tags.
+"""Readings of the sensors that detect victims and RFID tags.
 
-Places are in the frame of the sensor. Source of the lines: the comments and the parsers
-of clients of servers for UT2004, the only servers that have these sensors.
+Positions are in the frame of the sensor. The line formats come from the comments and
+the parsers of clients for UT2004 servers, the only servers that have these sensors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,10 +16,10 @@ CO2: Final = "CO2"
 
 
 class Sighting(NamedTuple):
-    """Something that a sensor sees.
+    """One detected body part or RFID tag.
 
     Attributes:
-        label: Which part of a body, or the number of a tag.
+        label: Name of the body part, or number of the tag.
         place: x, y, z, m, in the frame of the sensor.
     """
 
@@ -28,14 +28,14 @@ class Sighting(NamedTuple):
 
 
 class Sightings(Field[tuple[Sighting, ...]]):
-    """What a sensor sees: a label and a place of each, one after the other."""
+    """A list of detections, each written as its label and then its position."""
 
     def __init__(self, key: str, nothing: Segment | None = None) -> None:
         """Describe the field.
 
         Args:
             key: Key of the labels.
-            nothing: Segment that is written if the sensor sees nothing.
+            nothing: Segment to write if there are no detections; None for no segment.
         """
         super().__init__(key)
         self._nothing = () if nothing is None else (nothing,)
@@ -65,7 +65,7 @@ class Sightings(Field[tuple[Sighting, ...]]):
 
 
 class RfidTags(ItemReport):
-    """The tags that a reader reads, with their numbers as labels."""
+    """The tags that an RFID reader detects, with their numbers as labels."""
 
     sensor_type: ClassVar[str] = "RFID"
 
@@ -73,7 +73,7 @@ class RfidTags(ItemReport):
 
 
 class VictimParts(ItemReport):
-    """The parts of bodies that a sensor sees, such as ``Head``."""
+    """The body parts that a victim sensor detects, such as ``Head``."""
 
     sensor_type: ClassVar[str] = "VictSensor"
 
@@ -84,18 +84,18 @@ class VictimParts(ItemReport):
 
 
 class Probability(Field[float]):
-    """A number from 0 to 1, after two blanks as the original writes it."""
+    """A number from 0 to 1, written after two spaces as by the original server."""
 
     def read(self, message: Message) -> float:
         return message.parse(self.key, parse_number)
 
     def write(self, value: float, dialect: Dialect) -> Sequence[Segment]:
-        # One client takes what comes after the second blank.
+        # The client "maldo" reads the text after the second space as the number.
         return (Segment(self.key, f" {marks(dialect.robot)}", (value,)),)
 
 
 class HumanMotion(ItemReport):
-    """How likely it is that somebody moves in front of a sensor."""
+    """The probability that a person moves in front of a sensor, 0 to 1."""
 
     sensor_type: ClassVar[str] = "HumanMotion"
 
@@ -103,7 +103,7 @@ class HumanMotion(ItemReport):
 
 
 class Sound(ItemReport):
-    """How loud it is at a microphone, dB, and how long the loudest sound lasts, s."""
+    """Loudness at a microphone, dB, and duration of the loudest sound, s."""
 
     sensor_type: ClassVar[str] = "Sound"
 
@@ -112,7 +112,7 @@ class Sound(ItemReport):
 
 
 class GasDensity(ItemReport):
-    """The share of a gas in the air, %."""
+    """The concentration of a gas in the air, %."""
 
     sensor_type: ClassVar[str] = "CO2Sensor"
 

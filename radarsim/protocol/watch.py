@@ -1,7 +1,7 @@
-"""Watching robots: which of them, and the lines that only those get who watch.
+"""The choice of robots in WATCH commands, and the lines that watchers receive.
 
-Robots are named in it as in all lines: in characters that a line can contain, so that
-two names with other characters may be the same there.
+Names of robots are reduced to characters that a line can contain, as in all lines, so
+two names that differ only in other characters are the same here.
 """
 
 import re
@@ -22,8 +22,8 @@ from radarsim.protocol.fields import (
 from radarsim.protocol.line_template import printable_name, reduce_text
 from radarsim.protocol.message import Message
 
-MOST_NAMES: Final = 1000  # in a command; reading them takes time
-LONGEST_ERROR: Final = 1000  # characters of the text of an error
+MOST_NAMES: Final = 1000  # per command, to limit the time to parse one
+LONGEST_ERROR: Final = 1000  # maximum length of an error text, characters
 
 SEE: Final = "SEE"
 
@@ -37,25 +37,25 @@ _SEE: Final = re.compile(
 
 @dataclass(frozen=True)
 class RobotChoice:
-    """Which robots are meant.
+    """A choice of robots: all, none, or a list of names.
 
     >>> RobotChoice.parse("r1, R2").includes("R1")
     True
 
-    A robot that is called like one of the words is named with a comma after it.
+    If the only name is a keyword such as ``All``, a comma follows it.
 
     >>> str(RobotChoice(("All",)))
     'All,'
 
     Attributes:
-        names: Names as on the wire, in any case; None for all robots.
+        names: Names as on the wire, case-insensitive; None for all robots.
     """
 
     names: tuple[str, ...] | None = ()
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Parse ``All``, ``None``, or names with commas between them.
+        """Parse ``All``, ``None``, or names separated by commas.
 
         Raises:
             MalformedMessage: If there is no name, or more than ``MOST_NAMES``.
@@ -75,13 +75,13 @@ class RobotChoice:
         if self.names is None:
             return _ALL.capitalize()
         text = ",".join(self.names)
-        # A robot may be called "All"; the comma makes a list of one name of it.
+        # A robot may be named "All"; the comma marks a list of one name.
         if text.casefold() in (_ALL, _NONE, *ECHO_WORDS):
             return f"{text},"
         return text or _NONE.capitalize()
 
     def includes(self, name: str) -> bool:
-        """Return whether the robot of a name, as on the wire, is meant."""
+        """Return whether the robot with this name, as on the wire, is in the choice."""
         if self.names is None:
             return True
         return name.casefold() in self._folded
@@ -95,7 +95,7 @@ NO_ROBOTS: Final = RobotChoice()
 
 
 class Choice(Field[RobotChoice]):
-    """A choice of robots."""
+    """A field with a choice of robots."""
 
     def read(self, message: Message) -> RobotChoice:
         return message.parse(self.key, RobotChoice.parse)
@@ -109,7 +109,7 @@ class Watching(LineReport):
 
     Attributes:
         robots: The robots that are watched from now on.
-        echoes: Those of them whose scanners list their echoes.
+        echoes: The watched robots whose scanners also send echo lines.
     """
 
     verb: ClassVar[str] = "NFO"
@@ -119,7 +119,7 @@ class Watching(LineReport):
 
 
 class RobotJoined(LineReport):
-    """A robot is there.
+    """A robot has joined the simulation, or was there when watching began.
 
     Attributes:
         robot: Name of the robot.
@@ -133,7 +133,7 @@ class RobotJoined(LineReport):
 
 
 class RobotLeft(LineReport):
-    """A robot is there no more.
+    """A robot has left the simulation.
 
     Attributes:
         robot: Name of the robot.
@@ -157,10 +157,10 @@ class ClockTick(LineReport):
 
 
 class CommandError(LineReport):
-    """A command had no effect; only those that no old client sends are answered so.
+    """A command had no effect; sent mainly for commands that radarsim has added.
 
     Attributes:
-        text: What came and what was expected.
+        text: The received text and the expected one.
     """
 
     verb: ClassVar[str] = "NFO"
@@ -169,19 +169,19 @@ class CommandError(LineReport):
 
 
 def see_head(robot: str) -> bytes:
-    """Return what precedes each line of a robot that a watcher is sent."""
+    """Return the bytes before each copied line of a robot: ``SEE {Robot name}``."""
     head = Message(SEE, (("Robot", printable_name(robot)),)).encode()
     return f"{head} ".encode("ascii")
 
 
 def split_seen(line: str) -> tuple[str, str]:
-    """Return the robot of a line that a watcher got, and the robot's own line.
+    """Split a line to a watcher into the robot's name and the copied line.
 
     >>> split_seen("SEE {Robot R1} STA {Time 1.00}")
     ('R1', 'STA {Time 1.00}')
 
     Raises:
-        MalformedMessage: If one of them is missing.
+        MalformedMessage: If the name or the copied line is missing.
     """
     match = _SEE.fullmatch(line)
     if match is None:
@@ -191,5 +191,5 @@ def split_seen(line: str) -> tuple[str, str]:
 
 
 def is_seen(line: str) -> bool:
-    """Return whether a line is meant to be a copy of a robot's line."""
+    """Return whether a line starts with ``SEE``, the verb of copied lines."""
     return line[:3].upper() == SEE and not line[3:4].isalnum()

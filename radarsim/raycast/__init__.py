@@ -1,1 +1,1 @@
-"""Ray tracing: intersection by Embree, and attenuation in what rays penetrate."""
+"""Ray tracing: intersection with Embree, and attenuation in penetrable materials."""

@@ -2,39 +2,36 @@
 
 Theory of operation
 ===================
-embreex brings Embree 4's own shared library in its wheel; ctypes opens that file and
-builds the scene. The engine calls ``rtcIntersect1`` directly, with no Python between
-two rays.
+The wheel of embreex contains the shared library of Embree 4. ctypes opens the library
+and builds the scene. The engine calls ``rtcIntersect1`` directly, without any Python
+code between two rays.
 
-Embree computes in float32, which at 1 km is off by more than the thickness of a
-foliage's edge: a grazing ray would gain or lose a chord of centimetres. So Embree only
-proposes the triangles that a ray may cross: Embree knows them as user geometry, boxes
-that are wider than the triangles by more than the error of float32. For each box that
-the ray meets, a callback intersects the triangle itself in float64, see
-``intersect.hpp``.
-Penetrable surfaces are collected in a list; an opaque one shortens the ray. So one
-traversal from one origin yields *all* surfaces up to the first opaque one, and no ray
-is restarted behind a hit. Restarts with an offset would lose thin parts, restarts at
-the next float would lose coincident surfaces; a list loses neither.
+Embree computes in float32. At 1 km, its rounding errors are so large that a ray that
+grazes foliage would gain or lose centimetres of path. So Embree only selects candidate
+triangles: they are stored as user geometry, with bounding boxes that are enlarged by
+more than the error of float32. For each box that the ray hits, a callback intersects
+the triangle in float64, see ``intersect.hpp``.
+Penetrable surfaces are collected in a list; an opaque surface shortens the ray. So one
+traversal finds *all* surfaces up to the first opaque surface, and no ray is restarted
+behind a hit. Restarts with an offset would miss thin parts, and restarts at the next
+float would miss coincident surfaces; the list has both.
 
-A level ray only crosses triangles that reach its height. Sensors are mounted level and
-robots drive on floors, so that most rays have one of few heights: for each of them the
-scene is built once more, without the triangles that do not reach the height, and with
-boxes only around those parts of the others that do. Such a slice of a forest has a
-fraction of the forest's leaves. The crossings that a ray finds in a slice are those
-that it finds in the whole scene, bit for bit: which triangles Embree proposes differs,
-but each is intersected by the same operations.
+A horizontal ray only crosses triangles that reach its height. Sensors are mounted
+horizontally and robots drive on floors, so most rays have one of few heights. For each
+of these heights, a slice is built: a second hierarchy without the triangles that do not
+reach the height, and with boxes only around the parts of triangles near the height. A
+slice of a forest has a fraction of the forest's leaves. A ray has bit by bit the same
+crossings in a slice and in the whole scene: the candidates differ, but each triangle is
+intersected by the same operations.
 
 Rule 1: a scene does not change after it is built. Embree would ignore later additions.
 Rule 2: parts check their meshes: shapes, finite vertices, indices in range. Embree only
-gets copies of the triangles, as it reads beyond the ends of arrays.
-Rule 3: a ray that starts outside the scene is first advanced to the sphere around it,
-so that Embree handles no numbers larger than the scene's.
+gets copies of the triangles, since it reads beyond the ends of arrays.
+Rule 3: a ray that starts outside the scene is first advanced to the bounding sphere of
+the scene, so that Embree gets no numbers larger than the scene's coordinates.
 
-The triangles' bounding boxes can be those of the parts between two heights.
-
-A level ray crosses a triangle where the triangle has the ray's height. A box around
-that part alone is smaller than one around the triangle, and fewer rays meet it.
+The bounding box of a triangle in a slice contains only its part near the height. This
+box is smaller than that of the whole triangle, so fewer rays hit it.
 """
 
 import ctypes
@@ -56,7 +53,7 @@ from radarsim.geometry import Floats
 PROPERTY_VERSION: Final = 0
 PROPERTY_USER_GEOMETRY: Final = 100
 
-# Names as in Embree's header, and the types of the result and of the arguments.
+# Functions of Embree's header, with the types of their results and arguments.
 _POINTER, _INT, _UINT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
 _BOOL = ctypes.c_bool
 SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
@@ -78,27 +75,27 @@ SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
     "rtcPointQuery": (_BOOL, [_POINTER] * 5),
     "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
 }
-# How much wider than its triangle a box is, for each metre of the scene's radius.
-# Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
-# times before it compares.
+# Margin of a box around its triangle, per metre of the scene's radius. Each rounding to
+# float32 has a relative error of up to 6e-8, and Embree rounds about eight times before
+# a comparison.
 RELATIVE_MARGIN: Final = 2e-6
 TINY: Final = 1e-30  # m; smaller coordinates are set to zero, see ``intersect.hpp``
 GEOMETRY_USER: Final = 120  # one of RTCGeometryType
-_BLOCK: Final = 100_000  # triangles whose intermediate results fit into memory
+_BLOCK: Final = 100_000  # triangles per block, to limit the memory of temporary arrays
 MAX_SLICES: Final = 32
-# A slice is built after so many level rays would have used it, and one more for so many
-# triangles of the scene: by then they have cost about as much as the slice will.
+# A slice is built after RAYS_PER_SLICE horizontal rays at its height, plus one ray per
+# TRIANGLES_PER_RAY triangles. These rays have cost about as much as building the slice.
 RAYS_PER_SLICE: Final = 1000
 TRIANGLES_PER_RAY: Final = 20
-SMALL_SLICE: Final = 50_000  # triangles; a larger slice has half of the scene's at most
+SMALL_SLICE: Final = 50_000  # triangles; larger slices may have half of the scene's
 
 
 @functools.cache
 def open_library() -> ctypes.CDLL:
-    """Open the Embree 4 in the wheel of embreex.
+    """Open the library of Embree 4 in the wheel of embreex.
 
     Raises:
-        EngineError: If there is none, or one of another version or build.
+        EngineError: If there is no library, or it has another version or build.
     """
     try:
         files = importlib.metadata.files("embreex") or []
@@ -108,17 +105,17 @@ def open_library() -> ctypes.CDLL:
 
 
 def load_library(paths: list[Path]) -> ctypes.CDLL:
-    """Open the only file of a list, and check that it is Embree 4.
+    """Open the library in a list of one file, and check that it is Embree 4.
 
     Raises:
-        EngineError: If there is not one file, or it is not Embree 4.
+        EngineError: If there is not exactly one file, or it is not Embree 4.
     """
     if len(paths) != 1:
         names = [path.name for path in paths]
         raise EngineError(f"embreex has {names!r}, expected one library of Embree 4")
     try:
         library = ctypes.CDLL(str(paths[0]))
-        # Without declared types ctypes would cut pointers to 32 bits.
+        # Without declared types, ctypes would truncate pointers to 32 bits.
         for name, (result, arguments) in SIGNATURES.items():
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
@@ -129,10 +126,10 @@ def load_library(paths: list[Path]) -> ctypes.CDLL:
 
 
 def expect_version(library: ctypes.CDLL) -> None:
-    """Check for version 4, built with user geometries.
+    """Check that a library is Embree 4, built with user geometries.
 
     Raises:
-        EngineError: If the library is another one.
+        EngineError: If the version or the build differs.
     """
     device = library.rtcNewDevice(None)
     if not device:
@@ -148,16 +145,16 @@ def expect_version(library: ctypes.CDLL) -> None:
 
 
 def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
-    """Return points that have the bounding boxes of the parts within a slab.
+    """Return the bounding boxes of the parts of triangles between two heights.
 
     Args:
         triangles: (T, 9) m, the corners of triangles that reach into the slab.
-        low: z, m, at which it begins.
-        high: z, m, at which it ends.
+        low: z of the lower end of the slab, m.
+        high: z of the upper end of the slab, m.
 
     Returns:
         (T, 9) m, three points for each triangle: the lower corner of the box, its upper
-        corner, and the lower one again.
+        corner, and its lower corner again.
     """
     outlines = np.zeros((len(triangles), 9))
     engine.clip_to_slab(triangles, low, high, outlines)
@@ -165,11 +162,11 @@ def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
 
 
 class EmbreeScene:
-    """Triangle meshes in Embree, and slices of them for level rays.
+    """Triangle meshes in Embree, and slices of the meshes for horizontal rays.
 
     Attributes:
-        hierarchies: The packed ``Hierarchy`` of the whole scene, and those of all
-            slices that were added.
+        hierarchies: The packed ``Hierarchy`` of the whole scene, followed by those of
+            the slices.
         handle: The packed ``SceneHandle``; replaced when a slice is added.
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
     """
@@ -204,23 +201,23 @@ class EmbreeScene:
         )
 
     def add_slice(self, height: float) -> None:
-        """Speed up level rays at a height; what they find stays the same.
+        """Build a slice, which speeds up horizontal rays at a height.
 
-        Threads that trace rays may do so at once: at worst, the slice of one of them is
-        not used.
+        Results of rays do not change. Several threads may add slices at the same time;
+        then one of the slices may stay unused.
 
         Args:
-            height: z, m.
+            height: z of the rays, m.
         """
         whole, handle = self.hierarchies[0], self.handle
         margin, sliced = handle.margin, handle.sliced
-        # Twice the margin: Embree rounds its boxes to float32.
+        # The slab uses twice the margin, since Embree rounds its boxes to float32.
         low, high = height - 2.0 * margin, height + 2.0 * margin
         a, b, c = self.triangles[:, 2::3].T
         is_above, is_below = np.minimum(a, b) > high, np.maximum(a, b) < low
         kept = np.flatnonzero(~(is_above & (c > high) | is_below & (c < low)))
         part = whole
-        if len(kept) <= max(SMALL_SLICE, len(a) // 2):  # else it takes much memory
+        if len(kept) <= max(SMALL_SLICE, len(a) // 2):  # to limit the memory of slices
             corners, owners = self.triangles[kept], whole.owners[kept]
             outlines = clip_to_slab(corners, low, high)
             part = _build(corners, owners, margin, outlines, len(sliced))
@@ -234,14 +231,14 @@ class EmbreeScene:
         self.handle = handle.structure.pack(**handle.fields | added)
 
     def count_unsliced(self, height: float, rays: int) -> None:
-        """Count level rays that found no slice; add one if it will pay off.
+        """Count horizontal rays without a slice; add a slice if it is worth its cost.
 
         Args:
-            height: z of the last of them, m.
-            rays: Their number.
+            height: z of the last of these rays, m.
+            rays: Number of these rays.
         """
-        # By height: a robot that rises scans at each height once or twice, and needs no
-        # slice at any of them.
+        # Rays are counted by height: a rising robot scans only once or twice at each
+        # height, so no slice is built for it.
         count = self._unsliced_rays.pop(height, 0) + rays
         enough = RAYS_PER_SLICE + len(self.triangles) // TRIANGLES_PER_RAY
         if count < enough:
@@ -263,13 +260,13 @@ def _triangles(meshes: Sequence[tuple[Floats, NDArray[Any]]], count: int) -> Flo
     for vertices, faces in meshes:
         rounded = np.where(np.abs(vertices) < TINY, 0.0, vertices)
         start, end = end, end + len(faces)
-        for i, corner in enumerate(faces.T):  # all at once would take the memory twice
+        for i, corner in enumerate(faces.T):  # One column at a time halves the memory.
             triangles[start:end, 3 * i : 3 * i + 3] = rounded[corner]
     return triangles
 
 
 def _radius(triangles: Floats) -> float:
-    """Return the radius of the sphere around the origin that contains (T, 9) m."""
+    """Return the radius of the sphere around the origin that contains all triangles."""
     square = 0.0
     for start in range(0, len(triangles), _BLOCK):
         x, y, z = triangles[start : start + _BLOCK].reshape(-1, 3).T
@@ -289,14 +286,14 @@ def _build(
     Args:
         triangles: (T, 9) m, the corners.
         owners: (T,) uint32, the index of each triangle's mesh.
-        margin: m by which the boxes are wider than what they surround.
-        outlines: (T, 9) m, three points for each triangle, which its box surrounds
-            instead of the corners.
-        first_sliced: Where the indices of its triangles begin among those of all
+        margin: Distance by which the boxes are enlarged on each side, m.
+        outlines: (T, 9) m, three points for each triangle that its box contains
+            instead of the corners; None for the corners.
+        first_sliced: Index of the first triangle of this slice in the list of all
             slices.
 
     Returns:
-        The ``Hierarchy`` for the engine, which keeps Embree's as long as it exists.
+        The ``Hierarchy`` for the engine; Embree's scene is released with it.
     """
     library = open_library()
     device = library.rtcNewDevice(None)
@@ -321,7 +318,7 @@ def _build(
         scene=scene, triangles=triangles, owners=owners, first_sliced=first_sliced
     )
     close = weakref.finalize(packed, _release, library, scene, device)
-    # When Python ends, a daemon thread may still trace rays in the scene.
+    # The scene is not released at exit, since a daemon thread may still trace rays.
     close.atexit = False
     if error:
         text = f"Embree error {error} while it built {len(triangles)} triangles"

@@ -1,4 +1,4 @@
-"""Input and output of the ray tracer: arrays with one row per ray, or robot box."""
+"""Input and output of the ray tracer, as arrays: rays, robot boxes and traces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,16 +13,16 @@ from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 
-Sides: TypeAlias = NDArray[np.int8]  # of its beam that each ray is on
-Nodes: TypeAlias = NDArray[np.int16]  # of its beam that each ray is
+Sides: TypeAlias = NDArray[np.int8]  # side of each ray in its beam: -1, 0 or 1
+Nodes: TypeAlias = NDArray[np.int16]  # index of each ray's node in its beam
 
-# One row for each event; the fields are those of ``Event``.
+# The dtype of an event, with the fields of ``Event``.
 EVENT: Final = engine.rows["Event"]
-Events: TypeAlias = NDArray[np.void]  # of EVENT
+Events: TypeAlias = NDArray[np.void]  # rows of dtype EVENT
 
 
 class Outcome(IntEnum):
-    """How a ray ends; ``attenuation.hpp`` has the theory."""
+    """The end of a ray; ``attenuation.hpp`` has the theory."""
 
     NOTHING = 0
     HIT = 1
@@ -31,7 +31,7 @@ class Outcome(IntEnum):
 
 
 class EventKind(IntEnum):
-    """What happens to a ray at one point of its path."""
+    """The kind of an event at one point of a ray's path."""
 
     START_INSIDE = 0
     ENTER = 1
@@ -42,7 +42,7 @@ class EventKind(IntEnum):
     OUT_OF_RANGE = 6
     MIRRORED = 7
     ABSORBED = 8
-    RAIN = 9  # added by sensors: rain has no surfaces
+    RAIN = 9  # added by sensors, since rain has no surfaces
 
 
 RADAR: Final = 0
@@ -51,21 +51,21 @@ SONAR: Final = 2
 
 
 class RayClass(NamedTuple):
-    """The properties of rays on which the effect of a material depends.
+    """The properties of rays that determine the effect of materials.
 
     Attributes:
-        medium: ``RADAR``, ``LASER`` or ``SONAR``: which of a material's values apply.
-            Everything that stops robots or light stops a sonar, and nothing else does.
-        band: Index into ``BANDS_GHZ``; only a radar has one.
+        medium: Sensor type ``RADAR``, ``LASER`` or ``SONAR``, which selects the values
+            of a material. Materials that stop robots or light stop sonars.
+        band: Index into ``BANDS_GHZ``; only for radars.
         power_per_db: Penetration power per decibel of attenuation.
-        max_reflections: How many mirrors reflect a ray; the next one ends it like any
-            other surface.
-        is_absorbed: Whether opaque surfaces that are no mirrors absorb power; not for a
-            radar that measures how much of it they scatter.
-        in_decibels: Whether the attenuation in decibels that materials have besides
-            their units applies, and the meshes of point reflectors are no obstacle.
-        glint: Angle to the normal of a mirror, rad, up to which a ray comes straight
-            back, so that the mirror ends it like any other surface; 0 for none.
+        max_reflections: Maximum number of mirror reflections; the next mirror ends the
+            ray like any other surface.
+        is_absorbed: Whether opaque surfaces that are not mirrors absorb power; false
+            for a radar that computes the backscatter of surfaces.
+        in_decibels: Whether ``attenuation_db`` and ``sheet_attenuation_db`` of
+            materials apply if given, and rays ignore the meshes of point reflectors.
+        glint: Angle of incidence on a mirror, rad, up to which the mirror ends the ray
+            like any other surface; 0 for none.
     """
 
     medium: int
@@ -104,7 +104,7 @@ class Rays:
             ``RADAR`` or ``LASER``.
         carrier_id: (N,) int64, the id of the robot box that carries the sensor and does
             not stop the ray; -1 for none.
-        ray_classes: The classes that occur; at most 255.
+        ray_classes: The ray classes, at most 255.
     """
 
     origins: Floats
@@ -127,7 +127,7 @@ class Rays:
         carrier_id: ArrayLike = -1,
         ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
-        """Create rays of one medium, or of the first of other classes."""
+        """Create rays with equal power and one class, ``ray_classes[medium]``."""
         n = len(origins)
         return cls(
             np.ascontiguousarray(origins, np.float64),
@@ -150,7 +150,7 @@ class Rays:
         }
         every = (each for batch in batches for each in batch.ray_classes)
         classes = tuple(dict.fromkeys(every))
-        if len(classes) > 1:  # batches may count them otherwise
+        if len(classes) > 1:  # batches may have different class indices
             indices = []
             for batch in batches:
                 index = [classes.index(each) for each in batch.ray_classes]
@@ -164,7 +164,7 @@ class Rays:
         return Rays(**columns, ray_classes=self.ray_classes)
 
     def invalid(self, row: int) -> EngineError:
-        """Return the error for a ray that the engine does not trace."""
+        """Return the error for an invalid ray."""
         place, way = self.origins[row].tolist(), self.directions[row].tolist()
         return EngineError(
             f"ray {row} from {place} along {way}, max_range {self.max_range[row]},"
@@ -177,7 +177,7 @@ class Rays:
         """Pack the rays for the engine.
 
         Raises:
-            EngineError: If the shape or dtype of a column is not as above.
+            EngineError: If a column has a wrong shape or dtype.
         """
         return engine.structures["RaySource"].pack(
             origins=np.ascontiguousarray(self.origins),
@@ -202,7 +202,7 @@ class Boxes:
     Attributes:
         rows: (B, 8): x, y, yaw, lower and upper z, half the length, half the width
             (m, rad), and the id of the box.
-        velocities: (B, 2) m/s, along x and y; None if nobody asks for them.
+        velocities: (B, 2) m/s, along x and y; None if they are not needed.
 
     Raises:
         EngineError: If the rows have another shape, or are not finite.
@@ -228,17 +228,17 @@ class Boxes:
     def find(
         self, ids: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return which of some ids are those of boxes, (K,), and their rows, (K,)."""
+        """Return the indices of ids that belong to boxes, (K,), and the boxes' rows."""
         known = self.rows[:, 7].astype(np.int64)
         found = np.flatnonzero(np.isin(ids, known))
         order = np.argsort(known)
         return found, order[np.searchsorted(known, ids[found], sorter=order)]
 
     def table(self, centre: Floats) -> NDArray[np.void]:
-        """Return the rows of ROBOT_BOX for the engine; they are computed once.
+        """Return the boxes as rows of ROBOT_BOX for the engine, cached by centre.
 
         Args:
-            centre: (3,) m, the origin of its coordinates.
+            centre: (3,) m, origin of the coordinates in the table.
         """
         key = centre.tobytes()
         if key not in self._tables:
@@ -258,17 +258,17 @@ class Boxes:
 
 
 class Traces(NamedTuple):
-    """How rays ended.
+    """The results of traced rays.
 
     Attributes:
         ranges: (N,) m, over all segments of the path; inf where nothing was hit.
-        outcomes: (N,) uint8, an ``Outcome`` each.
+        outcomes: (N,) uint8, the ``Outcome`` of each ray.
         parts: (N,) int64, index of the part that was hit or absorbed the ray, or in
             which the power ran out; for a robot box, the number of parts plus the
             box's id; -1 for none.
-        power: (N,) remaining power; of a hit, what the surface returns.
+        power: (N,) remaining power; at a hit, minus the absorption of the surface.
         incidence: (N,) cosine of the angle between the ray and the normal of the opaque
-            surface that it hit, 0 to 1; nan where it hit none; empty if not requested.
+            surface that it hit, 0 to 1; nan without a hit; empty if not requested.
         events: Rows of EVENT, ordered by ray and by distance; empty if not requested.
     """
 
@@ -298,14 +298,14 @@ class Traces(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What happened to a ray at one point of its path.
+    """An event at one point of a ray's path.
 
     Attributes:
         t: Distance from the ray's origin along its path, m.
         kind: Kind of the event.
         part: The part or robot box involved, numbered as in ``Traces.parts``.
         power: Power of the ray on arrival.
-        absorbed: Power that a sheet or an opaque surface takes there.
+        absorbed: Power that a sheet or an opaque surface absorbs there.
         position: (x, y, z) m, map frame.
     """
 

@@ -1,4 +1,4 @@
-"""A scene as the engine takes it: what its materials mean for each class of rays."""
+"""The material tables of a scene for the engine: losses for each class of rays."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,9 +14,9 @@ from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.scene.material import ALBEDO, Material
 from radarsim.scene.scene import REFLECTOR, Part, bounds_of
 
-IGNORE, COLLECT, OPAQUE = range(3)  # what a ray does with a part, as ``Role``
-# Sheets that a ray crosses in a metre of leaves: an estimate, which only decides how
-# far ahead a ray searches at first.
+IGNORE, COLLECT, OPAQUE = range(3)  # values of ``Role`` in the engine
+# Estimated number of sheets that a ray crosses per metre of leaves. It only affects the
+# initial search distance of a ray.
 SHEETS_PER_METRE: Final = 8.0
 
 
@@ -35,8 +35,8 @@ def attenuation_of(material: Material, ray_class: RayClass) -> float:
 def absorption_of(material: Material, ray_class: RayClass) -> float:
     """Return the power that an opaque surface of a material absorbs.
 
-    Absorption is specified in dB of the whole echo, out and back. Penetration power
-    counts one way only, so a loss that occurs once, at the hit, counts half.
+    Absorption is specified in dB of the two-way echo. Penetration power counts one-way
+    losses, so a loss that occurs once, at the hit, counts half.
     """
     if ray_class.medium == SONAR:
         return 0.0
@@ -45,12 +45,12 @@ def absorption_of(material: Material, ray_class: RayClass) -> float:
         return 0.0
     decibels = material.absorption_db if radar else material.laser_absorption_db
     if decibels == 0 or math.isinf(decibels):
-        return decibels  # also if the power per dB is 0
+        return decibels  # Infinite absorption stays infinite if power_per_db is 0.
     return ray_class.power_per_db * decibels / 2
 
 
 def passing_of(material: Material, ray_class: RayClass) -> float:
-    """Return the power that each surface of a pane takes from a ray that passes it."""
+    """Return the power that a ray loses at each surface of a pane."""
     decibels = material.transmission_db
     if decibels is None or ray_class.medium != RADAR:
         return math.inf
@@ -62,9 +62,9 @@ def _glint_cosine(angle: float) -> float:
 
 
 def scattering_of(material: Material, ray_class: RayClass) -> float:
-    """Return what a volume or a sheet scatters of a loss, relative to foliage.
+    """Return the scattered share of a loss in a volume or a sheet, relative to foliage.
 
-    Of light, all clouds and plants are taken to scatter the same share.
+    For light, all clouds and plants are assumed to scatter the same share.
     """
     return material.albedo / ALBEDO if ray_class.medium == RADAR else 1.0
 
@@ -80,7 +80,7 @@ def centre_of(parts: Sequence[Part]) -> Floats:
 
 
 def find_volumes(parts: Sequence[Part], centre: Floats) -> dict[str, NDArray[Any]]:
-    """Find the volumes that some ray penetrates, with bounds relative to ``centre``.
+    """Find the penetrable volumes, with bounds relative to ``centre``.
 
     Returns:
         The fields ``volume``, ``low`` and ``high`` of a ``MaterialTable``.
@@ -111,10 +111,10 @@ def material_table(
     """Compute the ``MaterialTable`` for some classes of rays.
 
     Args:
-        parts: All parts, the air's last.
-        volumes: Those among the parts, from ``find_volumes``.
-        ray_classes: In the order of their indices.
-        air: The material that fills the scene; None for nothing.
+        parts: All parts, with the air as the last part.
+        volumes: The penetrable volumes of the parts, from ``find_volumes``.
+        ray_classes: The ray classes, in the order of their indices.
+        air: The material that fills the scene; None for clear air.
     """
     materials = [part.material for part in parts]
     sheet = np.array([material.sheet_loss is not None for material in materials], bool)
@@ -142,7 +142,7 @@ def material_table(
 
 
 def _sheet_loss_of(material: Material, ray_class: RayClass) -> float:
-    """Return the loss per crossed sheet; only radar waves lose power there."""
+    """Return the loss per crossed sheet; nan for a volume, 0 for light and sound."""
     if material.sheet_loss is None:
         return math.nan
     if ray_class.medium != RADAR:
@@ -153,7 +153,7 @@ def _sheet_loss_of(material: Material, ray_class: RayClass) -> float:
 
 
 def _is_passed(material: Material, ray_class: RayClass) -> bool:
-    """Return whether a ray passes a material as if it were not there."""
+    """Return whether rays ignore a material."""
     return ray_class.in_decibels and material == REFLECTOR
 
 

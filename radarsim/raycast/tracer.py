@@ -2,17 +2,17 @@
 
 Theory of operation
 ===================
-A loop of the engine takes one ray after the other: ``intersect.hpp`` collects the
-surfaces ahead of the ray, and ``attenuation.hpp`` follows it through the sorted list.
+The engine processes one ray after the other: ``intersect.hpp`` collects the surfaces
+ahead of the ray, and ``attenuation.hpp`` computes the losses along the sorted list.
 
-Rule 1: the volumes that contain the start of a ray do not follow from surfaces ahead,
-where an opaque wall may hide their far side. If the start is in the bounds of a volume,
-the same line is searched backwards, through everything: a part that was entered there
-and not left encloses the start. As it is the same line, each surface counts on exactly
-one side of the start, and the signs of all crossings add up to zero, also for a ray
-that starts on a face or runs along an edge.
+Rule 1: the surfaces ahead of a ray do not show which volumes contain its start, since
+an opaque wall may hide their far side. If the start is in the bounds of a volume, the
+same line is searched backwards through all surfaces: a part that was entered there and
+not left encloses the start. Both searches use the same line, so each surface counts on
+exactly one side of the start, and the signs of all crossings add up to zero, even if a
+ray starts on a face or runs along an edge.
 Rule 2: robots are upright boxes outside Embree, since they move and the scene is fixed.
-Rule 3: coordinates are relative to the centre of the scene, so that they are small.
+Rule 3: coordinates are relative to the centre of the scene to keep them small.
 """
 
 import functools
@@ -50,11 +50,11 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, expected_scene
 from radarsim.scene.shapes import box
 
-THREAD_RAYS: Final = 2_000  # from as many on, all processors trace the rays of a call
-INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
+THREAD_RAYS: Final = 2_000  # number of rays from which a call uses all processors
+INITIAL_CAPACITY: Final = 512  # crossings per segment; events per call
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
-# Places, random numbers, nodes, and sides of scans in a call that traces given rays.
+# The argument ``scans`` of a call that traces given rays.
 NO_SCANS: Final = (
     np.zeros((0, 7)),
     np.zeros((0, 0)),
@@ -69,9 +69,9 @@ class Tracer:
     Attributes:
         parts: Parts of the scene; the air, if any, comes last, without surfaces.
         rain_rate: (P,) rain in each part, mm/h; rain in the air falls everywhere.
-        has_rain: Whether it rains anywhere.
-        clouds: (P,) which parts scatter light all along a beam, as smoke does.
-        has_clouds: Whether any does.
+        has_rain: Whether any part has rain.
+        clouds: (P,) whether each part scatters light from all depths, as smoke does.
+        has_clouds: Whether any part is a cloud.
     """
 
     def __init__(self, parts: Sequence[Part], air: Material | None = None) -> None:
@@ -79,13 +79,14 @@ class Tracer:
 
         Args:
             parts: Parts of the scene.
-            air: The material that fills everything, also the parts; None for nothing.
+            air: The material that fills the whole scene, including the parts; None for
+                clear air.
 
         Raises:
             EngineError: If Embree cannot use a part, or a penetrable part is neither
                 closed nor a sheet.
         """
-        # As a part the air has a number, so that events and echoes can refer to it.
+        # The air is a part with an index, so that events and echoes can refer to it.
         nothing = np.zeros((0, 3), np.float64), np.zeros((0, 3), np.int32)
         filling = [] if air is None else [Part("air", air, *nothing)]
         self.parts = (*parts, *filling)
@@ -93,7 +94,7 @@ class Tracer:
             [part.material.rain for part in self.parts], np.float64
         )
         self.has_rain = bool(self.rain_rate.any())
-        # The air may be fog too, but it has no surfaces: beams are never outside it.
+        # The air is never a cloud here, even if it is fog, since it has no boundary.
         self.clouds = np.array(
             [part.material.is_cloud for part in parts] + [False] * len(filling), bool
         )
@@ -102,20 +103,20 @@ class Tracer:
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
         self._losses: dict[RayClass, tuple[Floats, float, Floats]] = {}
-        # The scene for the engine: it is packed again after a slice was added.
+        # The packed scenes for the engine, which are packed again after a new slice.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
             [(part.vertices - self._centre, part.faces) for part in parts]
         )
         self._max_crossings = INITIAL_CAPACITY
-        self._events_per_ray = 4  # the highest average of any call
+        self._events_per_ray = 4  # the largest average of all calls so far
 
     def losses(self, ray_class: RayClass) -> tuple[Floats, float, Floats]:
-        """Return what rays lose, and what of it comes back.
+        """Return the losses of rays in each part, and the scattered shares.
 
         Returns:
-            The power lost per metre in each part, (P,), and in the air; and what each
-            part scatters of a loss, relative to foliage, (P,).
+            The power lost per metre in each part, (P,), and in the air; and the
+            scattered share of the loss in each part, relative to foliage, (P,).
         """
         found = self._losses.get(ray_class)
         if found is None:
@@ -138,13 +139,13 @@ class Tracer:
         events: bool = False,
         incidence: bool = False,
     ) -> Traces:
-        """Trace rays to where they end.
+        """Trace rays to their ends.
 
         Args:
             rays: The rays.
-            boxes: The robots.
-            events: Whether to record everything that happens to the rays.
-            incidence: Whether to compute the angles at which surfaces are hit.
+            boxes: Boxes of the robots.
+            events: Whether to record all events along the rays.
+            incidence: Whether to compute angles of incidence at hits.
 
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
@@ -164,24 +165,24 @@ class Tracer:
         incidence: bool = False,
         threads: int | None = None,
     ) -> Traces:
-        """Aim the rays of scans and trace them, in one call of the engine.
+        """Compute the rays of scans and trace them, in one call of the engine.
 
-        The middle ray of three takes the place of a ray that starts where its sensor
-        cannot see, behind something opaque.
+        If an opaque surface is between the sensor and the start of a side ray, the
+        middle ray of the beam is traced instead.
 
         Args:
             source: The packed ``RaySource`` of the sensor.
-            ray_classes: The class of its rays, and that for which something may hide
-                where they start.
-            scans: Of J scans of M rays each: (J, 7) x, y, z, roll, pitch, yaw of the
-                sensor, map frame, and the id of the box that carries it, -1 for none;
-                (J, N) random numbers from 0 to 1, which select a node of each beam, or
-                (J, 0) if all are aimed; and two columns to write to, (J * M,) the node
-                of its beam that each ray is, and its side.
-            boxes: The robots.
+            ray_classes: The class of the rays, and the class that decides whether a
+                surface hides a ray's start.
+            scans: Arrays of J scans with M rays each: (J, 7) x, y, z, roll, pitch, yaw
+                of the sensor, map frame, and the id of the box that carries it, -1 for
+                none; (J, N) random numbers from 0 to 1, which select a node of each
+                beam, or (J, 0) to trace all nodes; and two output arrays, (J * M,) the
+                node of each ray in its beam, and its side.
+            boxes: Boxes of the robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
-            threads: On how many threads; None for as many as pay off.
+            threads: Number of threads; None chooses it by the number of rays.
 
         Raises:
             EngineError: If a pose is not finite.
@@ -200,7 +201,7 @@ class Tracer:
         return 1 if size < THREAD_RAYS else thread_count()
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
-        """Trace rays and return the events of each, in order.
+        """Trace rays and return the events of each ray, ordered by distance.
 
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
@@ -213,9 +214,9 @@ class Tracer:
         return events
 
     def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> Packed:
-        """Return the ``Scene`` for classes of rays."""
+        """Return the packed ``Scene`` for classes of rays."""
         found, handle = self._packed.get(ray_classes), self._scene.handle
-        # The handle is another one after a slice was added.
+        # Adding a slice replaces the handle.
         if found is None or found.handle is not handle:
             if found is None:
                 parts, air = self.parts, self._air
@@ -242,21 +243,21 @@ class Tracer:
         incidence: bool,
         threads: int,
     ) -> Traces:
-        """Trace rays; all of them again with more memory if it was too little.
+        """Trace rays; repeat the call with larger buffers if they were too small.
 
         Args:
             source: The packed ``RaySource``.
-            ray_classes: The classes of its rays.
+            ray_classes: The classes of the rays.
             size: The number of rays.
             scans: As in ``trace_scans``; ``NO_SCANS`` for given rays.
-            invalid: Returns the error for a ray that is invalid, by its number.
-            boxes: The robots.
+            invalid: Returns the error for an invalid ray, by its index.
+            boxes: Boxes of the robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
-            threads: Their number.
+            threads: Number of threads.
         """
-        # Too little room only means a second pass; after it the highest need is known,
-        # so that calls seldom trace twice.
+        # If the buffers are too small, the call is repeated. The required sizes are
+        # stored, so calls are seldom repeated.
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
         scene, summary = self._packed_for(ray_classes), np.zeros(3)
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
@@ -284,8 +285,8 @@ class Tracer:
             if needed < 0:
                 raise invalid(-1 - needed)
             if needed == 0 and count <= room:
-                # Level rays at a height that many have get a slice of the scene:
-                # counted here, as the engine cannot build one (``embree``).
+                # The engine counts horizontal rays without a slice, but only Python can
+                # build a slice; see ``embree``.
                 if unsliced:
                     self._scene.count_unsliced(height, int(unsliced))
                 if room:
@@ -297,7 +298,7 @@ class Tracer:
             self._events_per_ray = max(self._events_per_ray, room // max(size, 1) + 1)
 
 
-# One tracer for each scene: built when first needed, and freed with the scene.
+# One tracer per scene, built on demand; the weak key frees it with the scene.
 _tracers: WeakKeyDictionary[Scene, Tracer] = WeakKeyDictionary()
 
 
@@ -306,7 +307,7 @@ def tracer_of(scene: Scene) -> Tracer:
 
     Raises:
         EngineError: If Embree cannot be used, or cannot use a part of the scene.
-        TypeError: If it is not a scene.
+        TypeError: If the argument is not a Scene.
     """
     if not isinstance(scene, Scene):
         raise expected_scene(scene)
@@ -319,10 +320,10 @@ def tracer_of(scene: Scene) -> Tracer:
 
 @functools.cache
 def _check_engine() -> None:
-    """Trace a ray through half a metre of hedge to a wall, once in a process.
+    """Trace a ray through half a metre of hedge to a wall, once per process.
 
-    Embree does not report the sizes of its structures. This test shows that they are
-    those that ``intersect`` assumes.
+    Embree does not report the layout of its structures. This test verifies the layout
+    that ``intersect.hpp`` assumes.
     """
     vertices, faces = box(0.5, 1.0, 1.0)
     near, far = vertices + np.array([1, 0, 0]), vertices + np.array([3.25, 0, 0])
@@ -333,10 +334,10 @@ def _check_engine() -> None:
 
 
 def check_known_end(traces: Traces) -> None:
-    """Check that a ray has ended at 3 m with half its power.
+    """Check that the ray of ``_check_engine`` ended at 3 m with half its power.
 
     Raises:
-        EngineError: If it has not.
+        EngineError: If the range or the power differs.
     """
     t, power = float(traces.ranges[0]), float(traces.power[0])
     if abs(t - 3.0) > 1e-9 or abs(power - 0.5) > 1e-9:

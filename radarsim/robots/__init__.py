@@ -1,1 +1,1 @@
-"""Robots on the floor: kinematics, collisions, and their state."""
+"""Robots: their state, kinematics and collisions."""

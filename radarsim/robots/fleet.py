@@ -1,7 +1,7 @@
-"""All robots of a simulation, driven together.
+"""The fleet: all robots of a simulation, which move together.
 
-Their state is in columns of arrays, so that one call of machine code advances them all.
-Each robot keeps its row, its slot, as long as it is in the fleet.
+The state of the robots is in arrays, so one call of the engine advances all robots.
+A robot keeps its row, the slot, as long as it is in the fleet.
 """
 
 import math
@@ -28,24 +28,24 @@ from radarsim.robots.robot import (
 )
 
 _FIRST_SLOTS: Final = 8
-WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
-_MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
-# Of the rows of ``raycast.rays.Boxes``.
+WALL_RANGE: Final = 0.5  # m around the robot's circle in which walls are searched
+_MAX_DISPLACEMENT_RATIO: Final = 2.0  # largest displacement of a centre / its sweep
+# The fields of a row of ``raycast.rays.Boxes``.
 _BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
 _BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]
 
 
 class Fleet:
-    """Robots that drive among each other, on one or several floors.
+    """Robots that move and collide with each other, on one or several floors.
 
     Attributes:
         robots: The robots, in the order of spawning, in which they also move.
-        slots: (R,) their slots, int64.
-        odometry: (M,) of type ``ODOMETRY``, of robots that have one; some rows may be
-            free.
-        table: (S,) of type ``ROBOT``, a row for each slot; another array once one is
-            added. Rows of free slots hold anything.
-        columns: The same rows as numbers, see ``robots.robot.COLUMN``.
+        slots: (R,) slots of the robots, int64.
+        odometry: (M,) of type ``ODOMETRY``, rows of robots with odometry, and free
+            rows.
+        table: (S,) of type ``ROBOT``, a row for each slot; rows of free slots are
+            undefined. Adding a robot can replace the array.
+        columns: The same rows as (S, C) float64, see ``robots.robot.COLUMN``.
     """
 
     def __init__(self) -> None:
@@ -56,11 +56,11 @@ class Fleet:
         self._spawned = 0
         self._floors: list[Obstacles] = []
         self._set_table(new_rows(0))
-        self._lines: NDArray[np.void] = np.zeros(0, LINE)  # room for what a robot meets
+        self._lines: NDArray[np.void] = np.zeros(0, LINE)  # buffer of the engine
         self._enter_floors()
 
     def prepare(self, obstacles: Obstacles) -> None:
-        """Enter the walls of a floor, unless it is known."""
+        """Add the walls of a floor to the table, unless they are there already."""
         if obstacles not in self._floors:
             if not self._walls.add(obstacles.walls):
                 self._forget_floors()
@@ -70,15 +70,15 @@ class Fleet:
                 self._floors.append(obstacles)
 
     def _enter_floors(self) -> None:
-        """Enter the walls of all floors into another table."""
+        """Create a new table with the walls of all floors."""
         self._walls = WallStore([floor.walls for floor in self._floors])
         self._pack()
 
     def _pack(self) -> None:
-        """Pack what robots may run into, as C++ takes it."""
-        # All walls, and the sides of all robots.
+        """Pack robots and walls into the structure that the engine reads."""
+        # The buffer has room for all walls, and the sides of all robots.
         room = self._walls.lines + 4 * len(self.table)
-        # Kept from robot to robot: to allocate megabytes can take milliseconds.
+        # The buffer is reused, since allocating megabytes can take milliseconds.
         if len(self._lines) < room:
             self._lines = np.zeros(room + room // 4, LINE)
         self._around = engine.structures["Surroundings"].pack(
@@ -106,8 +106,8 @@ class Fleet:
         Args:
             name: Name of the robot.
             model: Robot class.
-            pose: Where it stands, map frame; the fleet does not look for a free place.
-            obstacles: Obstacles on its floor.
+            pose: Pose of the robot, map frame; the fleet does not check collisions.
+            obstacles: Obstacles on the robot's floor.
             wheel_drive: Conversion of drive commands to wheel speeds.
         """
         slot = self._take_slot(obstacles)
@@ -125,7 +125,7 @@ class Fleet:
         return robot
 
     def add_odometry(self, robot: Robot) -> int:
-        """Integrate the turns of a robot's wheels from now on; return the row."""
+        """Start to integrate the wheel rotation of a robot; return the odometry row."""
         free = np.flatnonzero(self.odometry["slot"] == FREE)
         if not free.size:
             count = len(self.odometry)
@@ -139,15 +139,15 @@ class Fleet:
         return row
 
     def remove(self, robot: Robot) -> None:
-        """Remove a robot, which stands where it is in a fleet that does not drive.
+        """Remove a robot; its state is moved to a fleet of its own, which never moves.
 
         Raises:
             ValueError: If the robot is not in the fleet.
         """
         if robot.fleet is not self:
             raise ValueError(f"robot {robot.name!r} is not in this fleet")
-        # Whoever still holds the robot can read its last pose, while its row here is
-        # given to the next one.
+        # The copied row lets other code read the last pose of the robot, while another
+        # robot reuses its slot here.
         alone, slot = Fleet(), robot.slot
         alone._set_table(self.table[[slot]])
         alone.odometry = self.odometry.copy()
@@ -159,9 +159,9 @@ class Fleet:
         self._update_slots()
 
     def place(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
-        """Put a robot elsewhere, where it stands still; arguments as of ``add``.
+        """Move a robot to another pose, where it stops; arguments as in ``add``.
 
-        Odometry goes on as if the robot had not been moved.
+        Odometry does not count this displacement.
         """
         number = robot.number
         self.prepare(obstacles)
@@ -170,11 +170,11 @@ class Fleet:
         self._forget_gaps()
 
     def lift(self, robot: Robot, z: float, obstacles: Obstacles) -> None:
-        """Move a robot that flies to another height.
+        """Move a flying robot to another height.
 
         Args:
             robot: The robot.
-            z: Height of its body frame, m, map frame.
+            z: Height of the body frame, m, map frame.
             obstacles: Obstacles at that height.
         """
         self.prepare(obstacles)
@@ -185,44 +185,44 @@ class Fleet:
             row["floor"], row["wall_gap"], row["rejected"] = floor, 0.0, np.nan
 
     def step(self, dt: float) -> None:
-        """Drive all robots for one time step of ``dt`` s."""
+        """Move all robots for one time step of ``dt`` s."""
         engine.drive_robots(self._around, dt)
 
     def drive(
         self, slots: NDArray[np.int64], dt: float, steps: int, *, meets: bool
     ) -> NDArray[np.bool_]:
-        """Drive some robots for several time steps, as if there were no others.
+        """Move some robots for several time steps, ignoring all other robots.
 
         Args:
-            slots: (K,) their slots, in the order in which they move.
+            slots: (K,) slots of the robots, in the order in which they move.
             dt: Time step, s.
             steps: Number of time steps.
-            meets: Whether these robots may run into each other.
+            meets: Whether these robots may collide with each other.
 
         Returns:
-            (K,) whether each was blocked, or touched something, after any of the steps.
+            (K,) whether each robot was blocked or in contact after any of the steps.
         """
         touched = np.zeros(len(slots), np.bool_)
         engine.drive_on(self._around, slots, dt, steps, meets, touched)
         return touched
 
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which robots were blocked in the last step, or touch something.
+        """Return which robots were blocked in the last step, or are in contact, (K,).
 
-        The results are kept until the next step, also for ``Robot.touched``: it takes
-        much less time to ask for many robots first, and then for each.
+        The results are cached until the next step, also for ``Robot.touched``. One call
+        for many robots is much faster than a call for each robot.
 
         Args:
-            slots: (K,) their slots.
+            slots: (K,) slots of the robots.
         """
         asked = np.asarray(slots, np.int64)
         engine.find_touched(self._around, asked)
         return np.asarray(self.table["touched"][asked] == 1.0)
 
     def near(self, x: float, y: float, distance: float) -> tuple[Robot, ...]:
-        """Return the robots near a place, m, map frame, in the order of spawning.
+        """Return the robots near a position, m, map frame, in the order of spawning.
 
-        They are those with a corner that may be within ``distance`` m.
+        A robot is near if its circumscribed circle is within ``distance`` m.
         """
         rows = self.columns[self.slots]
         gaps = np.hypot(rows[:, COLUMN["x"]] - x, rows[:, COLUMN["y"]] - y)
@@ -232,19 +232,18 @@ class Fleet:
     def boxes(self) -> Floats:
         """Return the robots as rows of ``raycast.rays.Boxes``, (R, 8).
 
-        They are in the order of spawning, and their ids are the numbers of the robots.
+        The rows are in the order of spawning, with the robots' numbers as ids.
         """
         return self.columns[self.slots[:, None], _BOX_COLUMNS]
 
     def _take_slot(self, obstacles: Obstacles) -> int:
-        """Return a free slot, and make room for it and for the walls of its floor."""
+        """Return a free slot; enlarge the tables of robots and walls if needed."""
         if not self._free_slots:
             count = len(self.table)
             more = new_rows(max(_FIRST_SLOTS, count))
             self._set_table(np.concatenate([self.table, more]))
             self._pack()
-            # Highest first, as slots are taken from the end: the lowest one is used
-            # first.
+            # The list is in descending order, so `pop` returns the lowest slot first.
             self._free_slots = list(range(len(self.table) - 1, count - 1, -1))
         self.prepare(obstacles)
         return self._free_slots.pop()
@@ -256,7 +255,7 @@ class Fleet:
         )
 
     def _forget_floors(self) -> None:
-        """Keep only the floors on which robots are: those that fly have many."""
+        """Drop floors without robots, since flying robots add many floors."""
         floors = self.table["floor"][self.slots].astype(np.int64)
         used, renumbered = np.unique(floors, return_inverse=True)
         self._floors = [self._floors[number] for number in used.tolist()]
@@ -282,7 +281,8 @@ class Fleet:
         self._forget_gaps()
 
     def _forget_gaps(self) -> None:
-        # A robot that came may be close to any other, and one that left was.
+        # After a robot was added, moved or removed, all distances between robots and
+        # all contacts are unknown.
         self.table["robot_gap"] = 0.0
         self.table["touched"] = UNKNOWN
 

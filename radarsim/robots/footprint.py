@@ -1,13 +1,13 @@
-"""The distance between a robot's rectangle and line segments, and the direction out.
+"""The footprint of a robot, and its signed distance to line segments.
 
 Theory of operation
 ===================
-In the frame of the rectangle three axes can separate a segment from it: x, y and the
-segment's own normal (separating axis theorem for two convex shapes). On each axis the
+In the frame of the rectangle, three axes can separate it from a segment: x, y and the
+segment's normal (separating axis theorem for two convex shapes). On each axis, the
 distance between the two projections is a lower bound of the distance between the
-shapes, and the largest of the three is negative only if they overlap; then it is the
-smallest displacement that separates them, along that axis. One number so serves as
-collision test, as clearance and as penetration depth.
+shapes. The largest of the three distances is negative only if the shapes overlap; then
+its absolute value is the smallest displacement that separates them, along that axis. So
+one number is collision test, clearance and penetration depth.
 """
 
 import math
@@ -21,18 +21,18 @@ from numpy.typing import NDArray
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2
 
-MARGIN: Final = 1e-6  # m; a smaller gap counts as contact; far above rounding errors
+MARGIN: Final = 1e-6  # m; smaller gaps count as contact, far above rounding errors
 NO_SEGMENTS: Floats = np.zeros((0, 2, 2))
 NO_SEGMENTS.setflags(write=False)
 
 
-Lines: TypeAlias = NDArray[np.void]  # structures of the type LINE
+Lines: TypeAlias = NDArray[np.void]  # structures of the dtype LINE
 LINE: Final = engine.rows["LineSegment"]
 _CONTACT: Final = engine.rows["Contact"]
 
 
 def line_table(segments: Floats) -> Lines:
-    """Return segments, (S, 2, 2), as lines, (S,), ranked as they come."""
+    """Convert segments, (S, 2, 2) m, to lines, (S,), with their indices as ranks."""
     first, second = segments[:, 0], segments[:, 1]
     ranks = np.arange(len(segments))
     columns = (first + second) / 2, (second - first) / 2, ranks
@@ -70,14 +70,14 @@ class Footprint:
         return sides + centre
 
     def covers(self, pose: Pose2, x: float, y: float) -> bool:
-        """Return whether a point of the map lies inside."""
+        """Return whether a point in the map frame, m, is inside the rectangle."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         dx, dy = x - pose.x, y - pose.y
         along, across = c * dx + s * dy, c * dy - s * dx
         return abs(along) <= self.length / 2 and abs(across) <= self.width / 2
 
     def gaps(self, poses: Floats, lines: Lines) -> Floats:
-        """Return the gaps of contacts; arguments as of ``contacts``."""
+        """Return the smallest gap at each pose, (P,) m; see ``contacts``."""
         gaps: Floats = self.contacts(poses, lines)["gap"]
         return gaps
 
@@ -86,12 +86,12 @@ class Footprint:
 
         Args:
             poses: (P, 3) m, rad, map frame.
-            lines: Lines, none of them of length 0.
+            lines: Lines with lengths above 0.
 
         Returns:
-            (P,) of type ``Contact`` in C++: gap, m, negative by the depth of what
-            reaches in, and the direction in which it grows. Of equal gaps, that of the
-            first line.
+            (P,) of type ``Contact`` in C++: gap, m, negative by the penetration depth,
+            and the direction in which the gap grows. If gaps are equal, the contact of
+            the first line is returned.
         """
         contacts = np.zeros(len(poses), _CONTACT)
         half_size = self.length / 2, self.width / 2

@@ -1,9 +1,9 @@
-"""The obstacles on a floor: horizontal slices through everything solid, as walls.
+"""The obstacles on a floor: horizontal slices through all solid objects, as walls.
 
-The walls near a place are found in a grid of square cells. A wall is entered in each
-cell that it crosses. Cells are numbered row by row and the entries sorted by number, so
-that neighbouring cells in a row are one run of entries, and empty cells cost
-nothing, however large the map.
+The walls near a position are found in a grid of square cells. A wall has an entry in
+each cell that it crosses. Cells are numbered row by row and the entries are sorted by
+cell number, so neighbouring cells in a row are one run of entries, and empty cells take
+no memory on maps of any size.
 """
 
 import math
@@ -33,24 +33,24 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-# m above the floor: the lowest is that of a P3AT's bumpers, the highest the top of what
-# it carries. A thin horizontal object between two of them is missed.
+# m above the floor, from a P3AT's bumpers to the top of its payload. A thin horizontal
+# object between two heights is missed.
 BUMPER_HEIGHTS = (0.058, 0.15, 0.25, 0.35, 0.45)
 
-_MIN_LENGTH = 1e-9  # m; a shorter segment has no direction
+_MIN_LENGTH = 1e-9  # m; shorter segments have no direction and are dropped
 _SEARCH_STEP = 0.05  # m between candidate positions
-_BATCH = 128  # candidate positions that are examined together
-_CLEARANCE = 0.01  # m around the footprint at such a position
-_LINES = 512  # with which they are compared together
-# Work of comparing a position with no line, of sorting a line, and of finding out which
-# positions are open, in comparisons with a line.
+_BATCH = 128  # candidate positions per step of the search
+_CLEARANCE = 0.01  # m around the footprint at a candidate position
+_LINES = 512  # lines per step of the search
+# Estimated work of a position without lines, of sorting a line, and of one call of
+# `is_open`, in units of one comparison of a position with a line.
 _POSITION_WORK = 300
 _SORTING_WORK = 30
 _TRACING_WORK = 40_000
-_DIGITS = 6  # of rounded end points of areas, so that lines that meet share them
+_DIGITS = 6  # decimals of rounded end points, so that adjacent lines share them
 
-# Of the grid of walls.
-_MIN_CELL: Final = 1.0  # m; larger where long walls would cross too many cells
+# The grid of walls.
+_MIN_CELL: Final = 1.0  # m; larger if long walls would cross too many cells
 _ENTRIES_PER_WALL: Final = 16
 _FREE_ENTRIES: Final = 65536
 _FEW_WALLS: Final = 64
@@ -65,13 +65,16 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
     Args:
         vertices: (V, 3) m.
         faces: (F, 3) rows of vertex numbers.
-        height: z of the plane, m. A vertex in the plane counts as above it, so that
-            the slice of a closed mesh is closed, and a mesh that stands on the plane
-            has none.
+        height: z of the plane, m. A vertex in the plane counts as above it, so the
+            slice of a closed mesh is closed, and a mesh that stands on the plane has
+            no slice.
 
     Returns:
-        Line segments, (S, 2, 2) m: x and y of both ends; where the plane only touches
-        a corner, the ends are equal.
+        Line segments, (S, 2, 2) m: x and y of both ends, which are equal where the
+        plane only touches a corner.
+
+    Raises:
+        ValueError: If a face has the number of a vertex that does not exist.
     """
     segments = np.zeros((len(faces), 2, 2))
     vertices = np.ascontiguousarray(vertices, np.float64)
@@ -84,11 +87,11 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
 
 
 class FloorWalls(NamedTuple):
-    """The walls of one floor, as if no table had any other.
+    """The walls of one floor, with indices that count from 0.
 
     Attributes:
         lines: (S,) the walls.
-        entries: (E,) of type ``WALL_ENTRY``, by cells.
+        entries: (E,) of type ``WALL_ENTRY``, sorted by cell.
         grid: (1,) of type ``WALL_GRID``.
     """
 
@@ -100,7 +103,7 @@ class FloorWalls(NamedTuple):
 def pack_walls(
     lines: Lines, entries: NDArray[np.void], floors: NDArray[np.void]
 ) -> Packed:
-    """Return a table of the walls of several floors, of type ``Walls``."""
+    """Pack the walls of several floors into a structure of type ``Walls``."""
     return engine.structures["Walls"].pack(
         lines=lines,
         entries=entries,
@@ -111,10 +114,10 @@ def pack_walls(
 
 
 def floor_walls(segments: Floats) -> FloorWalls:
-    """Return the walls of a floor: segments, (S, 2, 2) m, x and y of both ends."""
+    """Index the walls of a floor: segments, (S, 2, 2) m, x and y of both ends."""
     lines = line_table(segments)
     if len(segments) <= _FEW_WALLS:
-        # One cell without end: to look at each wall takes less time than to sort them.
+        # One infinite cell: checking few walls is faster than sorting them.
         entries = np.zeros(len(segments), WALL_ENTRY)
         entries["wall"] = np.arange(len(segments))
         endless = (0.0, 0.0, np.inf, 1, 1, 0, len(segments), 0)
@@ -134,16 +137,16 @@ def floor_walls(segments: Floats) -> FloorWalls:
 class WallStore:
     """The walls of several floors, with room for more.
 
-    Floors are only added: entries of the table never change, so that whoever holds it
-    can go on using it.
+    Floors are only added, and entries of the table never change, so references to the
+    table stay valid.
 
     Attributes:
         table: The table, of type ``Walls``.
-        lines: The number of lines for which it has room.
+        lines: The number of lines for which the table has room.
     """
 
     def __init__(self, floors: Sequence[FloorWalls] = ()) -> None:
-        """Create a table of some floors, with room for more; without any, for none."""
+        """Create a table with spare room; without floors the table has no room."""
         needed = sum(map(_sizes, floors), np.zeros(3, np.int64))
         room = (2 * needed + (_SPARE_ROWS if floors else 0)).tolist()
         types = LINE, WALL_ENTRY, WALL_GRID
@@ -155,10 +158,10 @@ class WallStore:
             self.add(floor)
 
     def add(self, floor: FloorWalls) -> bool:
-        """Add a floor; its number is that of the floors before.
+        """Add a floor; its number is the number of floors before it.
 
         Returns:
-            False if there is no room for it: then nothing is added.
+            Whether there was room for the floor; if not, the table is unchanged.
         """
         end = self._used + _sizes(floor)
         if (end > [len(rows) for rows in self._tables]).any():
@@ -175,12 +178,12 @@ class WallStore:
 
 
 def _sizes(floor: FloorWalls) -> NDArray[np.int64]:
-    """Return the numbers of walls, of entries and of floors."""
+    """Return the numbers of walls, entries and floors, (3,)."""
     return np.array([len(floor.lines), len(floor.entries), 1])
 
 
 def _cell_size(segments: Floats) -> float:
-    """Return the size of cells, m, at which walls do not cross too many."""
+    """Return a cell size, m, that limits the number of entries."""
     extent = float(np.abs(segments[:, 1] - segments[:, 0]).sum())
     spare = _ENTRIES_PER_WALL * len(segments) + _FREE_ENTRIES
     return max(_MIN_CELL, extent / spare)
@@ -191,13 +194,14 @@ def _all_open(positions: Floats) -> NDArray[np.bool_]:
 
 
 class Obstacles:
-    """The slices of everything solid above one floor.
+    """The slices of all solid objects above one floor.
 
-    They are surfaces: a footprint that fits between them is free, even inside a box.
+    The slices are outlines of surfaces: a footprint between them is free, even inside a
+    box.
 
     Attributes:
-        segments: (S, 2, 2) m, x and y of both ends, map frame; none of length 0.
-        owners: (S,) number of the part that each is a slice of; 0 if unknown.
+        segments: (S, 2, 2) m, x and y of both ends, map frame; lengths are above 0.
+        owners: (S,) index of the part that each segment belongs to; 0 if unknown.
         floor: Height of the floor, m.
     """
 
@@ -240,7 +244,7 @@ class Obstacles:
         return cls(segments, owners=np.concatenate([none, *owners]), floor=floor)
 
     def parts_at(self, footprint: Footprint, pose: Pose2) -> list[int]:
-        """Return the numbers of the parts whose slices a footprint overlaps, sorted."""
+        """Return the indices of the parts whose slices a footprint overlaps, sorted."""
         lines = self._lines_near(pose.x, pose.y, footprint.radius)
         owners = self.owners[lines["rank"].astype(np.intp)]
         place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
@@ -275,24 +279,25 @@ class Obstacles:
         is_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
         work: int = 0,
     ) -> Generator[int, None, Pose2 | None]:
-        """Find the nearest pose of the same yaw at which a footprint fits, in steps.
+        """Find the nearest free pose with the same yaw for a footprint, in steps.
 
         Args:
             footprint: Footprint to be placed.
             pose: Requested pose. If it is free, the search ends before its first step.
-            others: Returns the robots that are there now, as they move between steps.
+            others: Returns the current robots, which may move between steps.
             within: Radius of the search, m.
-            is_open: Returns which of (N, 2) positions, m, are permitted.
-            work: What the caller does before the search, and again at the place that it
-                finds: counted with the first step, and with each that may be the last.
+            is_open: Returns which of the (N, 2) positions, m, are permitted.
+            work: Work of the caller before the search and at the found position. It is
+                added to the first step and to each step that may be the last.
 
         Yields:
             The work of the next step, in comparisons of a position with a line, which
             take about 5 ns each.
 
         Returns:
-            The pose, to 0.05 m, touching nothing; None if there is none. Of positions
-            at equal distance it is the first counter-clockwise from the map's x axis.
+            The pose, without any contact, on a search grid of 0.05 m; None if there is
+            none. Among positions at equal distance, the first counter-clockwise from
+            the map's x axis is returned.
         """
         here = np.array([[pose.x, pose.y]])
         if self.clear(footprint, pose, others()) and is_open(here)[0]:
@@ -301,7 +306,7 @@ class Obstacles:
             footprint.length + 2 * _CLEARANCE, footprint.width + 2 * _CLEARANCE
         )
         lines = self._lines_near(pose.x, pose.y, enlarged.radius + within)
-        # The nearest first: they are in the way of most positions.
+        # The nearest lines come first, since they exclude most positions.
         distances = np.hypot(lines["middle_x"] - pose.x, lines["middle_y"] - pose.y)
         lines = lines[np.argsort(distances, kind="stable")]
         yield work + _SORTING_WORK * len(lines)
@@ -321,7 +326,7 @@ class Obstacles:
             is_free &= is_open(np.ascontiguousarray(places[:, :2]))
             for place in places[is_free].tolist():
                 free = Pose2(*place)
-                # Bodies whose sides are apart from it may still surround it.
+                # A body whose sides are clear of the footprint may still surround it.
                 if not any(
                     body.footprint.covers(body.pose, free.x, free.y) for body in bodies
                 ):
@@ -330,7 +335,7 @@ class Obstacles:
 
 
 def finish(steps: Generator[int, None, Result]) -> Result:
-    """Return the result of a generator, whatever the work of its steps."""
+    """Run a generator to its end, ignoring yielded values, and return its result."""
     try:
         while True:
             next(steps)
@@ -340,12 +345,12 @@ def finish(steps: Generator[int, None, Result]) -> Result:
 
 
 def overlaps(footprint: Footprint, pose: Pose2, other: "Robot") -> bool:
-    """Return whether a footprint at a pose overlaps that of a robot."""
+    """Return whether a footprint at a pose overlaps the footprint of a robot."""
     distance = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
     if distance > footprint.radius + other.footprint.radius:
         return False
     sides = other.footprint.outline(other.pose)
-    # no side of the other reaches in: it is either apart or surrounds the footprint
+    # If no side of the other robot overlaps, it is either apart or surrounds this one.
     place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
     (gap,) = footprint.gaps(place, line_table(sides)).tolist()
     return gap <= MARGIN or other.footprint.covers(other.pose, pose.x, pose.y)
@@ -353,7 +358,7 @@ def overlaps(footprint: Footprint, pose: Pose2, other: "Robot") -> bool:
 
 @cache
 def _search_batches(within: float) -> tuple[Floats, ...]:
-    """Return positions in rings around (0, 0), the innermost first, each (N, 2) m."""
+    """Return batches of positions in rings around (0, 0), innermost first, (N, 2) m."""
     positions = np.array(list(_rings(within))).reshape(-1, 2)
     return tuple(np.split(positions, range(_BATCH, len(positions), _BATCH)))
 
@@ -375,8 +380,8 @@ def enclosed_area(segments: Floats) -> Geometry:
 def area_within(lines: Geometry) -> Geometry:
     """Return the area that lines enclose; empty if they enclose nothing.
 
-    A ring inside another one is a hole. Where lines cross, as those of branches that
-    grew into each other, all that is enclosed belongs to the area.
+    A ring inside another ring is a hole. If lines cross, such as the outlines of
+    intersecting branches, all enclosed regions belong to the area.
     """
     try:
         return shapely.build_area(lines)

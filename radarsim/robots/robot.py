@@ -1,6 +1,6 @@
-"""One robot on the floor: its row in the table of robots, and its commands.
+"""A robot: access to its row in the table of robots, and its drive commands.
 
-The engine reads and writes the state of all robots as one table with a row for each.
+The state of all robots is one table with a row for each, which the engine shares.
 """
 
 import math
@@ -19,8 +19,8 @@ from radarsim.robots.footprint import Footprint
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
 
-ROBOT: Final = engine.rows["Robot"]  # ``robot.hpp`` describes its fields
-# By field, its column in the table as numbers: many rows are read much faster so.
+ROBOT: Final = engine.rows["Robot"]  # fields are described in ``robot.hpp``
+# Column of each field in the float64 view of the table, which is much faster to read.
 COLUMN: Final = {name: at[1] // 8 for name, at in (ROBOT.fields or {}).items()}
 _BODY: Final = tuple(
     COLUMN[field] for field in ("x", "y", "body_z", "roll", "pitch", "yaw")
@@ -28,11 +28,11 @@ _BODY: Final = tuple(
 ODOMETRY: Final = engine.rows["Odometry"]
 FREE: Final = -1.0  # slot of a row without odometry
 _SPEEDS: Final = ("left_spin", "right_spin", "aside", "climb")
-UNKNOWN: Final = -1.0  # whether a robot touches something, until that is asked for
+UNKNOWN: Final = -1.0  # value of ``touched`` until contacts are computed
 
 
 def new_rows(count: int) -> NDArray[np.void]:
-    """Return the rows of robots that are not set up, (``count``,) of type ``ROBOT``."""
+    """Return initial rows for robots, (``count``,) of type ``ROBOT``."""
     rows = np.zeros(count, ROBOT)
     rows["rejected"] = np.nan
     rows["touched"] = UNKNOWN
@@ -40,22 +40,22 @@ def new_rows(count: int) -> NDArray[np.void]:
 
 
 class Bicycle(NamedTuple):
-    """The axles of a robot that steers as a car does: the kinematic bicycle model.
+    """The kinematic bicycle model of a robot with car-like steering.
 
-    Both wheels of an axle count as one in its middle, and no wheel slips sideways. With
-    the angles f and r of the front and the rear wheels, and the axles at the distances
-    a before and b behind the centre, the centre moves at the angle s to the heading::
+    Both wheels of an axle are modelled as one wheel in the middle, without side slip.
+    With the angles f and r of the front and the rear wheels, and the axles at the
+    distances a in front of and b behind the centre, the centre moves at the angle s to
+    the heading::
 
         tan s = (b tan f + a tan r) / (a + b)
 
     and the robot turns by (tan f - tan r) / (a + b) for each metre along its heading
-    (Rajamani, Vehicle Dynamics and Control, 2.2). The driven rear wheels roll as fast
-    as is commanded, so that the part of the speed along the heading is theirs times
-    cos r.
+    (Rajamani, Vehicle Dynamics and Control, 2.2). The driven rear wheels roll at the
+    commanded speed, so the speed along the heading is this speed times cos r.
 
     Attributes:
-        front: Distance of the front axle before the centre, m.
-        rear: Distance of the rear axle behind the centre, m.
+        front: Distance from the centre forward to the front axle, m.
+        rear: Distance from the centre back to the rear axle, m.
         max_front: Largest angle of the front wheels to either side, rad.
         max_rear: Largest angle of the rear wheels, rad.
         track: Distance between the left and the right wheels, m.
@@ -85,7 +85,7 @@ class Bicycle(NamedTuple):
         )
 
     def limit(self, front: float, rear: float) -> tuple[float, float]:
-        """Return the angles that wheels take of those that are commanded, rad."""
+        """Limit commanded angles of the front and rear wheels, rad."""
         return (
             max(-self.max_front, min(self.max_front, front)),
             max(-self.max_rear, min(self.max_rear, rear)),
@@ -94,7 +94,7 @@ class Bicycle(NamedTuple):
     def motion(
         self, spin: float, front: float, rear: float
     ) -> tuple[float, float, float]:
-        """Return what makes a robot move as a bicycle.
+        """Convert a bicycle command to wheel speeds and a side-slip angle.
 
         Args:
             spin: Speed of the wheels, rad/s.
@@ -102,18 +102,18 @@ class Bicycle(NamedTuple):
             rear: Angle of the rear wheels, rad.
 
         Returns:
-            Speeds of left and right wheels, rad/s, as of skid steering, and the angle
-            from the heading to the motion of the centre, rad.
+            Speeds of the left and right wheels, rad/s, of an equivalent skid-steered
+            robot, and the angle from the heading to the motion of the centre, rad.
         """
         base = self.front + self.rear
         slope = (self.rear * math.tan(front) + self.front * math.tan(rear)) / base
         along = spin * math.cos(rear)
-        # What the wheels of a side roll more or less: the robot turns by it.
+        # Half the speed difference between the right and left wheels turns the robot.
         more = along * (math.tan(front) - math.tan(rear)) / base * self.track / 2
         return along - more, along + more, math.atan(slope)
 
     def extremes(self, spin: float) -> list[tuple[float, float, float]]:
-        """Return the motions with wheels at their limits, at a speed in rad/s."""
+        """Return the motions at the limits of steering, for a wheel speed, rad/s."""
         fronts, rears = (self.max_front, 0.0), (self.max_rear, 0.0, -self.max_rear)
         return [self.motion(spin, *angles) for angles in product(fronts, rears)]
 
@@ -121,21 +121,21 @@ class Bicycle(NamedTuple):
 class Robot:
     """A robot that drives at its latched wheel speeds; a member of a ``Fleet``.
 
-    All speeds and angles of commands are finite, as lines have no others.
+    All speeds and angles of commands must be finite.
 
-    The wheels turn at their set-points even while something blocks the robot, as those
-    of the original do, whose motors are stronger than their grip: odometry then counts
-    a distance that was not driven.
+    The wheels keep turning at the commanded speeds if an obstacle blocks the robot, as
+    in the original server, where the motors are stronger than the grip of the wheels.
+    Odometry then counts a distance that was not driven.
 
     Attributes:
-        name: Name given by its client.
+        name: Name given by the client.
         model: Robot class.
         wheel_drive: Conversion of drive commands to wheel speeds.
-        light: Whether its headlight is on.
-        footprint: Rectangle that it occupies on the floor.
-        bicycle: How it moves if it steers as a car does; None for skid steering.
-        fleet: The fleet that drives it; one of its own once it is removed.
-        slot: Its row in the table of the fleet.
+        light: Whether the headlight is on.
+        footprint: Rectangle that the robot occupies on the floor.
+        bicycle: Model of car-like steering; None for skid steering.
+        fleet: The fleet of the robot; a fleet of its own after its removal.
+        slot: Index of the robot's row in the table of the fleet.
     """
 
     def __init__(
@@ -147,14 +147,14 @@ class Robot:
         fleet: "Fleet",
         slot: int,
     ) -> None:
-        """Describe a robot; its fleet fills the slot.
+        """Create a robot; the fleet fills the row.
 
         Args:
-            name: Name given by its client.
+            name: Name given by the client.
             model: Robot class.
             wheel_drive: Conversion of drive commands to wheel speeds.
-            fleet: The fleet that drives it.
-            slot: Its row in the table of the fleet.
+            fleet: The fleet of the robot.
+            slot: Index of the robot's row in the table of the fleet.
         """
         self.name = name
         self.model = model
@@ -168,12 +168,12 @@ class Robot:
 
     @property
     def row(self) -> Any:
-        """Its row in the table of the fleet, which is not to be kept."""
+        """The robot's row in the table of the fleet, valid until a robot is added."""
         return self.fleet.table[self.slot]
 
     @property
     def number(self) -> int:
-        """Counts the robots of the fleet in the order of spawning, from 1 on."""
+        """The number of the robot in the order of spawning, from 1."""
         return int(self.fleet.columns.item(self.slot, COLUMN["number"]))
 
     @property
@@ -190,7 +190,7 @@ class Robot:
 
     @property
     def touched(self) -> bool:
-        """Whether the last step was blocked, or something touches the robot."""
+        """Whether the robot was blocked in the last step, or is in contact."""
         known = self.fleet.columns.item(self.slot, COLUMN["touched"])
         if known == UNKNOWN:
             return bool(self.fleet.touched([self.slot])[0])
@@ -198,12 +198,12 @@ class Robot:
 
     @property
     def top_speed(self) -> float:
-        """Highest speed of its centre, pushes included, m/s."""
+        """Largest possible speed of the centre, including pushes, m/s."""
         return float(self.fleet.columns.item(self.slot, COLUMN["top_speed"]))
 
     @property
     def side_angles(self) -> tuple[float, float]:
-        """Angles that the left and right wheels turned forward since the spawn, rad."""
+        """Forward rotation of the left and right wheels since the spawn, rad."""
         row = self.row
         return float(row["left_angle"]), float(row["right_angle"])
 
@@ -215,19 +215,19 @@ class Robot:
         normalized: bool | None = None,
         light: bool | None = None,
     ) -> None:
-        """Apply a drive command; values that it omits stay unchanged.
+        """Apply a drive command; values that are None stay unchanged.
 
         Args:
             left: Speed of the left wheels in the unit of ``wheel_drive``, forward
-                positive. A command for one side only changes neither.
-            right: Speed of the right wheels, likewise.
+                positive. A command for only one side changes no speed.
+            right: Speed of the right wheels, in the same unit.
             normalized: Whether this command and later ones are percentages.
             light: Whether the headlight is on.
         """
-        # Stays as it is until a command says otherwise, also for commands without it.
+        # The flag stays set for later commands without it.
         self._normalized = self._normalized if normalized is None else normalized
         self.light = self.light if light is None else light
-        # As the original, which needs both: a student's client sends one of them.
+        # Like the original server, a command needs both sides; some clients send one.
         if left is None or right is None or self.bicycle is not None:
             return
         spin = self.wheel_drive.spin
@@ -238,13 +238,14 @@ class Robot:
     def steer(
         self, speed: float, front: float | None = None, rear: float | None = None
     ) -> None:
-        """Apply a drive command to a robot that steers as a car does.
+        """Apply a drive command to a robot with car-like steering.
 
         Args:
-            speed: Speed of its wheels, as of ``drive``.
-            front: Angle of the front wheels, rad, left positive; limited to what they
-                can turn. None leaves them as they are.
-            rear: Angle of the rear wheels, likewise.
+            speed: Speed of the wheels, in the unit of ``drive``.
+            front: Angle of the front wheels, rad, left positive, clipped to the limits
+                of the robot class. None keeps the current angle.
+            rear: Angle of the rear wheels, rad, clipped too. None keeps the current
+                angle.
 
         Raises:
             ValueError: If the robot is skid-steered.
@@ -269,14 +270,14 @@ class Robot:
         *,
         normalized: bool = False,
     ) -> None:
-        """Apply a command to a robot that flies; None leaves a speed as it is.
+        """Apply a command to a flying robot; None keeps the current speed.
 
         Args:
-            ahead: Speed ahead, m/s; all speeds are limited to what the robot can.
+            ahead: Forward speed, m/s; all speeds are clipped to the class's limits.
             left: Speed to the left, m/s.
-            up: Speed upwards, m/s.
-            turn: Turn rate, counter-clockwise, rad/s.
-            normalized: Whether these are percentages of the highest speeds.
+            up: Upward speed, m/s.
+            turn: Yaw rate, counter-clockwise, rad/s.
+            normalized: Whether all four are percentages of the largest speeds.
 
         Raises:
             ValueError: If the robot does not fly.
@@ -300,7 +301,7 @@ class Robot:
             old if speed is None else _limited(speed, limit, normalized=normalized)
             for speed, old, limit in zip(speeds, before, limits, strict=True)
         )
-        # As the original, which tilts by a part of the angle for percentages.
+        # Like the original server, percentages tilt by only a part of the angle.
         tilt = math.radians(flight.tilt_deg)
         tilt *= flight.tilt_deg / 100 if normalized else 1.0
         if ahead is not None:
@@ -311,10 +312,10 @@ class Robot:
         row["right_spin"] = (along + rate * half_track) / radius
 
     def tilt(self, dt: float) -> None:
-        """Let a robot that flies tilt for a time step towards how it is to tilt.
+        """Change roll and pitch of a flying robot towards their targets for one step.
 
         Args:
-            dt: s.
+            dt: Time step, s.
         """
         flight, row = self.model.flight, self.row
         if flight is None or not flight.tilt_deg:
@@ -325,13 +326,13 @@ class Robot:
             row[angle] += max(-step, min(step, more))
 
     def halt(self) -> None:
-        """Stop the wheels, or hover."""
+        """Stop the wheels; a flying robot hovers."""
         row = self.row
         for name in (*_SPEEDS, "roll_wanted", "pitch_wanted"):
             row[name] = 0.0
 
 
 def _limited(speed: float, limit: float, *, normalized: bool) -> float:
-    """Return a speed within limits, or that of a percentage."""
+    """Convert a speed from percent if normalized, and clip it to the limit."""
     wanted = speed * limit / 100 if normalized else speed
     return max(-limit, min(limit, wanted))

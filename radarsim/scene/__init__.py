@@ -1,1 +1,1 @@
-"""What there is: materials, parts, start poses, and the map files they come from."""
+"""Scenes: materials, parts and start poses, and the map files that define them."""

@@ -1,6 +1,6 @@
 """Build materials, and the parts of objects and their copies, from a map's entries.
 
-What reads meshes is imported at the first mesh, since few maps have one.
+The mesh readers are imported when the first mesh is read, since few maps have meshes.
 """
 
 import math
@@ -50,11 +50,11 @@ LIMITS: Final = {
 }
 
 MAX_ATTEMPTS: Final = 200  # random positions for a copy, before the area counts as full
-CELLS_ALONG: Final = 10_000  # of an area's longer side, at most
+CELLS_ALONG: Final = 10_000  # largest number of grid cells along an area's longer side
 
-_COLUMN: Final = 4 * CELLS_ALONG  # numbers of cells in a column, more than there are
+_COLUMN: Final = 4 * CELLS_ALONG  # index stride between columns, above the cell count
 _AROUND: Final = [i * _COLUMN + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
-_DRAWS: Final = 1000  # numbers that are drawn at once
+_DRAWS: Final = 1000  # random numbers per call of the generator
 
 _Position: TypeAlias = tuple[float, float]
 _Copy: TypeAlias = tuple[str, Floats, float]
@@ -65,7 +65,7 @@ class BuildError(Exception):
     """An object cannot be built.
 
     Attributes:
-        problems: The keys inside of the object, each with what is wrong there.
+        problems: Keys inside the object, each with a message about its value.
     """
 
     def __init__(self, problems: list[Problem]) -> None:
@@ -79,14 +79,14 @@ def make_material(
     """Create a material from an entry and the library material that it is based on.
 
     Args:
-        name: Its name.
-        entry: The entry.
-        base: What it is based on, if the entry names nothing; None for the defaults.
+        name: Name of the new material.
+        entry: Validated keys of the material.
+        base: Base material if the entry has no ``based_on``; None for the defaults.
 
     If an entry has any key of radar attenuation, these keys replace all radar
     attenuation of the base; the same holds for light. A material that beams enter has
-    no mirror, and its surface absorbs nothing. To a radar that counts in decibels,
-    those of the base remain, unless the entry has its own.
+    no mirror, and its surface absorbs nothing. A radar that computes in decibels keeps
+    using the decibels of the base, unless the entry has its own.
     """
     base = base or Material(name)
     if entry.based_on is not None:
@@ -112,13 +112,13 @@ def make_material(
         changes["radar_mirror"] = entry.mirror in ("radar", "both")
         changes["laser_mirror"] = entry.mirror in ("laser", "both")
         if not changes["radar_mirror"]:
-            changes["transmission_db"] = None  # nothing but a mirror is a pane
-    # A density is a number of one experiment, which says nothing about decibels: a
-    # radar that counts in these goes on seeing the base. A loss in dB replaces it.
+            changes["transmission_db"] = None  # only mirrors can be panes
+    # A density was chosen for one experiment and cannot be converted to decibels, so a
+    # radar that computes in decibels keeps the base. A loss in dB replaces the base.
     has_density = math.isfinite(given.get("density", math.inf))
     if has_density and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
         changes["attenuation_db"] = base.radar_db
-    if "absorption_db" in given:  # what is absorbed does not come back
+    if "absorption_db" in given:  # absorbed power is missing from the echo
         absorbed = given["absorption_db"]
         changes["backscatter_db"] = base.backscatter_db - absorbed
         if base.specular_db is not None:
@@ -128,10 +128,10 @@ def make_material(
 
 
 class Budget:
-    """How much a scene or a file may still contain."""
+    """Counters of objects, parts and triangles in a scene or a file, with limits."""
 
     def __init__(self, limits: Mapping[str, int] = LIMITS) -> None:
-        """Start with nothing taken; ``limits`` has the most of each kind."""
+        """Start all counters at 0; ``limits`` maps each kind to its largest count."""
         self._limits = limits
         self._taken = dict.fromkeys(limits, 0)
 
@@ -139,7 +139,7 @@ class Budget:
         """Count objects, parts, triangles, or another kind that has a limit.
 
         Raises:
-            BuildError: If there is no room for so many.
+            BuildError: If the new total exceeds the limit.
         """
         limit, taken = self._limits[what], self._taken[what]
         if taken + count > limit:
@@ -152,7 +152,7 @@ class PartBuilder:
     """Builds the parts of objects; reads each mesh file once."""
 
     def __init__(self, folder: Path) -> None:
-        """Start with nothing read.
+        """Create a builder that has read no mesh file yet.
 
         Args:
             folder: The map's own folder, links resolved.
@@ -169,26 +169,26 @@ class PartBuilder:
 
         Args:
             entry: The object, with one shape.
-            materials: The materials that it refers to, by name.
-            room: How much the scene may still contain.
+            materials: The materials that the object refers to, by name.
+            room: Counters of the scene; the object's parts and triangles are added.
 
         Raises:
             BuildError: If the mesh cannot be used, the copies do not fit into their
                 area, or the object is too large.
         """
         pieces = self._pieces(entry, materials)
-        # Counted before anything is placed: an entry of a few bytes can ask for
-        # millions of triangles.
+        # Parts and triangles are counted before any copy is placed, since an entry of
+        # a few bytes can request millions of triangles.
         count = entry.copies or 1
         room.take(count * len(pieces), "parts")
         room.take(count * sum(len(faces) for _, (_, faces) in pieces), "triangles")
-        copies = place_copies(entry)  # after the counts: placing thousands takes long
+        copies = place_copies(entry)  # after the counts, since many copies take long
         rotation = rotation_matrix(*entry.angles()).T
         parts = [
             Part(
                 name,
                 material,
-                # in this order: another one would change the last digits of ranges
+                # Another order of operations would change the last digits of ranges.
                 scale * vertices @ rotation + position,
                 faces,
             )
@@ -206,7 +206,7 @@ class PartBuilder:
     def _pieces(
         self, entry: ObjectEntry, materials: Mapping[str, Material]
     ) -> list[_Piece]:
-        """Return the object's meshes in its own frame, m, not rotated."""
+        """Return the meshes of an object by material, in m, before its rotation."""
         if entry.reflector is not None:
             return [(REFLECTOR, octahedron(entry.reflector.trihedral or POINT_EDGE))]
         if entry.mesh is None:
@@ -229,9 +229,9 @@ class PartBuilder:
     def _mesh(
         self, entry: ObjectEntry, mesh: str, materials: Mapping[str, Material]
     ) -> list[_Piece]:
-        """Return the file's surfaces, joined for each material, as they are in it."""
-        # Joining takes seconds for a large mesh. A variant may have another material of
-        # the same name, which may need a closed volume where the map's did not.
+        """Return the surfaces of a mesh file, joined by material, in its own frame."""
+        # Joining a large mesh takes seconds. The key has the materials themselves: a
+        # variant can redefine a name so that its surfaces must be a closed volume.
         given = tuple((entry.materials or {}).items())
         key = (mesh, entry.material, given, *materials.values())
         if key not in self._joined:
@@ -252,10 +252,10 @@ class PartBuilder:
         from radarsim.scene.topology import weld_vertices  # noqa: PLC0415 - see above
 
         if mesh not in self._surfaces:
-            try:  # once: hundreds of objects may have the same broken file
+            try:  # Errors are cached too: many objects may use the same broken file.
                 path = find_inside(self._folder, self._folder, mesh)
                 surfaces = read_surfaces(path, self._folder, self._budget)
-                # Of an STL file a sixth of the vertices is left.
+                # Welding leaves about a sixth of the vertices of an STL file.
                 self._surfaces[mesh] = [
                     Surface(material, *weld_vertices(vertices, faces))
                     for material, vertices, faces in surfaces
@@ -269,7 +269,9 @@ class PartBuilder:
 
 
 def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
-    """Create the point reflectors of an object and its copies, if it is one.
+    """Create the point reflectors of an object and its copies.
+
+    The list is empty if the object is not a reflector.
 
     Raises:
         BuildError: If the copies do not fit into their area.
@@ -302,10 +304,10 @@ def _join(material: Material, surfaces: list[Surface]) -> Mesh:
 
 
 def orient_for(material: Material, vertices: Floats, faces: Faces) -> Mesh:
-    """Return a mesh as a volume that beams enter needs it, if the material is such.
+    """Orient a mesh outward if beams can enter the material.
 
     Raises:
-        BuildError: If it is not closed then.
+        BuildError: If beams can enter the material and the mesh is not closed.
     """
     try:
         return _join(material, [Surface(None, vertices, faces)])
@@ -316,7 +318,7 @@ def orient_for(material: Material, vertices: Floats, faces: Faces) -> Mesh:
 def _group_by_material(
     entry: ObjectEntry, surfaces: list[Surface]
 ) -> dict[str, list[Surface]]:
-    """Group surfaces by the map's material that each is made of."""
+    """Group the surfaces of a mesh file by the name of their material in the map."""
     if entry.material is not None:
         return {entry.material: surfaces}
     given = entry.materials or {}
@@ -333,7 +335,7 @@ def _group_by_material(
     unknown = [name for name in given if name not in in_file]
     problems += [
         (("materials", name), expected_one_of(name, named))
-        for name in unknown[:MAX_NAMES]  # to find what is meant takes long
+        for name in unknown[:MAX_NAMES]  # since the search for similar names is slow
     ]
     if len(unknown) > MAX_NAMES:
         text = f"{len(unknown) - MAX_NAMES} more names that are not in the file"
@@ -347,11 +349,11 @@ def _group_by_material(
 
 
 def copy_names(name: str, count: int | None) -> Iterator[str]:
-    """Yield the names of an object's copies, ``name_1``, ``name_2``; or just its own.
+    """Yield ``name_1``, ``name_2`` and so on for copies, or just the object's name.
 
     Args:
         name: The object's own name.
-        count: None for an object that is neither repeated nor scattered.
+        count: Number of copies; None for an object that is not repeated or scattered.
     """
     if count is None:
         yield name
@@ -360,13 +362,13 @@ def copy_names(name: str, count: int | None) -> Iterator[str]:
 
 
 def place_copies(entry: ObjectEntry) -> list[_Copy]:
-    """Return name, position, (3,) m, and factor of the size of an object's copies.
+    """Return name, position ((3,) m) and scale factor of each copy of an object.
 
-    Scattered positions are drawn one after the other from a stream of the entry's own
-    seed and name, so that a larger count does not move the first copies.
+    Scattered positions are drawn one after the other from a generator seeded with the
+    entry's seed and name, so a larger count does not move the first copies.
 
     Raises:
-        BuildError: If the area is too small for so many copies so far apart.
+        BuildError: If the area is too small for this number of copies at this distance.
     """
     origin = np.array(entry.position, dtype=np.float64)
     if entry.scatter is not None:
@@ -377,7 +379,8 @@ def place_copies(entry: ObjectEntry) -> list[_Copy]:
 
 
 def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_Copy]:
-    # By seed and name, so that an entry more in the map moves no other one's copies.
+    # The generator depends on seed and name only, so adding an entry to the map does
+    # not move the copies of other entries.
     draws = _draw_forever(generator_for(scatter.seed, "scatter", name))
     (left, lower), (right, upper) = scatter.area
     smallest, largest = scatter.scale
@@ -389,7 +392,7 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_C
         for _ in range(MAX_ATTEMPTS):
             x, y = left + width * next(draws), lower + height * next(draws)
             if placed.add(x, y, x - left, y - lower):
-                break  # a scale is drawn only for what has a place
+                break  # A scale is drawn only for a copy with an accepted position.
         else:
             text = f"the area is full after {number} copies, expected {scatter.count}"
             raise BuildError([(("scatter",), text)])
@@ -401,24 +404,24 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_C
 
 
 def _draw_forever(rng: np.random.Generator) -> Iterator[float]:
-    """Yield numbers from 0 to 1, those that ``rng.random()`` returns one by one."""
+    """Yield the same numbers in [0, 1) as repeated calls of ``rng.random()``."""
     while True:
         yield from rng.random(_DRAWS).tolist()
 
 
 class _Neighbourhood:
-    """Positions in an area that are at least some distance apart, in cells of a grid.
+    """Positions in an area with a minimum distance, stored in the cells of a grid.
 
-    A cell is a little larger than the distance, so that rounding hides no neighbour
-    behind the cells around it. The grid starts in the area's corner and has cells of
-    its scale: no cell has many of its positions, however small it is.
+    A cell is a little larger than the distance, so rounding cannot put a neighbour
+    outside the 3 x 3 cells that are searched. The grid starts in the area's corner and
+    scales with the area, so even a small area has few positions per cell.
     """
 
     def __init__(self, distance: float, side: float) -> None:
-        """Start without positions.
+        """Create an empty grid.
 
         Args:
-            distance: Least distance, m; 0 for any.
+            distance: Minimum distance between positions, m; 0 accepts any.
             side: Length of the area's longer side, m.
         """
         self._distance = distance
@@ -426,7 +429,7 @@ class _Neighbourhood:
         self._cells: defaultdict[int, list[_Position]] = defaultdict(list)
 
     def add(self, x: float, y: float, right: float, up: float) -> bool:
-        """Add a position, unless another one is too near.
+        """Add a position and return True, or False if another one is too near.
 
         Args:
             x: East, m.

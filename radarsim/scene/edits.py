@@ -1,4 +1,4 @@
-"""Scenes that differ from others by a material or an object."""
+"""Create modified copies of a scene: with a material or an object added or removed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def with_material(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
     if entry.based_on is not None or base is None:
         base = None
         found += material_problems(dict(keys))
-    _raise(f"material {name!r}", found)  # nothing can be made of it then
+    _raise(f"material {name!r}", found)  # make_material needs a valid entry
     material = make_material(name, entry, base)
     found += surface_problems(entry, material)
     air = scene.air
@@ -62,7 +62,7 @@ def with_material(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
 
 
 def _made_of(part: Part, material: Material) -> Part:
-    """Return a part of another material."""
+    """Return a copy of a part with another material."""
     mesh = part.vertices, part.faces
     if _has_inside(material) and not _has_inside(part.material):
         try:
@@ -77,14 +77,14 @@ def _has_inside(material: Material) -> bool:
 
 
 def with_object(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
-    """Return a scene with an object more; see ``Scene.with_object``."""
+    """Return a scene with an object added; see ``Scene.with_object``."""
     own = [each for each in scene.materials.values() if each != REFLECTOR]
     data = {
         "version": 1,
         "materials": {each.name: material_keys(each) for each in own},
         "objects": [{"name": name, **keys}],
     }
-    # As a map with nothing else: all that is checked of maps is checked of it.
+    # The object is loaded as a map of its own, so all checks of maps apply to it.
     path = Path("scene.yaml").absolute()
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
     try:
@@ -120,10 +120,10 @@ def without(scene: Scene, name: str) -> Scene:
 
 
 def _raise(what: str, problems: list[Problem]) -> None:
-    """Raise problems, if there are any.
+    """Raise one error for all problems, if there are any.
 
     Raises:
-        MapError: It names all problems.
+        MapError: If the list of problems is not empty.
     """
     if problems:
         texts = [f"{'.'.join(map(str, keys))}: {text}" for keys, text in problems]

@@ -1,8 +1,8 @@
 """Read the triangles of glTF files, and check their counts.
 
-A few hundred bytes of glTF can announce any number of values, share one buffer between
-thousands of meshes, or build a chain of nodes that takes minutes to follow. So what the
-scene graph uses is counted before it is read, and nothing else is read.
+A few hundred bytes of glTF can declare any number of values, share one buffer between
+thousands of meshes, or build a chain of nodes that takes minutes to traverse. So the
+data of the scene graph is counted before it is read, and no other data is read.
 
 Source: the specification of glTF 2.0, and of the extension KHR_mesh_quantization.
 """
@@ -31,29 +31,30 @@ from radarsim.validation import describe_invalid, short_repr
 
 MAX_JSON_BYTES: Final = 16 * 1024 * 1024
 MAX_NODES: Final = 10_000
-MAX_LEVELS: Final = 100  # of nested nodes
+MAX_LEVELS: Final = 100  # levels of nested nodes
 MAX_VERTICES: Final = 3 * MAX_TRIANGLES
 
 _HEADER = struct.Struct("<4sII")  # magic, version, length
 _CHUNK = struct.Struct("<I4s")  # length, type
 _INDEX_TYPES: Final = {5121: "u1", 5123: "<u2", 5125: "<u4"}
 _TYPES: Final = {5120: "i1", 5122: "<i2", 5126: "<f4", **_INDEX_TYPES}
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # modes of primitives; the others are lines, points
-# A file that requires others may show other triangles than are read here.
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # primitive modes; the others are lines and points
+# A file that requires any other extension is refused: it could change the triangles.
 _QUANTIZATION: Final = "KHR_mesh_quantization"
 _EXTENSIONS_OF_LOOKS: Final = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_"),
 )
 
 _Index: TypeAlias = Annotated[int, Ge(0)]
-# The first wrong value ends the validation: millions of errors would fill the memory.
+# Validation stops at the first wrong value, since a list of all errors could exhaust
+# the memory.
 _Numbers: TypeAlias = Annotated[list[float], FailFast()]
 _Item = TypeVar("_Item")
 _Items: TypeAlias = Annotated[list[_Item], MaxLen(MAX_NODES), FailFast()]
 
 
 class _Object(BaseModel, extra="ignore"):
-    """A JSON object; keys that do not matter here are dropped."""
+    """A JSON object; keys without a field here are ignored."""
 
 
 _AnyObject = TypeVar("_AnyObject", bound=_Object)
@@ -113,14 +114,14 @@ class _Roots(_Object):
 
 
 class Material(_Object):
-    """A material; any may have ``extras``, which programs use as they like."""
+    """A material; ``extras`` is application-specific data, which glTF leaves free."""
 
     name: str | None = None
     extras: Any = None
 
 
 class _Tree(_Object):
-    """The part of a glTF file's JSON that is read."""
+    """The keys of a glTF file's JSON that this module reads."""
 
     asset: _Asset = _Asset()
     extensionsRequired: Annotated[list[str], FailFast()] = []  # noqa: N815
@@ -135,7 +136,7 @@ class _Tree(_Object):
 
 
 class GltfFile:
-    """A file that has been parsed, whose triangles can be read.
+    """A glTF file with parsed JSON; ``surfaces`` reads its triangles.
 
     Attributes:
         materials: All materials of the file.
@@ -145,17 +146,19 @@ class GltfFile:
         """Parse the JSON of a file.
 
         Args:
-            content: The file.
+            content: Bytes of the file.
             suffix: ``.glb`` or ``.gltf``.
             files: Reads buffers in other files, and counts triangles.
 
         Raises:
-            MeshError: If it is broken or too large, or requires an unknown extension.
+            MeshError: If the file is broken or too large, or requires an unknown
+                extension.
         """
         text, self._binary = (
             _split_glb(content) if suffix == ".glb" else (content, None)
         )
-        # Before it is parsed: objects in memory take many times what their text does.
+        # The text is limited before parsing, since parsed objects take many times the
+        # memory of their text.
         expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
         try:
             self._tree = _Tree.model_validate_json(text)
@@ -173,10 +176,10 @@ class GltfFile:
         self._buffers: dict[int, bytes | memoryview] = {}
 
     def surfaces(self) -> Iterator[tuple[str | None, Any, Any, Floats]]:
-        """Yield material, vertices, faces and matrix of what the scene shows.
+        """Yield material name, vertices, faces and matrix of each primitive shown.
 
         Raises:
-            MeshError: If it is broken, or too large in any way.
+            MeshError: If the file is broken, or exceeds a limit.
             OSError: If a buffer cannot be read.
         """
         count = vertices = 0
@@ -198,9 +201,9 @@ class GltfFile:
                 yield (*self._read(primitive), matrix)
 
     def _nodes(self) -> Iterator[tuple[_Node, Floats]]:
-        """Yield the nodes of the scene, which have to form trees, and their matrices.
+        """Yield the nodes of the scene with their matrices, the last child first.
 
-        The last child comes first.
+        A MeshError is raised if the nodes do not form trees.
         """
         tree = self._tree
         roots = _item(tree.scenes, tree.scene, "scene").nodes if tree.scenes else []
@@ -210,7 +213,7 @@ class GltfFile:
         def add(indices: list[int], level: int, matrix: Floats) -> None:
             expect_at_most(level, MAX_LEVELS, "levels of nodes")
             for index in indices:
-                if index in seen:  # a loop, or a diamond that doubles at each level
+                if index in seen:  # Cycles and shared nodes could take forever.
                     raise MeshError(
                         f"node {index} is in the scene twice, expected once"
                     )
@@ -276,7 +279,7 @@ class GltfFile:
         return np.ndarray(shape, kind, content, start, strides)
 
     def _buffer(self, index: int) -> bytes | memoryview:
-        """Return the bytes of a buffer: of the GLB file, in the JSON, or of a file."""
+        """Return a buffer's bytes from the GLB chunk, base64 text or another file."""
         uri = _item(self._tree.buffers, index, "buffer").uri
         if uri is None:
             if self._binary is None:
@@ -308,19 +311,19 @@ def _matrix(node: _Node) -> Floats:
 
 
 def _faces(corners: Any, mode: int) -> Any:
-    """Return the triangles, (F, 3), that corners form in a mode."""
+    """Return the triangles, (F, 3), that corners form in a primitive mode."""
     if mode == _TRIANGLES:
         return corners.reshape(-1, 3)
     if mode == _FAN:
         first = np.full(max(0, len(corners) - 2), corners[0])
         return np.column_stack([corners[1:-1], corners[2:], first])
     faces = np.column_stack([corners[:-2], corners[1:-1], corners[2:]])
-    faces[1::2] = faces[1::2, ::-1].copy()  # so that all face the same side
+    faces[1::2] = faces[1::2, ::-1].copy()  # give all triangles the same orientation
     return faces
 
 
 def _describe(details: ErrorDetails) -> str:
-    """Return where a file's JSON is broken, and how."""
+    """Return the message for a validation error: its key path and the reason."""
     if details["type"] == "json_invalid":
         return f"not JSON: {details['ctx']['error']}"
     keys = ".".join(str(key)[:40] for key in details["loc"])
@@ -351,7 +354,7 @@ def _split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
 
 
 def _item(items: list[_AnyObject], index: int, name: str) -> _AnyObject:
-    """Return an item of a list of the file."""
+    """Return an item of a list in the file; raise MeshError if there is none."""
     if index >= len(items):
         raise MeshError(f"{name} {index}, expected one of the {len(items)} in the file")
     return items[index]

@@ -1,7 +1,7 @@
 """Checks of a map file that concern several keys, or several entries.
 
-Checks of raw data do not need a valid entry, so that a key which is wrong by itself
-does not hide the problems of other keys.
+Checks of raw data do not need a valid entry, so one invalid key does not hide the
+problems of other keys.
 
 `ProblemList` collects the problems: the first ones are reported, all are counted.
 """
@@ -50,9 +50,9 @@ _EXCLUSIVE = (
 
 
 def material_problems(item: object) -> Iterator[Problem]:
-    """Check a raw material: it states what a radar loses, in compatible ways.
+    """Check a raw material: it must have radar losses, and its keys must be compatible.
 
-    Amounts are given only of materials that have them.
+    Keys of amounts, such as ``mm_per_h``, must fit the library material.
     """
     if not isinstance(item, dict):
         return
@@ -77,7 +77,7 @@ def material_problems(item: object) -> Iterator[Problem]:
 def surface_problems(entry: MaterialKeys, material: Material) -> Iterator[Problem]:
     """Check a valid material: only opaque surfaces absorb or mirror.
 
-    The attenuation by a sheet belongs to a sheet, that inside to what has an inside.
+    ``sheet_attenuation_db`` needs a sheet, and ``attenuation_db`` needs a volume.
     """
     given = entry.model_dump(exclude_none=True)
     is_sheet = material.sheet_loss is not None
@@ -103,7 +103,7 @@ def surface_problems(entry: MaterialKeys, material: Material) -> Iterator[Proble
 
 
 def air_problems(material: Material) -> Iterator[Problem]:
-    """Check the material of the air: beams and robots can be inside of it."""
+    """Check the material of the air: beams and robots must be able to enter it."""
     obstacles = {
         "opaque to a radar": math.isinf(material.density),
         "opaque to a laser": math.isinf(material.laser_density),
@@ -156,9 +156,9 @@ def unknown_materials(item: object, own: Collection[str]) -> Iterator[str]:
 
 
 def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
-    """Check a raw trial: its start is one of the map's, valid or not.
+    """Check a raw trial: its start must name an entry of the map, even an invalid one.
 
-    Names that no start may have are not proposed.
+    The message suggests only names that are valid for a start.
     """
     name = item.get("start") if isinstance(item, dict) else None
     if not isinstance(name, str):
@@ -186,32 +186,32 @@ MAX_REPORTED: Final = 100
 
 
 class ProblemList:
-    """Collects the problems of a map file; those of the file as YAML come first.
+    """Collects the problems of a map file; problems of its YAML syntax come first.
 
-    Problems of several variants are reported once.
+    A problem that occurs in several variants is reported once.
     """
 
     def __init__(self, file: YamlFile) -> None:
         self._file = file
         self._texts: dict[str, None] = {}
-        self._reported: set[Problem] = set()  # those of entries that are listed
+        self._reported: set[Problem] = set()  # problems of entries, without YAML's
         self._unreported = 0
         self._add(file.problems)
 
     @property
     def full(self) -> bool:
-        """Whether further problems are only counted; nothing need be built then."""
+        """Whether further problems are only counted, so no more need be built."""
         return len(self._texts) >= MAX_REPORTED
 
     def report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
-        """Add problems of an entry at a key path; return whether there are none."""
+        """Add problems of the entry at a key path; return whether there are none."""
         valid = True
         for keys, text in problems:
             valid = False
             problem = (*at, *keys), text
             if problem in self._reported:
-                continue  # by another variant
-            if self.full:  # to find a place in the file takes long, so only count
+                continue  # Another variant has reported the problem.
+            if self.full:  # Finding the line in the file is slow, so only count.
                 self._unreported += 1
             else:
                 self._reported.add(problem)
@@ -221,18 +221,18 @@ class ProblemList:
     def report_invalid(
         self, error: ValidationError, at: KeyPath, known: Iterable[str]
     ) -> None:
-        """Add what pydantic has found in an entry; ``known`` are the entry's keys."""
+        """Add the pydantic errors of an entry; ``known`` has its allowed keys."""
         most = 0 if self.full else MAX_REPORTED
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))
         self._unreported += max(error.error_count() - most, 0)
 
     def raise_all(self) -> None:
-        """Raise what has been found.
+        """Raise one error for all collected problems, if there are any.
 
         Raises:
-            MapError: If there are any problems; if they are many, a last line says how
-                many more there are.
+            MapError: If there are problems; its last line counts those that are not
+                listed.
         """
         if self._unreported:
             more = f"{self._file.path}: {self._unreported} more problems"

@@ -1,4 +1,4 @@
-"""Find map files and load scenes from them; nothing else reads map files.
+"""Find map files and load scenes from them; no other module reads map files.
 
 A map is a YAML file with its meshes in other files; `map_schema` defines its keys.
 """
@@ -15,24 +15,24 @@ from radarsim.scene.scene import Scene
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import YamlFile, read_yaml
 
-MAX_NAME_LENGTH: Final = 1000  # characters of a path that a message shows whole
+MAX_NAME_LENGTH: Final = 1000  # characters; messages shorten longer paths
 
 
 def find_map(path_or_name: str | Path) -> tuple[Path, str | None]:
     """Return the path of a map file and the name of the selected variant.
 
-    A variant's name follows the map after an ``@``, unless a file has the whole name.
+    The text after the last ``@`` is the variant, unless a file has the whole name.
     A file takes precedence over a shipped map of the same name.
 
     Raises:
-        MapError: If there is neither.
-        TypeError: If it is neither a name nor a path.
+        MapError: If there is no such file and no such shipped map.
+        TypeError: If the argument is neither a name nor a path.
     """
     if not isinstance(path_or_name, str | PathLike):
         expected = "expected the name of a map, or the path of its file"
         raise TypeError(f"map {path_or_name!r:.80}, {expected}")
     name = str(path_or_name)
-    # The whole name first: files may have an @ in their names.
+    # The whole name is tried first, since file names may contain an @.
     if path := _find(name):
         return path, None
     stem, separator, variant = name.rpartition("@")
@@ -42,7 +42,7 @@ def find_map(path_or_name: str | Path) -> tuple[Path, str | None]:
 
 
 def _not_found(name: str) -> str:
-    """Return why there is no map of a name, and which one may be meant."""
+    """Return the message for a map that does not exist, with a similar name."""
     plain = name.isprintable() and len(name) <= MAX_NAME_LENGTH
     shipped = sorted(shipped_maps())
     expected = f"expected a map file or one of {shipped}"
@@ -53,7 +53,7 @@ def _not_found(name: str) -> str:
         others = [path for path in found if path != name]
         mode = Path(name).stat().st_mode
         reason = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
-    except (OSError, ValueError) as error:  # too long, or with NUL
+    except (OSError, ValueError) as error:  # also if the name is too long, or has a NUL
         if isinstance(error, PermissionError):
             reason = describe_os_error(error)
     meant = did_you_mean(name, [*others, *shipped]) or did_you_mean(stem, shipped)
@@ -61,7 +61,7 @@ def _not_found(name: str) -> str:
 
 
 def _find(name: str) -> Path | None:
-    with suppress(OSError, ValueError):  # too long, or with NUL
+    with suppress(OSError, ValueError):  # raised if a name is too long, or has a NUL
         if Path(name).is_file():
             return Path(name)
     return shipped_maps().get(name)
@@ -80,12 +80,12 @@ def load_map(path_or_name: str | Path) -> Scene:
     """Load a map.
 
     Args:
-        path_or_name: The path of a map file, or the name of a shipped map; ``@`` and a
-            name after it select a variant of the map.
+        path_or_name: The path of a map file, or the name of a shipped map; the suffix
+            ``@NAME`` selects a variant of the map.
 
     Raises:
         MapError: If the map or the selected variant has problems; it lists all.
-        TypeError: If it is neither a name nor a path.
+        TypeError: If the argument is neither a name nor a path.
     """
     path, variant = find_map(path_or_name)
     return load_scene(_read(path), variant)
@@ -95,7 +95,7 @@ def load_variants(path_or_name: str | Path) -> list[Scene]:
     """Load a map and then all its variants, or only the selected one.
 
     Raises:
-        MapError: If any of them has problems; it lists all.
+        MapError: If the map or a variant has problems; it lists all.
     """
     path, selected = find_map(path_or_name)
     loader = MapLoader(_read(path))

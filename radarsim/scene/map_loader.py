@@ -1,8 +1,8 @@
 """Load scenes from the data of one map file, and collect its problems.
 
 All problems are found in one run: every entry is validated by itself, and an invalid
-one only leaves out what would be built from it. A variant is a layer of further entries
-over those of the map; what it does not change is built once.
+entry is skipped when the scene is built. A variant is a layer of further entries over
+the map's entries; unchanged objects are built once for all variants.
 """
 
 import re
@@ -72,7 +72,7 @@ from radarsim.yaml_reader import KeyPath, YamlFile
 
 _AnyEntry = TypeVar("_AnyEntry", bound=Entry)
 _Layer: TypeAlias = tuple[KeyPath, dict[str, object]]  # key path and raw entries
-_Object: TypeAlias = tuple[ObjectEntry | None, bool]  # None, or whether it is valid
+_Object: TypeAlias = tuple[ObjectEntry | None, bool]  # entry, passed `object_problems`
 
 
 _BUILT: Final = "objects of the map and its variants"
@@ -82,7 +82,7 @@ def load_scene(file: YamlFile, variant: str | None = None) -> Scene:
     """Load a map, or one of its variants.
 
     Raises:
-        MapError: If it has problems; it lists all.
+        MapError: If the map or the variant has problems; it lists all.
     """
     loader = MapLoader(file)
     scene = loader.load(variant)
@@ -94,7 +94,7 @@ class MapLoader:
     """Loads the variants of one map file.
 
     Attributes:
-        problems: What has been found so far; a scene with problems lacks something.
+        problems: The problems found so far; invalid entries are missing in the scene.
     """
 
     def __init__(self, file: YamlFile) -> None:
@@ -104,8 +104,8 @@ class MapLoader:
         self._builder = PartBuilder(self._folder)
         self._file_room = Budget({_BUILT: MAX_BUILT})
         self._is_too_much = False
-        # What variants share is validated, reported and built once: a map may have 100
-        # variants of thousands of objects, most of them the same.
+        # Entries that variants share are validated, reported and built once: a map may
+        # have 100 variants of thousands of objects, most of them the same.
         self._made: dict[KeyPath, tuple[Material, bool]] = {}
         self._validated: dict[tuple[KeyPath, frozenset[str]], _Object] = {}
         self._built: dict[
@@ -113,7 +113,7 @@ class MapLoader:
         ] = {}
 
     def variants(self) -> Iterator[str]:
-        """Yield the names of all variants, until there are many problems."""
+        """Yield the names of all variants; stop when the list of problems is full."""
         variants = _pairs(self._file.data, "variants")
         own = sum(_count(layer, "objects") for _, layer in variants)
         entries = own + (len(variants) + 1) * _count(self._file.data, "objects")
@@ -139,8 +139,8 @@ class MapLoader:
 
     def _scene(self, data: dict[str, object], variant: str | None) -> Scene:
         stem = self._file.path.stem
-        # All sections are read even if the header is wrong: who corrects a map wants to
-        # see everything in one run.
+        # All sections are read even if the header is wrong, so that the user sees all
+        # problems in one run.
         level = stem if re.fullmatch(LEVEL_NAME, stem) else level_of(stem)
         header = self._validate(Header, {"level": level, **data}, ())
         layers = list(self._layers(data, variant))
@@ -149,11 +149,11 @@ class MapLoader:
         entries = list(self._objects(layers, materials))
         starts = self._placed(data, "starts", StartEntry, MAX_STARTS)
         trial = self._trial(data)
-        # Too many entries are reported before anything is built of the rest.
+        # If there are too many entries, that is reported and no object is built.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
         reflectors: list[Reflector] = []
         for _, entry in () if self._is_too_much else entries:
-            with suppress(BuildError):  # of copies, which is reported for the parts
+            with suppress(BuildError):  # `_parts` has already reported the error.
                 reflectors += make_reflectors(entry)
         if reflectors:
             materials.setdefault(REFLECTOR.name, REFLECTOR)
@@ -192,7 +192,7 @@ class MapLoader:
         yield at, layer if isinstance(layer, dict) else {}
 
     def _materials(self, layers: list[_Layer]) -> tuple[dict[str, Material], set[str]]:
-        """Return the materials and the names of invalid ones, which become opaque."""
+        """Return all materials, and the names of invalid ones, which are opaque."""
         materials: dict[str, Material] = {}
         invalid: set[str] = set()
         for at, item in self._entries(layers, "materials", MAX_MATERIALS):
@@ -213,7 +213,7 @@ class MapLoader:
     def _air(
         self, layers: list[_Layer], materials: dict[str, Material], invalid: set[str]
     ) -> Material | None:
-        """Return the material of the air; the last layer that has the key counts."""
+        """Return the air's material; the variant's key overrides the map's."""
         given = [(at, layer["air"]) for at, layer in layers if "air" in layer]
         parent, name = given[-1] if given else ((), None)
         if not isinstance(name, str):  # None, or reported already
@@ -228,7 +228,7 @@ class MapLoader:
         return material
 
     def _material(self, name: str, materials: dict[str, Material]) -> Material:
-        """Return a material by its name; one of the library is added to the map's."""
+        """Return a material by name; a library material is added to ``materials``."""
         if name not in materials:
             materials[name] = library_material(name)
         return materials[name]
@@ -240,8 +240,8 @@ class MapLoader:
         taken: dict[str, KeyPath] = {}
         room = Budget()
         for at, item in self._entries(layers, "objects", MAX_OBJECTS):
-            # An entry of the map is the same in all variants, unless they lack another
-            # one of its materials.
+            # The validation of an entry gives the same result in all variants in which
+            # the same materials are unknown.
             key = at, frozenset(unknown_materials(item, materials))
             if key not in self._validated:
                 context = EntryContext(materials=materials, folder=self._folder)
@@ -255,7 +255,7 @@ class MapLoader:
                 self._is_too_much = True
                 self.problems.report(at, error.problems)
                 continue
-            # A name is taken even by an entry that is wrong otherwise.
+            # An invalid entry reserves its name too.
             name = item.get("name") if isinstance(item, dict) else None
             if entry is not None:
                 self._claim(at, copy_names(entry.name, entry.copies), taken)
@@ -269,7 +269,7 @@ class MapLoader:
         entries: Iterable[tuple[KeyPath, ObjectEntry]],
         materials: dict[str, Material],
     ) -> Iterator[Part]:
-        """Build objects, until there are many problems."""
+        """Build the parts of objects; stop when the list of problems is full."""
         room = Budget()
         for at, entry in entries:
             if self.problems.full:
@@ -283,8 +283,8 @@ class MapLoader:
     def _build(
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Budget
     ) -> list[Part]:
-        """Build an object of these materials, unless another variant has the same."""
-        # by the materials themselves, as a variant may replace one of the same name
+        """Build an object, or return the parts that were built for another variant."""
+        # The key has the materials, not their names: a variant can redefine a name.
         key = (at, tuple(used.values()))
         built = self._built.get(key)
         if built is None:
@@ -294,7 +294,7 @@ class MapLoader:
             except BuildError as error:
                 built = error
             self._built[key] = built
-        elif not isinstance(built, BuildError):  # this variant has its own limits
+        elif not isinstance(built, BuildError):  # Each variant has its own limits.
             room.take(len(built), "parts")
             room.take(sum(len(part.faces) for part in built), "triangles")
         if isinstance(built, BuildError):
@@ -304,7 +304,7 @@ class MapLoader:
     def _placed(
         self, data: dict[str, object], key: str, model: type[PlacedEntry], most: int
     ) -> tuple[Any, ...]:
-        """Return what the valid entries of a section describe."""
+        """Return the objects built from the valid entries of a section."""
         taken: dict[str, KeyPath] = {}
         found = []
         for at, item in self._entries([((), data)], key, most):
@@ -334,7 +334,7 @@ class MapLoader:
         at: KeyPath,
         context: EntryContext | None = None,
     ) -> _AnyEntry | None:
-        """Validate an entry by itself; report its problems and return None if any."""
+        """Return the validated entry, or report its problems and return None."""
         try:
             return model.model_validate(item, context=context)
         except ValidationError as error:
@@ -349,12 +349,12 @@ class MapLoader:
         *,
         ignore_case: bool = False,
     ) -> None:
-        """Record the names of an entry and its copies; report the first that is taken.
+        """Record the names of an entry and its copies; report the first duplicate.
 
         Args:
             at: Key path of the entry.
             names: The names of all its copies.
-            taken: The names so far, with the key paths of their entries.
+            taken: The names used so far, with the key paths of their entries.
             ignore_case: Whether names that differ only in case are equal.
         """
         for name in names:

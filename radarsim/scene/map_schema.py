@@ -1,7 +1,7 @@
 """The schema of map files: one pydantic model for each type of entry.
 
 The models validate one key at a time. Checks of several keys are in `map_checks`;
-`map_file` checks that names are unique.
+`map_loader` checks that names are unique.
 """
 
 import math
@@ -62,29 +62,29 @@ from radarsim.scene.scene import (
 )
 from radarsim.validation import point_hint, rejection, short_repr
 
-MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
-MAX_COPIES = 10_000  # of one object
-MAX_OBJECTS = 20_000  # with all copies
-MAX_BUILT = 60_000  # with all copies, in the map and all its variants
-MAX_PARTS = 30_000  # objects, counted once for each of their materials
+MAX_EXTENT = 1000.0  # m; limits the rounding errors of ray casting in float32
+MAX_COPIES = 10_000  # copies per object
+MAX_OBJECTS = 20_000  # objects per scene, including copies
+MAX_BUILT = 60_000  # objects built for the map and all its variants, including copies
+MAX_PARTS = 30_000  # parts per scene; an object has one part per material
 MAX_MATERIALS = 1_000
 MAX_STARTS = 200
 MAX_VICTIMS = 100
 MAX_TAGS = 1_000
 MAX_VARIANTS = 100
-MAX_ENTRIES = 100_000  # objects in a file, counted once for each variant
+MAX_ENTRIES = 100_000  # objects in a file, counted again for each variant
 MAX_NAME = 200  # characters in the name of an object or a level
-MAX_START_NAME = 40  # characters, so that the one line that lists starts holds many
+MAX_START_NAME = 40  # characters, so that one line on the wire can list many starts
 MAX_AMOUNT = 1000.0  # mm/h, g/m^3
-MAX_TAG = 2**31 - 1  # clients read numbers of tags into 32 bits
-MAX_DURATION = 3600.0  # s, of a sound
+MAX_TAG = 2**31 - 1  # clients read tag numbers into 32-bit integers
+MAX_DURATION = 3600.0  # s; longest call of a victim
 
 LEVEL_NAME = rf"[!-z|~]{{1,{MAX_NAME}}}"  # one word of a line on the wire
 START_NAME = r"(Robot|Player|ComSt|Point)[A-Za-z]*[0-9]*(_[0-9])?"
 
 
 class EntryContext(TypedDict):
-    """What objects are validated with.
+    """The context that pydantic passes to the validators of an object.
 
     Attributes:
         materials: The names of the map's own materials.
@@ -102,7 +102,7 @@ def _name(value: str) -> str:
 
 
 def _matching(pattern: str, expected: str) -> AfterValidator:
-    """Return the validator of a text that has to match a pattern from end to end."""
+    """Return a validator of text that must match a regular expression completely."""
 
     def check(value: str) -> str:
         if not re.fullmatch(pattern, value):
@@ -113,7 +113,7 @@ def _matching(pattern: str, expected: str) -> AfterValidator:
 
 
 def level_of(stem: str) -> str:
-    """Return a level name for a file: its stem in ASCII, "_" for other signs."""
+    """Return a level name from a file's stem; "_" replaces other characters."""
     return re.sub("[^A-Za-z0-9-]", "_", stem)[: MAX_NAME - len("DM-")]
 
 
@@ -128,7 +128,7 @@ def _known_material(value: str, info: ValidationInfo) -> str:
     context = cast("EntryContext", info.context)
     own = context["materials"]
     if value not in own and value not in library_names():
-        # Similar names take long to find, so they are looked for only if the message is
+        # The search for similar names is slow, so it runs only if the message is
         # reported.
         raise rejection(lambda: unknown_material(value, own))
     return value
@@ -173,7 +173,7 @@ Coordinate: TypeAlias = Annotated[Real, Ge(-MAX_EXTENT), Le(MAX_EXTENT)]
 Size: TypeAlias = Annotated[Real, Gt(0), Le(MAX_EXTENT)]
 Vector: TypeAlias = Annotated[list[Coordinate], Len(3, 3)]
 Corner: TypeAlias = Annotated[list[Coordinate], Len(2, 2)]
-# Not the poles, where a degree of longitude has no length.
+# The poles are excluded, since a degree of longitude has no length there.
 GpsOrigin: TypeAlias = tuple[
     Annotated[Real, Ge(-89), Le(89)], Annotated[Real, Ge(-180), Le(180)]
 ]
@@ -240,7 +240,7 @@ class VariantEntry(Entry):
 
 
 class MaterialKeys(Entry):
-    """The keys of a material from which several of its attributes follow.
+    """The keys of a material that are converted to other attributes of `Material`.
 
     Attributes:
         based_on: Name of a material of the library.
@@ -329,16 +329,16 @@ class ScatterEntry(Entry):
 
 
 class ObjectEntry(Entry):
-    """An object.
+    """An object with its shape, materials, placement and copies.
 
-    Validated with an ``EntryContext``.
+    Its validation needs an ``EntryContext``.
 
     Attributes:
         box: Lengths along x, y, z, m.
         sphere: Radius, m.
         cylinder: Radius and height, m.
         mesh: Path of a mesh file in the map's folder.
-        reflector: What a point reflector returns; it has neither material nor rotation.
+        reflector: Point reflector, for which material and rotation are not allowed.
         up_axis: Axis of the mesh file that points up.
         scale: Length of the mesh file's unit, m.
         material: Material of the whole object.
@@ -370,22 +370,22 @@ class ObjectEntry(Entry):
 
     @property
     def material_names(self) -> list[str]:
-        """The names of its materials in the map."""
+        """The names of the object's materials in the map."""
         one = [] if self.material is None else [self.material]
         return [*one, *(self.materials or {}).values()]
 
     @property
     def copies(self) -> int | None:
-        """The number of copies; None if it is neither repeated nor scattered."""
+        """The number of copies; None if the object is not repeated or scattered."""
         copies = self.repeat or self.scatter
         return copies.count if copies else None
 
 
 class PlacedEntry(Entry):
-    """An entry that a map has in several places.
+    """Base of entries with a position, such as starts, tags, victims and crates.
 
     Attributes:
-        unique_key: A key whose value no other entry of the section has, in any case.
+        unique_key: Key whose value is unique in the section, ignoring case.
     """
 
     unique_key: ClassVar[str] = "name"
@@ -393,12 +393,12 @@ class PlacedEntry(Entry):
 
     @property
     def place(self) -> Place:
-        """Its position."""
+        """The position as a tuple x, y, z, m, map frame."""
         x, y, z = self.position
         return x, y, z
 
     def build(self) -> object:
-        """Return what scenes have of it."""
+        """Return the object that this entry adds to the scene."""
         raise NotImplementedError
 
 
@@ -414,14 +414,14 @@ class TagEntry(PlacedEntry):
 
 
 class NamedEntry(PlacedEntry):
-    """An entry with a name and a direction."""
+    """A placed entry with a name and a yaw angle."""
 
     name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
     yaw_deg: Real = 0.0
 
     @property
     def yaw(self) -> float:
-        """Its direction, rad."""
+        """The yaw angle, rad, map frame."""
         return math.radians(self.yaw_deg)
 
 
@@ -441,9 +441,9 @@ class VictimEntry(NamedEntry):
     Attributes:
         position: Position of the pelvis, m.
         yaw_deg: Direction from the feet to the head.
-        moves: Whether sensors of motion react.
+        moves: Whether motion sensors detect the victim.
         sound_db: Loudness of its calls at a distance of 1 m, dB.
-        sound_s: How long each call lasts, s.
+        sound_s: Duration of each call, s.
         co2_percent: Share of carbon dioxide in its breath, %.
     """
 
@@ -463,7 +463,7 @@ class CrateEntry(NamedEntry):
 
     Attributes:
         size: Length, width and height, m.
-        position: Position of its middle, m.
+        position: Position of the centre, m.
     """
 
     size: Annotated[list[Annotated[Real, Ge(SMALLEST), Le(LARGEST)]], Len(3, 3)]

@@ -1,7 +1,7 @@
 """Write scenes as map files with their meshes in a folder.
 
-Reading such a map gives the same scene: numbers are written so that they are read as
-they were. Primitives, copies and variants are written as what was built of them.
+Reading a written map gives the same scene, since all numbers are written with full
+precision. Primitives, copies and variants are written as the meshes built from them.
 """
 
 import math
@@ -27,7 +27,7 @@ def material_keys(material: Material) -> dict[str, Any]:
     """
     keys: dict[str, Any] = {}
     base = Material(material.name)
-    if material.rain:  # which only the library has
+    if material.rain:  # Only library materials have rain.
         keys = {"based_on": "rain", "mm_per_h": material.rain}
         base = library_material("rain", mm_per_h=material.rain)
     for name in ("density", "laser_density"):
@@ -43,9 +43,9 @@ def material_keys(material: Material) -> dict[str, Any]:
     for key in PLAIN_KEYS:
         value = getattr(material, key)
         is_given = value != getattr(base, key)
-        if key == "backscatter_db":  # else it is less the absorption
+        if key == "backscatter_db":  # The reader would subtract the absorption again.
             is_given |= material.absorption_db != 0
-        if is_given and value != -math.inf:  # which follows from the absorption
+        if is_given and value != -math.inf:  # -inf follows from absorption_db: all.
             value = _by_band(value) if isinstance(value, tuple) else value
             keys[key] = "all" if value == math.inf else value
     if material.radar_mirror or material.laser_mirror:
@@ -124,7 +124,7 @@ def write_map(scene: Scene, path: Path) -> None:
     if files:
         folder.mkdir(parents=True, exist_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # The map last: there is none that refers to meshes which are not there.
+    # The map is written last, so it never refers to meshes that do not exist yet.
     write_atomically({**files, path: text.encode()})
 
 
@@ -135,10 +135,10 @@ def _objects(scene: Scene) -> Iterator[tuple[str, list[Part]]]:
 
 
 def _obj(parts: Sequence[Part]) -> bytes:
-    """Return an OBJ file with a piece for each part."""
+    """Return the bytes of an OBJ file with one material group for each part."""
     lines: list[str] = []
     first = 1
-    # Readers take the piece that begins last for the first.
+    # `read_obj` returns the groups in reverse order.
     for number, part in reversed(list(enumerate(parts))):
         lines.append(f"usemtl m{number}\n")
         lines += [f"v {x!r} {y!r} {z!r}\n" for x, y, z in part.vertices.tolist()]
@@ -149,7 +149,7 @@ def _obj(parts: Sequence[Part]) -> bytes:
 
 
 def _degrees(yaw: float) -> float:
-    """Return the degrees that are read as an angle in rad, to the last digit."""
+    """Return an angle in degrees that ``math.radians`` converts back exactly."""
     degrees = math.degrees(yaw)
     near = (math.nextafter(degrees, -math.inf), math.nextafter(degrees, math.inf))
     candidates = (round(degrees, 9), degrees, *near)
@@ -160,7 +160,7 @@ def _degrees(yaw: float) -> float:
 def _placed_keys(
     position: Sequence[float], yaw: float | None = None, **others: Any
 ) -> dict[str, Any]:
-    """Return the keys of an entry in some place, without those that it lacks."""
+    """Return the keys of an entry with a position, without keys that are None."""
     angle = None if yaw is None else _degrees(yaw)
     keys = {**others, "position": list(position), "yaw_deg": angle}
     return {key: value for key, value in keys.items() if value is not None}

@@ -1,9 +1,9 @@
 """Materials: how they attenuate and reflect beams, and whether they stop robots.
 
 The library describes vegetation, walls and weather. Each of its materials is a file in
-``presets/materials/``, whose every number states its source. Where amounts matter, as
-in smoke, the file has the loss for one gramme in a cubic metre or the power law of
-rain, and a default amount. All losses are one-way. Light means that of a laser of
+``presets/materials/``, in which every number states its source. The file of a material
+with a variable amount, such as smoke or rain, has the loss per g/m^3 or the power law
+of rain, and a default amount. All losses are one-way. Light means laser light at
 905 nm.
 """
 
@@ -22,21 +22,21 @@ from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.validation import short_repr
 
 OPAQUE: Final = math.inf
-ALBEDO: Final = 0.2  # of foliage
-BACKSCATTER_DB: Final = -10.0  # of a rough surface, if nothing is known
-SLOPE_DEG: Final = 2.0  # of facets, if only the reflection is known
+ALBEDO: Final = 0.2  # albedo of foliage, the default
+BACKSCATTER_DB: Final = -10.0  # default for rough surfaces without a known value
+SLOPE_DEG: Final = 2.0  # rms, of facets, if only their reflection is known
 
 MAX_DB: Final = 1e6  # per metre; a material that attenuates more is opaque
-MAX_LEVEL: Final = 200.0  # dB, of what returns to a radar
+MAX_LEVEL: Final = 200.0  # dB; largest absolute value of a level, such as backscatter
 _BAND_KEYS: Final = [str(band) for band in BANDS_GHZ]
 
-Losses: TypeAlias = tuple[float, float, float]  # in each of ``BANDS_GHZ``
+Losses: TypeAlias = tuple[float, float, float]  # one loss per band of ``BANDS_GHZ``
 Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]
 AMOUNTS: Final[tuple[Amount, ...]] = ("g_per_m3", "mm_per_h")
 
-# The radar cross section of rain per volume, dB(m^2/m^3), in each band: that of drops
-# of the sizes of Marshall and Palmer by Mie's theory, computed for this project at 24,
-# 77 and 94 GHz.
+# Radar cross section of rain per volume, dB(m^2/m^3), in each band, at these rain
+# rates. The values were computed for this project at 24, 77 and 94 GHz with Mie theory
+# and the Marshall-Palmer distribution of drop sizes.
 RAIN_RATES: Final = (1.0, 5.0, 12.5, 25.0, 50.0, 100.0)  # mm/h
 RAIN_REFLECTIVITY_DB: Final = (
     (-53.4, -43.0, -37.5, -33.7, -30.2, -27.0),
@@ -54,7 +54,7 @@ def _absorption(value: object) -> float:
 
 
 def _bands(value: object) -> Losses:
-    """Parse one number for all bands, or one for each."""
+    """Parse one number for all bands, or a dictionary with one number per band."""
     given = value if isinstance(value, dict) else dict.fromkeys(_BAND_KEYS, value)
     first, second, third = (number_up_to(given.get(key), MAX_DB) for key in _BAND_KEYS)
     if first is None or second is None or third is None or len(given) > 3:
@@ -64,8 +64,8 @@ def _bands(value: object) -> Losses:
 
 
 def number_up_to(value: object, most: float = math.inf) -> float | None:
-    """Return a number from 0 on; None if it is none, or too large."""
-    # To Python a bool is an int: true would be the number 1.
+    """Return a number from 0 to ``most`` as a float; None for any other value."""
+    # In Python a bool is an int, so true would be accepted as 1.
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     return float(value) if 0 <= value <= most else None
@@ -82,54 +82,52 @@ Absorption: TypeAlias = Annotated[float, PlainValidator(_absorption)]
 class Material:
     """A named material.
 
-    Attributes with limits are keys of maps and of the library, under the same names.
+    All attributes in `PLAIN_KEYS` are also keys of maps and of library files.
 
     Attributes:
         name: Name, as the map file spells it.
         density: Penetration power that a radar beam loses per metre inside;
             ``math.inf`` is opaque: the beam ends at the surface.
         laser_density: Penetration power that a laser beam loses per metre inside.
-        solid: Whether it stops a robot.
+        solid: Whether the material stops robots.
         sheet_loss: Power that a radar beam loses at each surface crossed, for objects
             without an inside, such as single leaves; None for volumes and opaque
             surfaces. With a sheet loss only surfaces attenuate, even closed ones: a
-            finite density is ignored, and a laser beam that a finite
-            ``laser_density`` lets in loses nothing.
+            finite density is ignored, and a laser beam loses nothing inside if
+            ``laser_density`` is finite.
         radar_db: (3,) one-way attenuation of radar waves inside, dB/m, in each of
-            ``BANDS_GHZ``; in addition to the density, converted to power by the
-            sensor's margin.
+            ``BANDS_GHZ``. It adds to the density; the sensor's margin converts it to
+            power.
         laser_db: One-way attenuation of light inside, dB/m.
         absorption_db: Part of a radar wave that an opaque surface absorbs, dB; a beam
-            without so much margin does not return. ``math.inf`` absorbs everything.
+            with a smaller margin does not return. ``math.inf`` absorbs everything.
         laser_absorption_db: Part of a light beam that an opaque surface absorbs, dB.
         radar_mirror: Whether an opaque surface is a mirror to radar waves.
         laser_mirror: Whether an opaque surface is a mirror to light.
         rain: Rain rate inside, mm/h; a radar sees the drops.
-        transmission_db: (3,) what a radar wave loses on its way through a pane whose
-            surfaces are mirrors, one way, dB, in each of ``BANDS_GHZ``, half of it at
-            each; None for what no wave passes.
+        transmission_db: (3,) one-way loss of a radar wave through a pane with mirror
+            surfaces, dB, in each of ``BANDS_GHZ``; each surface takes half of it. None
+            if the material lets no wave through.
         attenuation_db: (3,) one-way attenuation of radar waves inside, dB/m, in each of
-            ``BANDS_GHZ``, instead of ``density`` and ``radar_db``, for a radar that
-            counts in decibels; None where these two hold for it too.
-        sheet_attenuation_db: (3,) one-way attenuation by each surface crossed, dB,
-            instead of ``sheet_loss``, likewise.
-        backscatter_db: What a radar receives from an opaque surface that it meets
-            head-on: its radar cross section per area seen, gamma 0, dB. What the
-            surface absorbs is missing from it.
+            ``BANDS_GHZ``. A radar that computes in decibels uses it instead of
+            ``density`` and ``radar_db``; None if it uses these two.
+        sheet_attenuation_db: (3,) one-way attenuation by each surface crossed, dB. A
+            radar that computes in decibels uses it instead of ``sheet_loss``.
+        backscatter_db: Backscatter of an opaque surface at normal incidence: radar
+            cross section per area seen, gamma 0, dB, after subtraction of the
+            absorption.
         constant_gamma: Whether an opaque surface has the same gamma at all angles, as
-            open ground has, which goes on beyond the edge of the map in a spectrum;
-            else it follows Lambert's law.
-        specular_db: What the facets of an opaque surface reflect to a radar that they
-            face, dB: 0 is all; None for a surface that is rough everywhere.
+            open ground has; otherwise gamma follows Lambert's law. In a spectrum, such
+            ground continues beyond the edge of the map.
+        specular_db: Power reflection of the facets of an opaque surface at normal
+            incidence, dB; 0 reflects all. None for a surface without facets.
         slope_deg: Rms slope of these facets against the surface, degrees.
-        albedo: The share of what a volume or a sheet takes from a radar wave that it
-            scatters to all sides; the rest turns into heat. The drops of ``rain`` come
-            on top.
+        albedo: Scattered share of the radar power that a volume or a sheet takes from
+            a wave; the rest is absorbed. The echoes of ``rain`` drops are added.
         sway_m_per_s: Rms speed at which the wind moves the scatterers of a volume or a
-            sheet along a radar wave, m/s; only the speckle of a spectrum shows it.
-        scatters_light: Whether a volume that weakens light sends it back from every
-            depth; None if that is not known. Of the library's materials smoke, dust and
-            fog do.
+            sheet along a radar wave, m/s; it affects only the speckle of a spectrum.
+        scatters_light: Whether a volume scatters laser light back from every depth;
+            None if unknown. It is true for smoke, dust and fog in the library.
     """
 
     name: str
@@ -150,13 +148,14 @@ class Material:
     albedo: Annotated[Real, Ge(0), Le(1)] = ALBEDO
     sway_m_per_s: Annotated[Real, Ge(0), Le(10)] = 0.0
     constant_gamma: Truth = False
+    roughness_cm3: Annotated[Real, Ge(0), Le(100_000)] = 0.0
     specular_db: Annotated[Real, Ge(-MAX_LEVEL), Le(0)] | None = None
     slope_deg: Annotated[Real, Ge(0.2), Le(30)] = SLOPE_DEG
     transmission_db: BandDecibels | None = None
     scatters_light: Truth | None = None
 
     def __repr__(self) -> str:
-        """Return the call that makes it, without defaults."""
+        """Return the constructor call, without arguments that have their defaults."""
         others = [
             f"{field.name}={getattr(self, field.name)!r}"
             for field in fields(self)[1:]
@@ -166,20 +165,20 @@ class Material:
 
     @property
     def penetrable(self) -> bool:
-        """Whether radar or laser beams enter it, so that its inside matters."""
+        """Whether radar or laser beams enter volumes of this material."""
         return math.isfinite(self.density) or math.isfinite(self.laser_density)
 
     @property
     def lets_beams_in(self) -> bool:
-        """Whether radar or laser beams can enter it, or pass it as a sheet."""
+        """Whether radar or laser beams can enter or pass objects of this material."""
         return self.penetrable or self.sheet_loss is not None
 
     @property
     def is_cloud(self) -> bool:
-        """Whether lasers can read first returns from its inside, as from smoke.
+        """Whether a laser can receive first returns from inside, as in smoke.
 
-        Of a material that does not say whether it scatters light, robots decide: what
-        stops them is glass or a plant.
+        If ``scatters_light`` is None, a material counts as a cloud unless it is rain or
+        stops robots, as glass and plants do.
         """
         scatters = self.scatters_light
         if scatters is None:
@@ -189,7 +188,7 @@ class Material:
 
 
 _MATERIAL: Final = TypeAdapter(Material)
-# Attributes that follow from other keys of maps, such as ``db_per_m`` and ``mirror``.
+# Attributes that are computed from other keys of maps: ``db_per_m``, ``mirror``, ...
 _DERIVED: Final = {
     *("name", "density", "laser_density", "sheet_loss", "radar_db", "laser_db"),
     *("radar_mirror", "laser_mirror", "rain"),
@@ -204,15 +203,12 @@ class LibraryEntry(BaseModel, extra="forbid", frozen=True):
 
     Attributes:
         about: Description in one or two sentences.
-        numbers: Values by name; a map may set the same names. ``density`` is a word or
-            0; ``db_per_m`` is the loss per metre in each of ``BANDS_GHZ``, dB;
-            ``db_per_g`` the loss per metre for one gramme in a cubic metre, dB;
-            ``rain_k`` R^``rain_alpha`` the loss in rain of R mm/h, dB/km;
-            ``backscatter_db`` what a surface returns to a radar head-on, dB, and
-            ``albedo`` the share of a loss that is scattered; ``specular_db`` what
-            facets reflect that face a radar, dB, and ``slope_deg`` their rms slope,
-            degrees; ``transmission_db`` the loss on the way through a pane, in each
-            band, dB.
+        numbers: Values by name; a map may set the same names. ``density`` is "opaque"
+            or 0; ``db_per_m`` is the loss per metre in each of ``BANDS_GHZ``, dB;
+            ``db_per_g`` is the loss per metre at 1 g/m^3, dB;
+            ``rain_k`` R^``rain_alpha`` is the loss in rain of R mm/h, dB/km; names with
+            ``laser_`` are the same for light. Other names are attributes of `Material`,
+            or ``mirror``.
     """
 
     about: str
@@ -220,7 +216,7 @@ class LibraryEntry(BaseModel, extra="forbid", frozen=True):
 
     @property
     def amount(self) -> Amount | None:
-        """The amount that scales its losses; None for a material without one."""
+        """The key of the amount that scales the losses; None if there is none."""
         return next((name for name in AMOUNTS if name in self.numbers), None)
 
 
@@ -230,13 +226,13 @@ def library_names() -> tuple[str, ...]:
 
 
 def library() -> dict[str, LibraryEntry]:
-    """Read the whole library, by name, in alphabetical order."""
+    """Return all entries of the library by name, in alphabetical order."""
     return {name: library_entry(name) for name in library_names()}
 
 
 @cache
 def library_entry(name: str) -> LibraryEntry:
-    """Read the file of a material.
+    """Read the library file of a material.
 
     Raises:
         PresetError: If there is no such material.
@@ -258,7 +254,7 @@ def library_material(
         mm_per_h: Rate of rain; None for the default of the file.
 
     Raises:
-        PresetError: If there is no such material, or an amount does not apply to it.
+        PresetError: If the material does not exist, or has no such amount.
 
     >>> library_material("smoke", g_per_m3=1).laser_db
     23.0
@@ -310,7 +306,7 @@ def rain_attenuation(k: float, alpha: float, mm_per_h: float) -> float:
     Args:
         k: Loss at 1 mm/h, dB/km.
         alpha: Exponent of the rain rate.
-        mm_per_h: R, rate of the rain.
+        mm_per_h: Rain rate R.
 
     >>> round(1000 * rain_attenuation(0.22106804, 0.95320005, 26.48052), 6)  # 29 GHz
     5.021802
@@ -321,11 +317,11 @@ def rain_attenuation(k: float, alpha: float, mm_per_h: float) -> float:
 def rain_reflectivity(band: int, mm_per_h: float) -> float:
     """Return the radar cross section of a cubic metre of rain, m^2/m^3.
 
-    Between the tabulated rates it is a power of the rain rate.
+    Between the tabulated rates, a power law is interpolated.
 
     Args:
         band: Index into ``BANDS_GHZ``.
-        mm_per_h: Rate of the rain; outside 1 to 100 the law is extrapolated.
+        mm_per_h: Rain rate; outside 1 to 100 mm/h the power law is extrapolated.
 
     >>> round(rain_reflectivity(1, 25), 5)
     0.00126

@@ -1,8 +1,7 @@
-"""Files of meshes: which ones may be read, and how large they may be.
+"""Access checks and size limits of mesh files.
 
-What a mesh file announces is checked against its size before it is parsed.
-
-Parsers allocate what a header counts, and spend seconds on each of many small pieces.
+The counts in a file's header are checked against the file's size before parsing, since
+parsers allocate memory for these counts and need seconds for files of many pieces.
 """
 
 import re
@@ -18,7 +17,7 @@ MAX_TRIANGLES: Final = 4_000_000
 MAX_FILE_BYTES: Final = 256 * 1024 * 1024
 MAX_TEXT_BYTES: Final = 32 * 1024 * 1024  # parsers of text take 20 times its size
 MAX_SURFACES: Final = 2_000  # pieces of one mesh file, each with a material
-MAX_COORDINATE: Final = 1e12  # in any unit: volumes of vertices near 1e308 overflow
+MAX_COORDINATE: Final = 1e12  # in any unit, so that computed volumes do not overflow
 
 _LIMITS: Final = {
     "triangles": MAX_TRIANGLES,
@@ -42,16 +41,16 @@ class MeshError(Exception):
 
 
 class MeshBudget:
-    """Limits of all mesh files of one map together, and what they have used."""
+    """Counters for all mesh files of one map together, with limits."""
 
     def __init__(self) -> None:
         self._taken = dict.fromkeys(_LIMITS, 0)
 
     def take(self, count: int, what: str) -> None:
-        """Count things that a file has or announces.
+        """Add to the counter ``what``, such as "triangles" or "bytes".
 
         Raises:
-            MeshError: If they are more than is left.
+            MeshError: If the new total exceeds the limit.
         """
         total, limit = self._taken[what] + count, _LIMITS[what]
         if total > limit:
@@ -64,16 +63,16 @@ class MeshFiles:
     """Reads a mesh file, and the files that it refers to.
 
     Attributes:
-        budget: What these files may contain, with all others of the map.
+        budget: Counters of all mesh files of the map.
     """
 
     def __init__(self, start: Path, folder: Path, budget: MeshBudget) -> None:
-        """Start with nothing read.
+        """Store the folders and the counters; no file is read yet.
 
         Args:
             start: The folder that references are relative to.
             folder: The folder that must contain all files, links resolved.
-            budget: What these files may contain, with all others of the map.
+            budget: Counters of all mesh files of the map.
         """
         self.budget = budget
         self._start = start
@@ -84,9 +83,9 @@ class MeshFiles:
 
         Raises:
             MeshError: If all files together are too large.
-            OSError: If it cannot be read.
+            OSError: If the file cannot be read.
         """
-        # Its size decides, and no more is read, even if the file grows meanwhile.
+        # No more than the counted size is read, even if the file grows meanwhile.
         size = path.stat().st_size
         self.budget.take(size, "bytes")
         with path.open("rb") as file:
@@ -96,7 +95,7 @@ class MeshFiles:
         """Return the path of a file that the mesh file refers to.
 
         Raises:
-            MeshError: If it is outside of the folder, or missing.
+            MeshError: If the file is outside of the folder, or missing.
         """
         try:
             return find_inside(self._folder, self._start, reference)
@@ -113,12 +112,12 @@ def find_inside(folder: Path, start: Path, reference: str) -> Path:
         reference: A relative path.
 
     Raises:
-        MeshError: If it leads out of the folder, or there is no such file.
+        MeshError: If the path is outside of the folder, or there is no such file.
     """
     try:
         found = (start / reference).resolve()
         is_inside, exists = found.is_relative_to(folder), found.is_file()
-    except (OSError, RuntimeError, ValueError) as error:  # loops, NUL, endless names
+    except (OSError, RuntimeError, ValueError) as error:  # link loops, NUL, long names
         text = f"{short_repr(reference)}, expected the path of a file"
         raise MeshError(text) from error
     if not is_inside:
@@ -133,7 +132,7 @@ def expect_at_most(count: int, most: int, what: str) -> None:
     """Check a count against a limit.
 
     Raises:
-        MeshError: If it is larger.
+        MeshError: If the count is larger than the limit.
     """
     if count > most:
         raise MeshError(f"{count} {what}, expected at most {most}")
@@ -143,24 +142,24 @@ def check_vertices(vertices: Floats) -> None:
     """Check the coordinates of vertices, (V, 3).
 
     Raises:
-        MeshError: If one is not finite, or too large.
+        MeshError: If a coordinate is not finite, or too large.
     """
     largest = np.abs(vertices).max(initial=0.0)
-    if not largest <= MAX_COORDINATE:  # or not a number
+    if not largest <= MAX_COORDINATE:  # The negated comparison is also true for NaN.
         expected = f"expected at most {MAX_COORDINATE:g}"
         raise MeshError(f"a vertex has a coordinate of {largest:g}, {expected}")
 
 
 def check_stl(content: bytes, budget: MeshBudget) -> bytes:
-    """Check an STL file; return it, as ASCII if it is text.
+    """Check the content of an STL file and return it; text is converted to ASCII.
 
     Raises:
-        MeshError: If it has too many triangles or solids, or its header counts another
-            number than it contains.
+        MeshError: If it has too many triangles or solids, or the count in its header
+            does not match its size.
     """
     count = int.from_bytes(content[80:_STL_HEADER], "little")
     size = _STL_HEADER + _STL_TRIANGLE * count
-    # A binary file may begin with "solid" too, so that its size decides first.
+    # A binary file may begin with "solid" too, so the size is checked first.
     if len(content) == size:
         budget.take(count, "triangles")
     elif content[:256].lstrip()[:5].lower() == b"solid":
@@ -175,10 +174,10 @@ def check_stl(content: bytes, budget: MeshBudget) -> bytes:
 
 
 def check_ply(content: bytes, budget: MeshBudget) -> bytes:
-    """Check a PLY file; return it, its header as ASCII.
+    """Check the content of a PLY file and return it with its header as ASCII.
 
     Raises:
-        MeshError: If its header is broken, or counts more than the file can contain.
+        MeshError: If its header is broken, or its counts exceed the size of the file.
     """
     end = content.find(b"end_header", 0, _PLY_HEADER)
     if end < 0:
@@ -201,12 +200,12 @@ def check_ply(content: bytes, budget: MeshBudget) -> bytes:
 
 
 def _as_ascii(content: bytes) -> bytes:
-    """Return a text of the same length: names and comments may be in any encoding."""
+    """Replace bytes outside ASCII; names and comments may be in any encoding."""
     return content.decode("ascii", "replace").encode("ascii", "replace")
 
 
 def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
-    """Return name, count and least bytes of each element; whether they are text."""
+    """Return name, count and minimum row size in bytes of each element, and is_text."""
     is_text = False
     elements: list[tuple[str, int, int]] = []
     for line in header.decode("ascii", "replace").splitlines():
@@ -220,7 +219,8 @@ def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
                 elements.append((name[:40], int(count), 0))
             case ["property", "list", kind, _, _] | ["property", kind, _] if elements:
                 name, total, row = elements[-1]
-                # at least a digit and a blank; an empty list still has its count
+                # A text value has at least a digit and a blank; an empty list has its
+                # count.
                 size = 2 if is_text else _PLY_BYTES.get(kind, 1)
                 elements[-1] = (name, total, row + size)
             case _:

@@ -1,13 +1,13 @@
 """Read triangles and material names from mesh files.
 
-trimesh parses STL and PLY; it is imported at the first file, because the import takes
-longer than everything else that loading a map of primitives does. It gets bytes and
-never a path, and only files whose counts have been checked. Files that a mesh file
-refers to are read only from inside of the map's folder. These are the buffers of a glTF
-file: textures do not matter here, and of an OBJ file's material library only the names
-do, which the OBJ file itself contains. OBJ files are read here, since trimesh takes
-seconds where polygons have different numbers of corners, and reads comments after a
-statement and corners counted from the end wrongly.
+trimesh parses STL and PLY. It is imported when the first such file is read, because the
+import takes longer than loading a map of primitives. trimesh receives bytes, never a
+path, and only after the counts of the file have been checked. Files that a mesh file
+refers to must be in the map's folder; only the buffers of glTF files are read. Textures
+are ignored, and so is the material library of an OBJ file, since the OBJ file contains
+the material names. This module parses OBJ itself, since trimesh takes seconds if
+polygons have different numbers of corners, and misreads comments after a statement and
+negative vertex indices.
 """
 
 import io
@@ -43,20 +43,19 @@ from radarsim.scene.topology import (
 _Number = TypeVar("_Number", float, int)
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-MAX_LINES: Final = 5_000_000  # of an OBJ file
+MAX_LINES: Final = 5_000_000  # lines of an OBJ file
 _BOM: Final = b"\xef\xbb\xbf"
 
 
 def read_surfaces(
     path: Path, folder: Path, budget: MeshBudget | None = None
 ) -> list[Surface]:
-    """Read the surfaces of a mesh file, the transforms of its scene graph applied.
+    """Read the surfaces of a mesh file and apply the transforms of its scene graph.
 
     Args:
         path: A file that `mesh_files.find_inside` has returned.
-        folder: The folder that must contain all files that this one refers to, links
-            resolved.
-        budget: What the files may contain, with others of the map; None for all.
+        folder: The folder that must contain all referenced files, links resolved.
+        budget: Counters of all mesh files of the map; None for new ones.
 
     Raises:
         MeshError: If the file is broken or too large, or contains no triangles.
@@ -71,7 +70,7 @@ def read_surfaces(
         raise MeshError(f"{path.name!r}: {error}") from error
     except MemoryError as error:
         raise MeshError(f"{path.name!r}: too large") from error
-    except Exception as error:  # broken files make parsers raise anything
+    except Exception as error:  # Parsers raise any exception if a file is broken.
         file_type = suffix[1:].upper()
         text = f"{path.name!r}: cannot be read as {file_type}: {_reason(error)}"
         raise MeshError(text) from error
@@ -83,11 +82,11 @@ def read_surfaces(
 def join_volume(surfaces: list[Surface]) -> Mesh:
     """Join surfaces into one mesh that encloses volumes, oriented outward.
 
-    Surfaces that are closed by themselves stay separate, even where they touch; the
-    others are welded together where their vertices coincide.
+    Closed surfaces stay separate, even where they touch; open surfaces are welded
+    together where their vertices coincide.
 
     Args:
-        surfaces: Each of them welded by itself.
+        surfaces: The surfaces; the vertices of each are already welded.
 
     Raises:
         MeshError: If the mesh is open, or parts of it enclose nothing, see `topology`.
@@ -103,10 +102,10 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
 
 
 def join_surfaces(surfaces: list[Surface]) -> Mesh:
-    """Join surfaces into one mesh as they are; closed ones are oriented outward.
+    """Join surfaces into one mesh; if the mesh is closed, it is oriented outward.
 
     Args:
-        surfaces: Each of them welded by itself.
+        surfaces: The surfaces; the vertices of each are already welded.
     """
     try:
         return concatenate(_weld(surfaces))
@@ -115,13 +114,13 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
 
 
 def _weld(surfaces: list[Surface]) -> list[Mesh]:
-    """Orient the closed surfaces, and weld the others into one that has to be closed.
+    """Orient the closed surfaces outward, and weld the open ones into a closed one.
 
     Raises:
-        MeshError: If that one is open.
+        MeshError: If the welded surface is still open.
     """
-    # Surfaces that are closed alone are not welded to others: two boxes that touch
-    # would become one with a wall inside, which encloses nothing.
+    # Closed surfaces are not welded to others: two boxes that touch would become one
+    # box with a wall inside, which encloses nothing.
     closed: list[Mesh] = []
     remaining: list[Mesh] = []
     for _, vertices, faces in surfaces:
@@ -147,12 +146,12 @@ def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
     if suffix == ".obj":
         return read_obj(content, files.budget)
     if suffix in (".glb", ".gltf"):
-        with np.errstate(all="ignore"):  # what overflows is refused
+        with np.errstate(all="ignore"):  # `check_vertices` refuses overflows.
             file = GltfFile(content, suffix, files)
             found = [_surface(*each) for each in file.surfaces()]
         return [surface for surface in found if surface is not None]
-    # Parsers allocate what a header counts, and spend seconds on each of many small
-    # pieces, so a file of a few hundred bytes is counted before they get it.
+    # The counts are checked before parsing, since parsers allocate memory for the
+    # counts in a header and need seconds for files of many small pieces.
     check = check_ply if suffix == ".ply" else check_stl
     content = check(content, files.budget)
     import trimesh  # noqa: PLC0415 - slow, see above
@@ -170,10 +169,10 @@ def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
 
 
 def _reason(error: BaseException) -> str:
-    """Return one line that says why a file cannot be read.
+    """Return the reason why a file cannot be read, as one line.
 
     If parsing fails, trimesh tries another format, another file, or a module that
-    guesses the encoding, and these fail last: the first error is the reason.
+    guesses the encoding. These attempts fail too, so the first error is the reason.
     """
     consequences = (ImportError, OSError, UnicodeError)
     while isinstance(error, consequences) and error.__context__ is not None:
@@ -192,7 +191,7 @@ def _node_surface(scene: Any, node: str) -> Surface | None:
 def _surface(
     material: str | None, vertices: Floats, faces: Any, matrix: Any
 ) -> Surface | None:
-    """Return placed triangles; None for points and lines."""
+    """Return the transformed triangles of a node; None for points and lines."""
     faces = faces.reshape(-1, 3)
     if not len(faces):
         return None
@@ -207,20 +206,20 @@ def _surface(
 
 
 def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
-    """Read the pieces of an OBJ file; the one that begins last is the first.
+    """Read an OBJ file as one surface per object and material, in reverse file order.
 
-    The format has one statement in a line. ``v x y z`` adds a vertex. ``f 3 4 5 6``
-    adds a polygon; corners count the vertices of the file from 1, or backwards from -1,
-    the last one above the line. What follows a corner after a slash is a texture or a
-    normal. ``o`` and ``usemtl`` name the object and the material of the polygons below.
+    The format has one statement per line. ``v x y z`` adds a vertex. ``f 3 4 5 6``
+    adds a polygon of vertex indices, which count from 1, or from -1 backwards, where -1
+    is the last vertex so far. Indices of textures and normals follow after slashes.
+    ``o`` and ``usemtl`` name the object and the material of the polygons that follow.
 
     Args:
-        content: The file.
-        budget: What the file may contain.
+        content: Bytes of the file.
+        budget: Counters of all mesh files of the map.
 
     Raises:
         MeshError: If it is too long, or has too many lines, triangles or pieces.
-        ValueError: If it is broken.
+        ValueError: If a line is invalid.
     """
     budget.take(len(content), "bytes of text")
     text = content.removeprefix(_BOM).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -228,7 +227,7 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
     coordinates = array("d")
     pieces: dict[tuple[str, str], array[int]] = {}  # corners by object and material
     names = {b"o": "", b"usemtl": ""}
-    for line in io.BytesIO(text.replace(b"\\\n", b" ")):  # a line goes on after these
+    for line in io.BytesIO(text.replace(b"\\\n", b" ")):  # "\" continues a line
         statement, *words = line.partition(b"#")[0].split() or [b""]
         if statement == b"v" and words:
             numbers = _parse(float, words, "a number")
@@ -247,17 +246,17 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
             expect_at_most(len(pieces), MAX_SURFACES, "objects and materials")
             piece.extend(corners[:3])
             if len(corners) == 4:
-                # Which corner is first changes the last digit of where a beam hits; in
-                # the second half of a quadrangle it has always been the third.
+                # The second triangle begins at the third corner; another first corner
+                # would change the last digit of hit distances.
                 piece.extend((corners[2], corners[3], corners[0]))
                 continue
             for second, third in pairwise(corners[2:]):
                 piece.extend((corners[0], second, third))
-        elif statement in names and words:  # what looks like a comment is of the name
+        elif statement in names and words:  # A "#" is part of the name, not a comment.
             names[statement] = " ".join(line.decode("utf-8", "replace").split()[1:])
     vertices = np.array(coordinates).reshape(-1, 3)
     check_vertices(vertices)
-    # Parts of a scene are in this order, and what refers to them by number.
+    # The order of parts in a scene, and with it their numbers, depends on this order.
     return [
         Surface(material or None, *_select(vertices, np.array(corners).reshape(-1, 3)))
         for (_, material), corners in reversed(pieces.items())
@@ -275,9 +274,9 @@ def _parse(
 
 
 def _select(vertices: Floats, faces: Any) -> Mesh:
-    """Return faces with the vertices that they have, and with few others."""
+    """Return faces with the vertices they use; few or no unused vertices remain."""
     _check_corners(faces, len(vertices))
-    if faces.size >= len(vertices):  # most are used, and sorting would take longer
+    if faces.size >= len(vertices):  # Most are used, so sorting is not worth its time.
         return vertices, faces.astype(np.int32)
     used, renamed = np.unique(faces, return_inverse=True)
     return vertices[used], renamed.reshape(-1, 3).astype(np.int32)

@@ -1,4 +1,4 @@
-"""The scene: parts with their materials, starts of robots, victims, tags, crates."""
+"""The scene: parts with materials, start poses, reflectors, victims, tags, crates."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 Place: TypeAlias = tuple[float, float, float]
 
-# Degrees; that of the original server: 39° 8.0273' N, 77° 12.998' W.
+# Degrees; the default of the original USARSim: 39° 8.0273' N, 77° 12.998' W.
 GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
-MOST_CRATES = 20  # that one line can tell of
+MOST_CRATES = 20  # so that one line on the wire can list all crates
 SMALLEST, LARGEST = 0.05, 10.0  # m; sides of crates
 
-# What reflectors are made of. Their faces return nothing, in addition to the point.
+# Material of reflectors. Only the point target returns an echo, not the faces.
 REFLECTOR: Final = Material("reflector", backscatter_db=-math.inf)
 POINT_EDGE: Final = 0.05  # m
 
-# Parts of the body of a man of average size (height 1.75 m, an estimate): how far along
-# the body from the pelvis towards the head, and to its left, m.
+# Positions of body parts of a man of average size (height 1.75 m, an estimate),
+# relative to the pelvis: towards the head, and to the left, m.
 BODY_PARTS: Final = (
     ("Head", 0.75, 0.0),
     ("Chest", 0.40, 0.0),
@@ -69,7 +69,7 @@ class Part:
     faces: Faces
 
     def __post_init__(self) -> None:
-        # Copied, as a scene must not change after its tracer has been built.
+        # The arrays are copied, since a scene must not change after its tracer exists.
         vertices = np.array(self.vertices, dtype=np.float64, order="C")
         faces = np.array(self.faces, dtype=np.int32, order="C")
         for name, array in (("vertices", vertices), ("faces", faces)):
@@ -93,20 +93,20 @@ class Part:
 
     @cached_property
     def bounds(self) -> Floats:
-        """The smallest and largest x, y, z of its faces, (2, 3) m; inf without any."""
-        # Vertices that no face has do not count: files may keep some far away.
+        """The smallest and largest x, y, z of the faces, (2, 3) m; inf if empty."""
+        # Unused vertices are ignored, since files may have some far away.
         is_used = np.zeros(len(self.vertices), np.bool_)
-        for corners in self.faces.T:  # at once, the indices would take twice the memory
+        for corners in self.faces.T:  # One column at a time halves the memory.
             is_used[corners] = True
         used = self.vertices if is_used.all() else self.vertices[is_used]
-        # An axis at a time: numpy takes a hundred times as long for all three at once.
+        # One axis at a time is a hundred times as fast in numpy as all three at once.
         lows = [axis.min(initial=np.inf) for axis in used.T]
         return np.array([lows, [axis.max(initial=-np.inf) for axis in used.T]])
 
     @cached_property
     def closed(self) -> bool:
         """Whether the surfaces enclose a volume, so that inside and outside exist."""
-        from radarsim.scene.topology import is_closed  # noqa: PLC0415 - which few need
+        from radarsim.scene.topology import is_closed  # noqa: PLC0415 - rarely needed
 
         return is_closed(self.faces)
 
@@ -126,8 +126,8 @@ class Trial:
     Attributes:
         start: The name of the start pose, case-insensitive.
         goal: x and y of the goal, m, map frame.
-        safety_distance: The distance from the robot's centre to what its sensor sees
-            that the map is designed for, m.
+        safety_distance: The distance between the robot's centre and obstacles in its
+            scan that the map is designed for, m.
     """
 
     start: str
@@ -140,7 +140,7 @@ class Tag:
     """An RFID tag.
 
     Attributes:
-        id: Its number.
+        id: Number of the tag.
         position: x, y, z, m, map frame.
     """
 
@@ -150,18 +150,18 @@ class Tag:
 
 @dataclass(frozen=True, slots=True)
 class Victim:
-    """Somebody who lies on the floor, whom sensors of rescue robots look for.
+    """A person on the floor, whom the victim sensors of rescue robots detect.
 
-    A victim is no obstacle, and neither scanners nor cameras see it: who wants that
-    adds an object.
+    A victim is not an obstacle, and scanners and cameras do not see it; add an object
+    at its position for that.
 
     Attributes:
         name: Name in the map.
         position: x, y, z of the pelvis, m, map frame.
         yaw: Direction from the feet to the head, rad, map frame.
-        moves: Whether sensors of motion react.
-        loudness: How loud the victim calls, dB at a distance of 1 m; None if not.
-        duration: How long each call lasts, s.
+        moves: Whether motion sensors detect the victim.
+        loudness: Loudness of its calls at a distance of 1 m, dB; None if silent.
+        duration: Duration of each call, s.
         co2: Share of carbon dioxide in its breath, %; 0 if it does not breathe.
     """
 
@@ -175,12 +175,12 @@ class Victim:
 
     @property
     def head(self) -> Place:
-        """The place of the head, m, map frame."""
+        """The position of the head, m, map frame."""
         return self.parts[0][1]
 
     @property
     def parts(self) -> list[tuple[str, Place]]:
-        """The parts of the body, each with its place, m, map frame."""
+        """Name and position of each part of the body, m, map frame."""
         x, y, z = self.position
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return [
@@ -193,14 +193,14 @@ class Victim:
 class Crate:
     """An upright box that clients may move.
 
-    It is no part of the scene: like a robot, it stops what meets it and is seen by all
-    sensors, but only as long as a simulation runs.
+    A crate exists only in a simulation, not among the parts of the scene. Like a robot,
+    it is an obstacle, and all sensors see it.
 
     Attributes:
-        name: Its name; no two differ in case alone.
+        name: Name of the crate, unique in the map ignoring case.
         size: Length, width and height, m.
-        position: x, y, z of its middle, m, map frame.
-        yaw: Rad, map frame.
+        position: x, y, z of the centre, m, map frame.
+        yaw: Heading, rad, map frame.
     """
 
     name: str
@@ -213,20 +213,20 @@ class Crate:
 class Reflector:
     """A point reflector: a small target whose radar cross section is known.
 
-    A target smaller than a beam returns a power that follows from its radar cross
-    section, not its size. A trihedral, three triangular plates of metal at right
-    angles, returns a wave to where it came from. Eight of them back to back make the
-    octahedron that ships carry, which returns from all sides alike; so a reflector has
-    no direction.
+    The echo power of a target smaller than a beam follows from its radar cross section,
+    not from its size. A trihedral, three triangular metal plates at right angles,
+    reflects a wave back to its source. Eight trihedrals back to back form the
+    octahedral reflector that ships carry. It reflects equally to all sides, so a
+    reflector has no orientation.
 
-    A radar that computes power takes the cross section. To the rays of a range scanner,
-    and to robots, a reflector is an opaque octahedron of that size, which is among the
-    parts of the scene; of another target it is ``POINT_EDGE`` large.
+    A radar that computes power uses the cross section. For range scanners and robots, a
+    reflector is an opaque octahedron among the parts of the scene: as large as the
+    trihedral, or ``POINT_EDGE`` large for another target.
 
     Attributes:
         name: Name of the object in the map.
         position: x, y, z, m, map frame.
-        trihedral: Length of the legs of the trihedral's plates, m; None if it is none.
+        trihedral: Leg length of the trihedral's plates, m; None for another target.
         rcs_dbsm: Radar cross section of another target, at every wavelength, dBsm.
     """
 
@@ -238,8 +238,8 @@ class Reflector:
     def rcs(self, wavelength: float) -> float:
         """Return the radar cross section at a wavelength in m, m^2.
 
-        That of a trihedral is seen along its axis, as textbooks have it for a target
-        that is much larger than the wavelength, and far away.
+        For a trihedral this is the textbook formula along its axis, in the far field,
+        for plates much larger than the wavelength.
 
         >>> trihedral = Reflector("corner", (0.0, 0.0, 0.0), trihedral=0.1)
         >>> round(10 * math.log10(trihedral.rcs(299792458 / 77e9)), 2)
@@ -268,7 +268,7 @@ class Scene:
             among the parts.
         tags: The RFID tags, in the order of the map file.
         victims: The victims, in the order of the map file; none is among the parts.
-        crates: The crates, which stand in simulations only, likewise.
+        crates: The crates, in the order of the map file; only simulations have them.
     """
 
     name: str
@@ -298,7 +298,7 @@ class Scene:
         The section is at the height of a P3AT's scanner.
 
         Args:
-            ax: Axes of matplotlib, in m; None for a figure of its own, with a legend.
+            ax: Axes of matplotlib, in m; None creates a new figure with a legend.
 
         Returns:
             The axes; ``scene.plot().figure.savefig("plan.png")`` writes a file.
@@ -316,30 +316,30 @@ class Scene:
         return sum(len(part.faces) for part in self.parts)
 
     def with_material(self, name: str, /, **keys: Any) -> "Scene":
-        """Return this scene with a material changed, or with one more.
+        """Return a copy of this scene with a material changed or added.
 
         Args:
-            name: Name of a material of the scene, whose other keys stay; of
-                the library; or of a new one.
+            name: Name of a material of the scene, whose other keys are kept; of a
+                library material; or of a new material.
             **keys: Keys of materials in map files, such as ``density=2.0`` or
                 ``based_on="foliage"``.
 
         Raises:
-            MapError: If a key or a value is wrong, or an object of this material is not
-                closed, which beams are to enter.
+            MapError: If a key or a value is wrong, or beams can enter the material and
+                an object made of it is not closed.
         """
         from radarsim.scene import edits  # noqa: PLC0415 - pydantic is slow
 
         return edits.with_material(self, name, keys)
 
     def with_object(self, name: str, /, **keys: Any) -> "Scene":
-        """Return this scene with one more object, or with its copies.
+        """Return a copy of this scene with an object, or several copies of it, added.
 
         Args:
-            name: Its name.
+            name: Name of the object.
             **keys: Keys of objects in map files, such as ``cylinder=[0.5, 2.0]``,
-                ``material="foliage"`` and ``position=[1.0, 0.0, 1.0]``, which is that
-                of its centre, m. A mesh is a file in the current folder.
+                ``material="foliage"`` and ``position=[1.0, 0.0, 1.0]``, the centre
+                in m. Paths of meshes are relative to the current folder.
 
         Raises:
             MapError: If a key or a value is wrong, or the name is taken.
@@ -349,7 +349,7 @@ class Scene:
         return edits.with_object(self, name, keys)
 
     def without(self, name: str) -> "Scene":
-        """Return this scene without an object, or without all copies of one.
+        """Return a copy of this scene without an object, or without all its copies.
 
         Raises:
             MapError: If there is no such object.
@@ -383,14 +383,14 @@ class Scene:
         ).z
 
     def start(self, name: str) -> StartPose | None:
-        """Return the start of a name, case-insensitive; None if there is none."""
+        """Return the start pose with a name, ignoring case; None if there is none."""
         wanted = name.casefold()
         matches = (start for start in self.starts if start.name.casefold() == wanted)
         return next(matches, None)
 
 
 def expected_scene(given: object) -> TypeError:
-    """Return the error for something that is not a scene."""
+    """Return the error for an argument that is not a Scene."""
     text = f"scene {given!r:.80}, expected a Scene"
     if isinstance(given, str | Path):
         text += f" from radarsim.load_map({str(given)[:80]!r})"

@@ -1,8 +1,8 @@
 """Primitive shapes as closed triangle meshes.
 
-Every shape is centred on the origin, closed, and oriented outward: seen from outside
+Every shape is centred on the origin, closed, and oriented outward: seen from outside,
 the corners of a face run counter-clockwise. Round shapes are inscribed: all vertices
-lie on the true surface, those on the axes exactly, and every face lies inside it.
+lie on the true surface, exactly so on the axes, and every face lies inside the surface.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from radarsim.geometry import Floats
 Faces: TypeAlias = NDArray[np.int32]
 Mesh: TypeAlias = tuple[Floats, Faces]  # (V, 3) m and (F, 3) vertex indices
 
-SPHERE_SUBDIVISIONS = 3  # 1280 faces; no face is deeper than 0.46 % of the radius
-CYLINDER_SIDES = 64  # the middle of a side is 0.12 % of the radius too deep
+SPHERE_SUBDIVISIONS = 3  # 1280 faces, at most 0.46 % of the radius inside the sphere
+CYLINDER_SIDES = 64  # sides are at most 0.12 % of the radius inside the cylinder
 
 _BOX_CORNERS = np.array(
     [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
@@ -44,7 +44,7 @@ class Surface(NamedTuple):
     """One piece of a mesh file, in the frame of the file.
 
     Attributes:
-        material: The name of its material in the file, if it has one.
+        material: Name of the material in the file; None if it has no name.
         vertices: (V, 3) in the file's unit.
         faces: (F, 3) vertex indices.
     """
@@ -55,7 +55,7 @@ class Surface(NamedTuple):
 
 
 def box(length: float, width: float, height: float) -> Mesh:
-    """Create a box with edges of these lengths along x, y and z, m."""
+    """Create a box; length, width and height are along x, y and z, in m."""
     return _BOX_CORNERS * [length, width, height], _BOX_FACES.copy()
 
 
@@ -87,7 +87,7 @@ def cylinder(radius: float, height: float) -> Mesh:
 
 
 def octahedron(radius: float) -> Mesh:
-    """Create an octahedron with its corners on the axes, at this distance, m."""
+    """Create an octahedron with its corners on the axes, at the radius, m."""
     vertices = radius * np.vstack([np.eye(3), -np.eye(3)])
     faces = [
         (x, y, z) if (x < 3) ^ (y < 3) ^ (z < 3) else (x, z, y)
@@ -99,7 +99,7 @@ def octahedron(radius: float) -> Mesh:
 
 
 def concatenate(meshes: Sequence[Mesh]) -> Mesh:
-    """Join one or more meshes into one; no vertices are shared."""
+    """Join one or more meshes into one; vertices are not merged."""
     if len(meshes) == 1:
         return meshes[0]
     offsets = accumulate((len(vertices) for vertices, _ in meshes[:-1]), initial=0)

@@ -2,35 +2,35 @@
 
 Theory of operation
 ===================
-A mesh is closed if every edge is used as often in one direction as in the other. That
-also holds where several volumes touch along an edge or lie exactly upon one another,
-and it makes the winding number of a point a whole number, from which densities add up.
+A mesh is closed if every edge is used as often in one direction as in the other. The
+rule also holds where several volumes touch along an edge or coincide, and it makes the
+winding number of every point an integer, so densities of nested volumes can be added.
 
 Faces that share an edge belong to one connected component; a common vertex alone does
 not connect them.
 
-A sheet whose faces are all present in both orientations passes for a closed mesh, but
-its faces cancel each other, and beams would pass it as if it were not there. The same
-holds for a volume that is folded flat. Faces that cancel are legitimate in one place:
-inside of a volume, as the common wall of two volumes that touch. All others, and all
+A sheet whose faces are all present in both orientations satisfies the rule of a closed
+mesh, but its faces cancel each other, so beams would pass it without loss. The same
+holds for a volume that is folded flat. Faces may cancel in one case: inside a volume,
+as the common wall of two volumes that touch. All other cancelling faces, and all
 components without a volume, are degenerate. Faces cancel if they have the same three
-corners in opposite orientations; where the two sides of a sheet are triangulated
-differently, the volume of the whole component shows it.
+corners in opposite orientations. If the two sides of a sheet are triangulated
+differently, the volume of the component, which is 0, reveals the sheet.
 
-Each pass over the faces takes time and memory in proportion to them, whatever their
-order.
+Each pass takes time and memory proportional to the number of faces, in any order.
 
-Equal vertices find each other in a hash table with open addressing.
+Equal vertices are found with a hash table with open addressing.
 
 Edges are found by a counting sort of the sides of all faces by their lower vertex.
-Among the sides at one vertex, those with the same other end are one edge: for each
-other end an array holds the place of its first side, and a place before the vertex's
-own sides is one that an earlier vertex has left. So a fan of a million faces around one
-vertex takes no longer than a grid of as many.
+Among the sides at one vertex, all sides with the same other end form one edge: for each
+other end, an array holds the position of its first side; positions before the sides of
+the current vertex are stale entries of earlier vertices. So a fan of a million faces
+around one vertex takes no longer than a grid of a million faces.
 
-Faces are united over their edges in a forest (union-find): the root of a tree is the
-first face of its component. Each face also holds whether it disagrees with its parent,
-so that the forest shows which faces to flip for all to agree with the first one.
+Faces are joined across their edges in a disjoint-set forest (union-find): the root of
+a tree is the first face of its component. Each face also stores whether its orientation
+disagrees with its parent's, so the forest shows which faces must be flipped to agree
+with the first face.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -42,7 +42,7 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.scene.shapes import Faces
 
-FLATNESS = 1e-9  # volume over (area times size); rounding errors are far below
+FLATNESS = 1e-9  # limit of volume / (area * diagonal), far above rounding errors
 
 _Booleans: TypeAlias = NDArray[np.bool_]
 _Components: TypeAlias = NDArray[np.void]  # rows of the engine's Component
@@ -59,9 +59,9 @@ class Connections(NamedTuple):
         components: The number of components.
         open_edges: The number of edges that are not used as often in one direction as
             in the other.
-        unpaired_edges: The number of edges that are not used by two faces.
+        unpaired_edges: The number of edges that are not used by exactly two faces.
         has_one_side: 1 if a component cannot be oriented, such as a Möbius strip;
-            means nothing if there are unpaired edges.
+            undefined if there are unpaired edges.
         may_coincide: 1 if some faces may have the same three corners.
     """
 
@@ -75,15 +75,14 @@ class Connections(NamedTuple):
 
 
 def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Merge vertices at equal positions, and drop faces that lose a corner by it.
+    """Merge vertices at equal positions, and drop faces that become degenerate.
 
     Args:
         vertices: (V, 3) m, finite.
         faces: (F, 3) vertex indices.
 
     Returns:
-        The vertices that faces use, in the order of their first use, and the faces that
-        are left.
+        The used vertices in the order of their first use, and the remaining faces.
     """
     vertices = np.ascontiguousarray(vertices)
     corners = np.ascontiguousarray(faces).ravel()
@@ -97,7 +96,7 @@ def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
 
 def connect_faces(faces: Faces) -> Connections:
-    """Find out how faces share edges.
+    """Find the connected components of faces that share edges.
 
     Args:
         faces: (F, 3) indices of merged vertices.
@@ -111,7 +110,7 @@ def connect_faces(faces: Faces) -> Connections:
 
 
 def is_closed(faces: Faces) -> bool:
-    """Return whether (F, 3) faces, if there are any, enclose a volume.
+    """Return whether (F, 3) faces form a closed mesh; True without faces.
 
     Vertices at equal positions must be merged, see `weld_vertices`.
     """
@@ -122,9 +121,9 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
     """Orient the faces of a closed surface so that their normals point outward.
 
     Flips faces where neighbours disagree, and components that are inside out. A
-    component that is inside out and lies in another one is a cavity and stays as it
-    is; in a mesh whose neighbours disagree a cavity cannot be distinguished from a
-    nested volume, and every component is oriented outward.
+    component that is inside out within another component is a cavity and stays
+    unchanged. If neighbours disagree, a cavity cannot be distinguished from a nested
+    volume, so every component is oriented outward.
 
     Args:
         vertices: (V, 3) m, merged.
@@ -138,7 +137,7 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
         return _flip_inverted_components(vertices, faces, connections)
     if connections.unpaired_edges or connections.has_one_side:
         return None
-    # All edges have two faces, which disagree at some: made consistent, it is closed.
+    # All edges have two faces, so the mesh is closed once the faces are consistent.
     consistent = _flip(faces, connections.flips)
     volumes = _measure(vertices, consistent, connections)["volume"]
     return _flip(consistent, (volumes < 0)[connections.labels])
@@ -153,7 +152,7 @@ def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
     Args:
         vertices: (V, 3) m.
         faces: (F, 3) vertex indices.
-        point: (3,) m, on none of the faces.
+        point: (3,) m, not on a face.
     """
     corners = vertices[faces] - point
     a, b, c = (corners[:, i] for i in range(3))
@@ -172,12 +171,11 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
         faces: (F, 3) vertex indices.
 
     Returns:
-        How many faces are present in both orientations, each counted once, without
-        being a wall inside of a volume; and how many of the others belong to flat
-        components.
+        The number of faces present in both orientations, without walls inside volumes
+        and each pair counted once; and the number of other faces in flat components.
     """
     connections, walls = connect_faces(faces), faces[:0]
-    if connections.may_coincide:  # else the sorting of all faces is saved
+    if connections.may_coincide:  # Otherwise there is no need to sort the faces.
         cancelled = _cancelled(faces)
         faces, walls = faces[~cancelled], faces[cancelled]
         connections = connect_faces(faces)
@@ -188,7 +186,7 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
     flat = np.count_nonzero(is_flat[connections.labels])
     if not len(walls):
         return 0, int(flat)
-    every = np.ones(len(components), np.bool_)  # also cavities
+    every = np.ones(len(components), np.bool_)  # all components, including cavities
     shells = _Shells(vertices, faces, connections.labels, components, every)
     of_walls = connect_faces(walls).labels
     points = vertices[walls[_first_faces(of_walls)]].mean(axis=1)
@@ -199,12 +197,12 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
 def _flip_inverted_components(
     vertices: Floats, faces: Faces, connections: Connections
 ) -> Faces:
-    """Flip all if the whole is inside out, then components that are no cavities."""
+    """Flip a mesh that is inside out, then its components that are not cavities."""
     labels = connections.labels
     components = _measure(vertices, faces, connections)
     volumes = components["volume"]
-    # Exporters agree on no orientation, so the volume decides: an outward one is
-    # positive.
+    # Exporters use either orientation, so the sign of the volume decides: the volume
+    # of an outward mesh is positive.
     if volumes.sum() < 0:
         faces, volumes = faces[:, ::-1], -volumes
     inverted = volumes < 0
@@ -221,7 +219,7 @@ def _flip_inverted_components(
 
 
 class _Shells:
-    """Components of a mesh, found by the boxes around them."""
+    """An index of a mesh's components by their bounding boxes."""
 
     def __init__(
         self,
@@ -241,12 +239,12 @@ class _Shells:
         self._faces = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
     def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
-        """Return whether a point is in shells whose boxes contain all of another box.
+        """Return whether a point is inside the shells whose boxes contain another box.
 
         Args:
-            low: (3,) m, the other box.
-            high: (3,) m.
-            point: (3,) m, in it.
+            low: (3,) lower corner of the other box, m.
+            high: (3,) upper corner of the other box, m.
+            point: (3,) a point in the other box, m.
         """
         from shapely import Point  # noqa: PLC0415
 
@@ -266,7 +264,7 @@ def _first_faces(labels: Labels) -> NDArray[np.intp]:
 
 
 def _flip(faces: Faces, which: _Booleans) -> Faces:
-    """Return faces, those flipped that are marked."""
+    """Return the faces, with the marked faces flipped."""
     if not which.any():
         return np.ascontiguousarray(faces)
     flipped = faces.copy()
@@ -275,7 +273,7 @@ def _flip(faces: Faces, which: _Booleans) -> Faces:
 
 
 def _measure(vertices: Floats, faces: Faces, connections: Connections) -> _Components:
-    """Measure connected components."""
+    """Return bounds, area and volume of each connected component."""
     components = np.zeros(connections.components, engine.rows["Component"])
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
     engine.measure_components(vertices, faces, connections.labels, components)
@@ -287,7 +285,7 @@ def _cancelled(faces: Faces) -> _Booleans:
     a, b, c = faces.T.astype(np.int64)
     forward = ((a < b) & (b < c)) | ((b < c) & (c < a)) | ((c < a) & (a < b))
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    # Two of the corners number the edge, the edge and the third one the triangle.
+    # Lowest and highest corner identify an edge; edge and middle corner, a triangle.
     size = int(high.max(initial=0)) + 1
     _, edges = np.unique(low * size + high, return_inverse=True)
     middle = a + b + c - low - high

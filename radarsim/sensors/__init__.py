@@ -1,1 +1,1 @@
-"""Simulated sensors: radars, lasers, INS, odometry and wheel sensors; no protocol."""
+"""Simulated sensors, such as radars, lasers, INS, GPS, sonars and wheel sensors."""

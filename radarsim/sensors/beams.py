@@ -1,27 +1,28 @@
-"""The rays of a scan: where they start, where they point, and which are traced.
+"""The rays of a scan: origins, directions, and the choice of rays that are traced.
 
 Theory of operation
 ===================
-A beam has one or several rays, its nodes. Three of them, right, centre and left, stand
-for the edges and the middle of a beam that diverges, N Unreal units apart. A cone has
-any number, over a beam that has a horizontal and a vertical width.
+A beam has one or several rays, its nodes. Three nodes, right, centre and left, sample
+the edges and the middle of a diverging beam, N Unreal units apart. A cone has any
+number of nodes, over the horizontal and vertical width of a beam.
 
 The power of a beam falls off with the angle like a Gaussian, once on transmission and
-once on reception: if ``w`` is the angle between the one-way half-power points, both
-together have the standard deviation w / (4 sqrt(ln 2)) = 0.3003 w. The nodes of a
-quadrature are those of Gauss and Hermite, a grid of them where the beam is wide in both
-directions. Three across stand at 0 and 0.5201 w with weights 2/3 and 1/6: the main ray
-and two side rays. Over a smooth target, n nodes in a row are exact to the order 2n - 1;
-over an edge three are off by at most 1/3 of the beam, where the edge runs through the
-main ray, and more nodes by less. Even nodes are all as far apart, over 0.6 widths to
-either side, where the Gaussian has 95 % of its power; their weights are its density. So
-nothing that is wider than a step is missed. Random rays are drawn from that Gaussian
-and have equal weights.
+once on reception: if ``w`` is the angle between the one-way half-power points, the
+two-way pattern has the standard deviation w / (4 sqrt(ln 2)) = 0.3003 w. Quadrature
+uses Gauss-Hermite nodes, in a grid if the beam is wide in both directions. Three nodes
+in a row are at 0 and +-0.5201 w with weights 2/3 and 1/6: the main ray and two side
+rays. For a smooth target, n nodes in a row are exact to the order 2n - 1. At an edge,
+the error of three nodes is at most 1/3 of the beam, if the edge is at the main ray; it
+falls with more nodes. Even nodes are equally spaced over 0.6 widths to either side,
+where the Gaussian has 95 % of its power, and weighted by its density, so no object
+wider than one step is missed. Random rays are drawn from that Gaussian and have equal
+weights.
 
-Either one ray of each beam is drawn, by the nodes' weights, or all are traced.
+Either one ray of each beam is drawn, with the weights as probabilities, or all rays are
+traced.
 
 Source: the noise model of a thesis on navigation with a radar in USARSim, section 4.3;
-for the cone, what it proposes in section 7.
+the cone follows the proposal in its section 7.
 """
 
 import math
@@ -42,31 +43,31 @@ from radarsim.presets.sensor_settings import (
 from radarsim.raycast.rays import LASER, RADAR, Nodes, RayClass, Rays, Sides
 
 RIGHT, CENTRE, LEFT = -1, 0, 1
-# Random numbers, of numpy's generators.
+# Methods of numpy's generators that draw random numbers.
 UNIFORM: Final = np.random.Generator.random
 NORMAL: Final = np.random.Generator.standard_normal
 EXPONENTIAL: Final = np.random.Generator.standard_exponential
-CENTRE_TOLERANCE: Final = 1e-9  # rad off the middle of a beam
-EVEN_EDGE: Final = 0.6 * 4 * math.sqrt(math.log(2))  # 0.6 widths, standard deviations
+CENTRE_TOLERANCE: Final = 1e-9  # rad; nearer rays count as the centre of a beam
+EVEN_EDGE: Final = 0.6 * 4 * math.sqrt(math.log(2))  # 0.6 w in standard deviations
 
 
 class BeamPattern:
-    """The beams of sensors of equal settings, and how their rays are read.
+    """The beams and rays that all sensors with the same settings share.
 
     Attributes:
         settings: The settings.
-        angles: (N,) directions of the beams, rad, counter-clockwise from the right.
+        angles: (N,) azimuths of the beams, rad, counter-clockwise from the right.
         radius: Largest distance from the sensor at which a ray starts, m.
-        has_random_rays: Whether each scan has rays of its own, instead of nodes.
+        has_random_rays: Whether each scan draws random rays, instead of fixed nodes.
         weights: (K,) share of each node in its beam; equal for random rays.
         rays: Number of rays of each beam that are traced.
         shares: (M,) share of each ray of a scan in its beam.
-        ray_classes: The class of the rays, and that for which something may hide where
-            they start: the medium's, as in ``DEFAULT_CLASSES``.
+        ray_classes: The class of the rays, and the default class of the sensor type,
+            which decides whether a surface hides a ray's start.
         selects_ray: Whether one ray of each beam is selected after all are traced.
         needs_events: Whether the events along the rays are needed.
-        kinds: The random numbers of a scan, in the order in which they are drawn: the
-            name, method of the generator, and shape of each kind.
+        kinds: Name, generator method and shape of each kind of random numbers of a
+            scan, in the order in which they are drawn.
     """
 
     def __init__(self, settings: SensorSettings) -> None:
@@ -84,7 +85,8 @@ class BeamPattern:
         self._table = engine.structures["NodeTable"].pack(
             directions=node_directions(self.angles, self._offsets),
             starts=starts,
-            # The last edge is 1 but for rounding; without it no draw lies beyond it.
+            # The last edge, 1 up to rounding, is left out: a draw beyond it would have
+            # no node.
             edges=np.cumsum(self.weights)[:-1],
             sides=sides,
         )
@@ -118,8 +120,8 @@ class BeamPattern:
         """Return the packed ``RaySource`` of a scan.
 
         Args:
-            drawn: (K, N, 2) the angles of random rays to the left and up, in standard
-                deviations; None for a sensor without them, whose scans share one.
+            drawn: (K, N, 2) angles of random rays to the left and up, in standard
+                deviations; None for a sensor with nodes, whose scans share one source.
         """
         if drawn is None:
             return self._source
@@ -128,13 +130,13 @@ class BeamPattern:
     def aim(
         self, pose: Pose3, carrier_id: int, nodes: Nodes, drawn: Floats | None = None
     ) -> Rays:
-        """Return the rays of a scan, as the engine aims them, to the bit.
+        """Return the rays of a scan, bit by bit equal to those that the engine traces.
 
         Args:
             pose: Pose of the sensor, map frame.
-            carrier_id: Id of the box that carries it; -1 for none.
-            nodes: (M,) node of its beam that each ray is.
-            drawn: As of ``source``.
+            carrier_id: Id of the box that carries the sensor; -1 for none.
+            nodes: (M,) index of each ray's node in its beam.
+            drawn: As in ``source``.
         """
         table = self._table if drawn is None else self._drawn_nodes(drawn)
         count = len(self.angles)
@@ -155,7 +157,7 @@ class BeamPattern:
 
         Args:
             pose: Pose of the sensor, map frame.
-            side: -1 for the right one of three, 0 for the centre, 1 for the left one.
+            side: -1 for the right ray, 0 for the centre ray, 1 for the left ray.
 
         Raises:
             ValueError: If the beams do not have three rays.
@@ -167,7 +169,7 @@ class BeamPattern:
         return self.aim(pose, -1, nodes)
 
     def sides_of(self, drawn: Floats) -> Sides:
-        """Return the side of its beam on which each random ray of a scan is, (M,)."""
+        """Return the side of each random ray in its beam, (M,): -1, 0 or 1."""
         return _sides(self._angles_of(drawn)).T.ravel()
 
     def _angles_of(self, drawn: Floats) -> Floats:
@@ -182,7 +184,7 @@ class BeamPattern:
         )
 
     def _pack_source(self, table: Packed) -> Packed:
-        """Pack one row of what all rays have in common, and their nodes."""
+        """Pack the values that all rays share, as one row, and the table of nodes."""
         settings = self.settings
         return engine.structures["RaySource"].pack(
             origins=np.zeros((0, 3)),
@@ -198,12 +200,12 @@ class BeamPattern:
 
 @lru_cache(maxsize=64)
 def pattern_of(settings: SensorSettings) -> BeamPattern:
-    """Return the beams of a sensor; sensors of equal settings share them."""
+    """Return the beam pattern of a sensor; sensors with equal settings share it."""
     return BeamPattern(settings)
 
 
 def ray_class_of(settings: SensorSettings) -> RayClass:
-    """Return the ray class of a sensor, on which the effect of materials depends."""
+    """Return the ray class of a sensor, which determines how materials affect rays."""
     radar = settings.medium == "radar"
     return RayClass(
         RADAR if radar else LASER,
@@ -215,7 +217,7 @@ def ray_class_of(settings: SensorSettings) -> RayClass:
 
 
 def beam_angles(settings: SensorSettings) -> Floats:
-    """Return the beams' directions, (N,) rad, counter-clockwise from the right."""
+    """Return the azimuths of the beams, (N,) rad, counter-clockwise from the right."""
     step = math.radians(settings.resolution_deg)
     first = -math.radians(settings.fov_deg) / 2
     angles: Floats = first + step * np.arange(settings.beams, dtype=np.float64)
@@ -226,7 +228,7 @@ def node_directions(angles: Floats, offsets: Floats) -> Floats:
     """Return the directions of nodes, sensor frame.
 
     Args:
-        angles: (N,) directions of the beams, rad.
+        angles: (N,) azimuths of the beams, rad.
         offsets: (K, N, 2) or (K, 1, 2) offsets of the nodes to the left and up, rad.
 
     Returns:
@@ -242,7 +244,7 @@ def node_directions(angles: Floats, offsets: Floats) -> Floats:
 def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
     """Return the nodes' offsets to the left and up, (K, 1, 2) rad, and their weights.
 
-    Random rays have zeros here: their offsets are drawn for each scan.
+    The offsets of random rays are 0 here, since they are drawn for each scan.
     """
     if settings.rays_per_beam == 1:
         return np.zeros((1, 1, 2)), np.ones(1)
@@ -280,14 +282,14 @@ def even_nodes(count: int) -> tuple[Floats, Floats]:
 
 
 def _turned(vectors: Floats, rotation: Floats) -> Floats:
-    """Return (N, 3) vectors turned by a matrix; none of their numbers is -0.0."""
+    """Return (N, 3) vectors rotated by a (3, 3) matrix, with 0.0 instead of -0.0."""
     x, y, z = vectors.T
     rows = [x * row[0] + y * row[1] + z * row[2] + 0.0 for row in rotation]
     return np.column_stack(rows)
 
 
 def _deviations(settings: SensorSettings) -> tuple[float, float]:
-    """Return the standard deviations of a cone across and up, rad."""
+    """Return the standard deviations of a cone in azimuth and elevation, rad."""
     across, up = settings.beamwidth_az_deg, settings.beamwidth_el_deg
     return (
         two_way_deviation(math.radians(across)),
@@ -296,7 +298,7 @@ def _deviations(settings: SensorSettings) -> tuple[float, float]:
 
 
 def _starts(settings: SensorSettings, angles: Floats) -> Floats:
-    """Return the starts of the rays, (3, N, 3) m, or (1, N, 3) if all are the same."""
+    """Return the ray origins, sensor frame, (3, N, 3) m, or (1, N, 3) if all are 0."""
     offset = settings.side_offset_uu * METRES_PER_UNIT
     to_left = np.zeros((len(angles), 3))
     if settings.has_side_rays and settings.side_mode == "perpendicular":

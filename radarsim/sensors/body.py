@@ -1,4 +1,4 @@
-"""Sensors of what the body of a robot does: pose, contact, height, heading, time."""
+"""Sensors of a robot's body: ground truth, touch, altitude, heading, acceleration."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -22,7 +22,7 @@ class GroundTruthSensor(EngineSensor, types=["GroundTruth"]):
 
 
 class TouchSensor(EngineSensor, types=["Touch"]):
-    """Reads whether something touches the robot."""
+    """Reads whether an obstacle touches the robot."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -31,7 +31,7 @@ class TouchSensor(EngineSensor, types=["Touch"]):
 
 
 class AltitudeSensor(EngineSensor, types=["AltitudeSensor"]):
-    """Reads how high the robot is above its spawn, and above the sea."""
+    """Reads the height of the robot above its start pose, and above sea level."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -52,7 +52,7 @@ class Compass(EngineSensor, types=["MagneticCompass"]):
 
 
 class MissionClock(EngineSensor, types=["MissionTime"]):
-    """Counts the minutes since the spawn."""
+    """Counts the minutes since the robot was spawned."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -62,12 +62,12 @@ class MissionClock(EngineSensor, types=["MissionTime"]):
 
 
 class Accelerometer(EngineSensor, types=["Accel"]):
-    """Reads how the velocity changes, along its axes.
+    """Reads the rate of change of velocity along the sensor's axes.
 
     Attributes:
-        reading: What the engine writes.
-        report: The report of it.
-        others: Attributes of the report besides the acceleration.
+        reading: The reading that the engine computes.
+        report: The type of the report.
+        others: Attributes of the report in addition to the acceleration.
     """
 
     reading: ClassVar[int] = Reading.ACCELERATION
@@ -88,14 +88,14 @@ class Accelerometer(EngineSensor, types=["Accel"]):
 
 
 class ProperAccelerometer(Accelerometer, types=["AcceleroMeter"]):
-    """Reads the acceleration of what rests on it, so that it feels gravity."""
+    """Reads the proper acceleration, which includes gravity even at rest."""
 
     reading = Reading.PROPER_ACCELERATION
     report = reports.ProperAcceleration
 
 
 class InertialUnit(Accelerometer, types=["IMU"]):
-    """An inertial measurement unit, which reads how the robot turns, too."""
+    """An inertial measurement unit, which also reads angles and angular rates."""
 
     reading = Reading.INERTIA
     report = reports.Imu

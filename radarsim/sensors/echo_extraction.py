@@ -1,43 +1,45 @@
-"""Turn the events along rays into the echoes of beams.
+"""Convert the events along rays to the echoes of beams.
 
 Theory of operation
 ===================
-Everything that a ray meets returns an echo: each boundary of a volume that it crosses,
-each sheet, and the surface or the point at which it ends.
+Every object along a ray returns an echo: each boundary of a volume that the ray
+crosses, each sheet, and the surface or the point at which the ray ends.
 
-The strength of an echo is its power as a share of what comes back from a rough wall
-that the whole beam meets head-on, with nothing before it. Penetration power counts
-decibels one way; the sensor's margin is what a beam can lose out and back. So of a ray
-that has a share p of its power left, T = 10^(-margin (1 - p) / 10) would come back. An
-opaque surface returns the T of the power left there; a volume the difference between
-its two sides, and a sheet that before and behind it. Where volumes overlap, each is
-credited with its share of the loss, in proportion to density. This holds for plants,
-which scatter a fifth of what they take, before walls that return a tenth of what
-arrives: the strengths of a ray that ends within range then add up to 1, and what does
-not come back from the wall comes back from volumes before it. Another albedo returns
-more or less than plants, and smoke nothing. A beam of unlimited power is
-returned whole by what it hits. Power lost to the air, or to a volume around the ray's
-start, returns no echo: there is no boundary.
+The strength of an echo is its power relative to the echo of an unobstructed rough wall
+that fills the beam at normal incidence. Penetration power is proportional to decibels
+of one-way loss; the sensor's margin is the largest two-way loss. So if a ray has a
+share p of its power left, the share T = 10^(-margin (1 - p) / 10) would return from
+there. An opaque surface returns the T of the power left there. A volume returns the
+difference of T between its two sides, and a sheet that between its front and its back.
+If volumes overlap, the loss is divided between them in proportion to density. This
+holds for plants, which scatter a fifth of the power they take, and for walls that
+return a tenth of the power that arrives: the strengths of a ray that ends within range
+then add up to 1, so the power missing from the wall's echo is in the echoes of volumes
+in front of it. Materials with another albedo return more or less than plants, and smoke
+returns nothing. The first object returns all power of a beam with unlimited power.
+Power lost to the air, or to a volume around the ray's start, returns no echo, since the
+ray crosses no boundary there.
 
-A volume answers all along the ray's way through it, and its echo has one range: up to
-there half of its power has come back. A sensor that keeps first echoes triggers on
-their leading edge instead, which is where the ray enters.
+A volume scatters along the whole path of the ray inside. Its echo has one range, up to
+which half of the echo's power has returned. A sensor that keeps first echoes triggers
+on the leading edge instead, at the point where the ray enters.
 
-Where the rays of a beam are combined, each carries its share of the beam, and the
-echoes of all of them are sorted by range. With incidence weights an echo is multiplied
-by what a rough surface returns of the ray: the cosine of the angle between ray and
-normal. Rays sample the beam's solid angle, in which a slanted surface of R^2 / cos
-returns cos^2 of what it does head-on, by Lambert's law. Leaves face all directions, and
-are met in proportion to the cosine: 2/3, the mean of cos^2 over that of cos.
+If the rays of a beam are combined, each has its share of the beam, and the echoes of
+all rays are sorted by range. With incidence weights, an echo is multiplied by the
+cosine of the angle between ray and surface normal. Rays sample the beam's solid angle,
+in which a slanted surface has the area R^2 / cos and returns cos^2 per area relative to
+normal incidence, by Lambert's law. Leaves face all directions and are hit in proportion
+to the cosine, so their factor is 2/3, the mean of cos^2 divided by the mean of cos.
 
-Echoes that a beam cannot resolve are merged, and those that it keeps are selected.
+Echoes that a beam cannot resolve are merged, and then the sensor's return mode selects
+the echoes that are kept.
 
-Echoes of a beam that are closer together than the range resolution merge: starting from
-the nearest one that returns power, all that is less than the range resolution behind
-it, and echoes without strength as close in front of it. The merged echo has the sum of
-their strengths and their mean range, weighted by strength. Its kind and object are
-those of the strongest end of a ray among them; if no ray ends there, those of the
-strongest echo. If that is a volume, the merged echo begins where the ray enters it.
+Echoes of a beam that are closer together than the range resolution are merged: from the
+nearest echo with a strength, all echoes less than one range resolution behind it, and
+echoes without strength less than one range resolution in front of it. The merged echo
+has the sum of their strengths and their mean range, weighted by strength. Its kind and
+object are those of the strongest echo at the end of a ray; if no ray ends there, those
+of the strongest echo. If that is a volume, the merged echo begins where the ray enters.
 """
 
 import math
@@ -53,39 +55,38 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.rays import EventKind, Outcome, Traces
 
 NOTHING_LEFT: Final = 1e-12  # share of a ray's power
-LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine of leaves that rays meet
-_MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # of the engine
+LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine at the leaves that rays hit
+_MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # engine's values
 
 ECHO: Final = engine.rows["Echo"]
-EchoTable: TypeAlias = NDArray[np.void]  # of ECHO, a row for each, beam by beam
+EchoTable: TypeAlias = NDArray[np.void]  # rows of dtype ECHO, beam by beam
 
 
 def return_law(settings: SensorSettings) -> tuple[float, float, bool]:
-    """Return how a ray's power determines what comes back.
+    """Return the parameters that convert a ray's power to the power of its echo.
 
     Returns:
-        The power with which a ray starts; the natural logarithm of the ratio between
-        what comes back of a ray with all its power and of one with none; and whether
-        the echo of a volume has the range of half its power, instead of that at which
-        it begins.
+        The initial power of a ray; the margin in nepers, the natural logarithm of the
+        ratio between the echoes of a ray with full power and a ray with none; and
+        whether the range of a volume is measured at half its power, not at its front.
     """
     full = settings.penetration_power
-    # There is no share of no power, nor of unlimited power.
+    # A share of zero or unlimited power is not defined.
     full = full if math.isfinite(full) else 0.0
     nepers = settings.margin_db * math.log(10) / 10
     return full, nepers, settings.return_mode != "first"
 
 
 def returned_share(share: Floats | float, settings: SensorSettings) -> Floats:
-    """Return what comes back of rays that have these shares of their power left."""
+    """Return the echo power of rays with these shares of their power left, 0 to 1."""
     returned = np.exp(return_law(settings)[1] * (np.asarray(share) - 1.0))
     return np.where(np.asarray(share) > NOTHING_LEFT, returned, 0.0)
 
 
 def backscatter(traces: Traces) -> Floats:
-    """Return what the end of each ray returns, of what it would head-on, (N,).
+    """Return the echo power at each ray's end relative to normal incidence, (N,).
 
-    It is 1 for every end without incidence angles, and 0 for a ray without end.
+    Without incidence angles the value is 1; for a ray that hits nothing it is 0.
     """
     if not traces.incidence.size:
         return np.isfinite(traces.ranges).astype(np.float64)
@@ -105,17 +106,17 @@ def extract_echoes(
     Args:
         traces: The traced rays, with events.
         weights: (M,) the share of each ray in its beam; a ray of weight 0 has no echo.
-        rays_per_beam: How many consecutive rays form a beam.
-        losses: The power that rays lose per metre in each part, (P,), and in the air;
-            and what each part scatters of a loss, relative to foliage, (P,).
+        rays_per_beam: Number of consecutive rays that form a beam.
+        losses: Power that rays lose per metre in each part, (P,), and in the air; and
+            the scattered share of the loss in each part, relative to foliage, (P,).
         settings: Settings of the sensor.
 
     Returns:
-        The echoes, beam by beam, sorted by range; of equal ranges, in the order of the
-        rays and along them.
+        The echoes, beam by beam, sorted by range; echoes at equal ranges are in the
+        order of the rays, and of the events along a ray.
 
     Raises:
-        EngineError: If the events are not of these rays and parts.
+        EngineError: If the events do not belong to these rays and parts.
     """
     echoes = np.zeros(len(traces.events), ECHO)
     count = engine.extract_echoes(
@@ -133,8 +134,8 @@ def extract_echoes(
 
 
 def insert_echoes(echoes: EchoTable, added: EchoTable) -> EchoTable:
-    """Return some echoes and others, beam by beam, sorted by range."""
-    joined = np.concatenate([echoes, added], dtype=ECHO)  # by default without padding
+    """Return two tables of echoes as one, beam by beam, sorted by range."""
+    joined = np.concatenate([echoes, added], dtype=ECHO)  # dtype keeps the padding
     return joined.take(np.lexsort([joined["t"], joined["beam"]]))
 
 
@@ -145,7 +146,7 @@ def extract_ray_ends(
 
     Args:
         traces: The traced rays.
-        rows: (N,) the ray that stands for each beam.
+        rows: (N,) index of the ray that represents each beam.
         settings: Settings of the sensor.
     """
     beams = np.flatnonzero(np.isfinite(traces.ranges[rows]))
@@ -181,17 +182,17 @@ def select_echoes(
 ) -> NDArray[np.int64]:
     """Select the echo that gives each beam its range, and set its range and ray.
 
-    Of equally strong echoes, the nearest is the strongest. A beam in which no echo is
-    above the sensor's threshold has the range at which its ray ends.
+    Among equally strong echoes, the nearest is selected. If no echo of a beam exceeds
+    the sensor's threshold, the beam has the range at which its ray ends.
 
     Args:
         echoes: Echoes of all beams.
         settings: Settings of the sensor.
-        ranges: (N,) m, unchanged where a beam reads no echo.
-        rays: (N,) the ray of each range, likewise.
+        ranges: (N,) m, set in place; unchanged for a beam without a selected echo.
+        rays: (N,) index of the ray of each range, set in place in the same way.
 
     Returns:
-        The rows of the echoes that are read, beam by beam.
+        The rows of the selected echoes, beam by beam.
     """
     selected = np.zeros(len(ranges), np.int64)
     count = engine.select_echoes(

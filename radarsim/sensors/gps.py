@@ -1,18 +1,18 @@
-"""GPS: latitude and longitude, as good as the satellites in sight.
+"""GPS: latitude and longitude, with an accuracy given by the satellites in sight.
 
 Theory of operation
 ===================
-The satellites of one moment stand still for ever. Those that are more than 5 degrees
-above the horizon of the map's origin are candidates; one ray to each of them shows
-whether something hides it. With at least four in sight there is a fix: the true
-position with a normal error north and east, the smaller the more satellites there are.
+The satellites do not move. Satellites more than 5 degrees above the horizon of the
+map's origin are candidates; one ray to each candidate tests whether it is hidden. With
+at least four satellites in sight there is a fix: the true position plus a normally
+distributed error north and east, which shrinks with the number of satellites.
 
-North is x, east is -y. The globe is flat here, with fixed lengths of a degree of
-latitude and of longitude, also in the directions to the satellites, so that all of
-them are seen higher than they are.
+North is x, east is -y. The earth is modelled as flat, with fixed lengths of a degree of
+latitude and of longitude. The directions to the satellites use the flat model too, so
+all elevations in it are too high.
 
-Source: the original server's GPS receiver, its scales, its errors and, rounded, its
-satellites.
+Source: the GPS receiver of the original server, with its scales and errors, and its
+satellite positions, rounded.
 """
 
 import math
@@ -29,11 +29,11 @@ from radarsim.protocol.reports import Gps
 from radarsim.raycast.rays import Outcome, Rays, Traces
 from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
-METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # of latitude, of longitude
-LEAST_SATELLITES: Final = 4  # for a fix
+METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # latitude, longitude
+LEAST_SATELLITES: Final = 4  # satellites required for a fix
 LEAST_ELEVATION: Final = math.radians(5)
 EARTH_RADIUS: Final = 6378.137  # km
-REACH: Final = 2000.0  # m; no scene is that large
+REACH: Final = 2000.0  # m; length of rays to satellites, larger than every scene
 
 # Latitude and longitude, degrees, and altitude, km.
 # fmt: off
@@ -59,8 +59,8 @@ class GpsSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a GPS receiver.
 
     Attributes:
-        max_noise: Three standard deviations of north and east with 4 satellites, m.
-        min_noise: Three standard deviations of north and east with 12 satellites, m.
+        max_noise: Three standard deviations of the error with 4 satellites, m.
+        min_noise: Three standard deviations of the error with 12 satellites, m.
     """
 
     max_noise: NotNegative
@@ -90,7 +90,8 @@ class GpsReceiver(Sensor, types=["GPS"]):
     def read(self, time: float, traces: Traces) -> Sequence[Gps]:
         """Return a reading.
 
-        Every reading draws as many random numbers, whether there is a fix or not.
+        A reading always draws two random numbers, with or without a fix, so a hidden
+        satellite does not change later errors.
         """
         place, position = self._place(), None
         seen = int((traces.outcomes == Outcome.NOTHING).sum())
@@ -106,7 +107,7 @@ class GpsReceiver(Sensor, types=["GPS"]):
         return body.position() + body.rotation() @ self._offset
 
     def _sigma(self, satellites: int) -> float:
-        """Return the standard deviation of the error, m; linear in their number."""
+        """Return the standard deviation of the error, m, linear in the satellites."""
         most, least = self._noise.max_noise, self._noise.min_noise
         size = most + (least - most) * (satellites - 4) / 8
         return max(0.0, size) / 3
@@ -125,11 +126,11 @@ def _directions(origin: tuple[float, float]) -> Floats:
 
 
 def _elevations(latitude: float, east: Floats) -> Floats:
-    """Return the angles of all satellites above the horizon on a round earth, rad.
+    """Return the elevation angles of all satellites, (N,) rad, on a round earth.
 
     Args:
         latitude: Latitude of the receiver, degrees.
-        east: (N,) longitudes of the satellites from its own, degrees.
+        east: (N,) longitudes of the satellites relative to the receiver, degrees.
     """
     here, there = math.radians(latitude), np.radians(SATELLITES[:, 0])
     turn = np.cos(np.radians(east))

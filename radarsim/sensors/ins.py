@@ -1,4 +1,4 @@
-"""Inertial navigation systems; ``readings.hpp`` has the theory, and reads them."""
+"""Inertial navigation systems; ``readings.hpp`` has the theory and the computation."""
 
 from typing import Annotated, ClassVar, Final
 
@@ -13,18 +13,19 @@ from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
 INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
 
-# Times the motion itself; more overflows after a while.
+# A fraction of the motion; with larger values the estimate overflows over time.
 _Share = Annotated[float, Field(ge=0, le=10, strict=True)]
 
 
 class InsSettings(BaseModel, extra="forbid", frozen=True):
-    """Drift of an inertial navigation system; all zero for none.
+    """Drift of an inertial navigation system; with zeros there is no drift.
 
     Attributes:
-        sigma: Standard deviation of the error of a motion, as a fraction of it.
+        sigma: Standard deviation of the error of a motion, as a fraction of the motion.
         position_bias: Largest mean of the relative error on each axis; the mean is
             drawn once per run.
-        angle_bias: Largest mean of the relative error of each angle, drawn likewise.
+        angle_bias: Largest mean of the relative error of each angle; the mean is
+            drawn once per run.
     """
 
     sigma: _Share = 0.05
@@ -36,7 +37,7 @@ class Ins(EngineSensor, types=["INS"]):
     """Reads a pose that drifts.
 
     Attributes:
-        drift: What lets it drift; due every ``INS_DRIFT_INTERVAL``.
+        drift: The job that updates the drift, due every ``INS_DRIFT_INTERVAL``.
     """
 
     settings: ClassVar[type[BaseModel]] = InsSettings

@@ -1,4 +1,4 @@
-"""Mission packages: links that turn at their speeds to the angles of orders."""
+"""Mission packages: chains of links that rotate to commanded angles."""
 
 import math
 from typing import Final
@@ -12,7 +12,7 @@ from radarsim.protocol.packages import LinkOrder, PackageState
 from radarsim.sensors.readings import Job
 from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
-FAR: Final = 1e6  # rad; where a link without limits turns to by an order of a speed
+FAR: Final = 1e6  # rad; target angle of a link without limits that has a rate order
 
 
 class MissionPackage(EngineSensor, types=["MisPkg"]):
@@ -30,7 +30,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         self._report(PackageState(0.0, self.item.name, states), links=jobs)
 
     def tip(self, ticks: int) -> Pose3:
-        """Return the pose of its last link in the body frame.
+        """Return the pose of the last link in the body frame.
 
         Args:
             ticks: Simulated time in ticks.
@@ -43,14 +43,14 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         return pose
 
     def move(self, order: LinkOrder, ticks: int) -> bool:
-        """Let a link move from now on, if it is one of this package.
+        """Start the motion of a link, if the order names a link of this package.
 
         Args:
             order: Order for a link.
             ticks: Simulated time in ticks.
 
         Returns:
-            Whether there is this link.
+            Whether this package has the link.
         """
         name = order.name.casefold()
         is_own = name == self.item.name.casefold()
@@ -62,7 +62,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         return False
 
     def _turn(self, number: int, order: LinkOrder, ticks: int) -> None:
-        """Turn a link; an order that is not known does nothing."""
+        """Set the motion of a link; an unknown order is ignored."""
         link, state = self.item.links[number], self._memory[number : number + 1]
         angle = engine.angle_of_link(state, ticks)
         speed = link.max_speed

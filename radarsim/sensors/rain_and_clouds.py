@@ -1,41 +1,41 @@
-"""Echoes of the air: rain that radars detect, and clouds in which lasers answer.
+"""Echoes of the air: rain in radar scans, and smoke, dust and fog in laser scans.
 
 Rain
 ====
 Radars detect rain as speckle near the sensor.
 
-Within a hundred metres rain absorbs almost nothing of a radar's beam; its drops show by
-what they scatter back. A cell of the beam at range R, one range resolution deep, has
-a volume of pi R^2 az el dR / (8 ln 2) m^3, for half-power widths az and el; that times
-the reflectivity of the rain is its mean cross section. The drops' echoes add up with
-random phases, so the power of a cell is distributed exponentially. The smallest cross
-section that is detected grows with R^4. So a cell is detected with the probability
+Within a hundred metres, rain absorbs almost nothing of a radar beam, but its drops
+scatter power back. A cell of the beam at range R, one range resolution deep, has a
+volume of pi R^2 az el dR / (8 ln 2) m^3, for half-power widths az and el; the volume
+times the reflectivity of the rain is the mean cross section. The drops' echoes add up
+with random phases, so the power of a cell is distributed exponentially. The smallest
+detectable cross section grows with R^4. So a cell is detected with the probability
 exp(-1/q), where the contrast q, the ratio of the mean to the smallest cross section,
-falls with R^2: rain shows near the radar.
+falls with R^2: rain is detected near the radar.
 
-The nearest detected cell of each beam is an echo. A wall ahead is as far above the
-detection limit as the sensor's margin; the strength of the echo is its own level above
-the limit, dB, minus the loss of the beam on the way there and back, relative to that:
-walls are stronger. If nothing is left of the level, no rain shows in that beam. A beam
-that has no other end ends there.
+The nearest detected cell of each beam becomes an echo. An unobstructed wall exceeds the
+detection limit by the sensor's margin. The strength of a rain echo is its level above
+the limit, minus the two-way loss of the beam up to the cell, dB, relative to the
+margin, so walls are stronger. If the remaining level is not above the limit, the beam
+has no rain echo. A beam without another end ends at the rain echo.
 
-Nothing is detected nearer than ``BLIND_RANGE`` or than the sensor's minimum range,
-where the antenna receives its own signal.
+Nothing is detected below ``BLIND_RANGE`` or the sensor's minimum range, where the
+antenna receives its own signal.
 
 Smoke, dust and fog
 ===================
-They return light to lasers that read first returns.
+Clouds of smoke, dust and fog return light to lasers that read first returns.
 
-Each grain of a cloud sends light back, so a beam can answer at any depth. Of beams that
-have gone r metres into a cloud, a share exp(-2 a r) has not answered, for the light has
-to come back as well; a is the one-way extinction coefficient, 1/m: ln(10) / 10 times
-the decibels per metre, summed over clouds that overlap. So the optical depth, 2 a r, at
-which a beam answers is distributed exponentially with mean 1; it is drawn once for each
-beam. A beam that starts inside a cloud answers by the same law, and one that meets a
-surface before that depth reads the surface, however weak.
+Each particle of a cloud scatters light back, so a beam can return from any depth. At a
+depth of r metres in a cloud, the share exp(-2 a r) of the beams has not returned yet,
+since the light travels both ways; a is the one-way extinction coefficient, 1/m:
+ln(10) / 10 times the decibels per metre, summed over overlapping clouds. So the optical
+depth 2 a r of the return is distributed exponentially with mean 1; it is drawn once for
+each beam. The same law holds for a beam that starts inside a cloud. A beam that hits a
+surface before that depth reads the surface, even if its echo is weak.
 
-The penetration power that a beam loses in a cloud, of all that it has, times the
-sensor's margin in nepers, is that optical depth: margins count out and back.
+The optical depth of a path in a cloud is the share of penetration power that a beam
+loses there times the sensor's margin in nepers, since the margin is two-way.
 """
 
 import math
@@ -86,21 +86,21 @@ def find_rain(
     random: Floats,
     settings: SensorSettings,
 ) -> EchoTable:
-    """Find the echoes of the nearest cell of each beam in which rain is detected.
+    """Return the echo of the nearest cell with detected rain in each beam.
 
     Args:
         tracer: Tracer of the scene.
         events: EVENT of all rays, sorted by ray.
-        rays: (N,) the ray that stands for each beam, in ascending order.
-        random: (2, N) exponentially distributed with mean 1: how far the beam reaches,
-            and how bright the detected cell is.
+        rays: (N,) index of the ray that represents each beam, in ascending order.
+        random: (2, N) exponentially distributed numbers with mean 1, for the range of
+            the detected cell and for its power.
         settings: Settings of the sensor.
     """
     contrasts = np.zeros(len(tracer.rain_rate))
     for part in np.flatnonzero(tracer.rain_rate).tolist():
         contrasts[part] = contrast(settings, float(tracer.rain_rate[part]))
     cell = cell_depth(settings)
-    # All cells are at multiples of their depth; the first is beyond the blind range.
+    # Cells are at multiples of their depth; the first is beyond the blind range.
     nearest = (math.floor(max(BLIND_RANGE, settings.min_range) / cell) + 1) * cell
     echoes = np.zeros(len(rays), ECHO)
     count = engine.find_rain(
@@ -134,16 +134,16 @@ def answer_in_clouds(
     drawn: Floats,
     settings: SensorSettings,
 ) -> EchoTable:
-    """Replace the echoes of clouds' edges by answers from inside of them.
+    """Replace the echoes at the boundaries of clouds by returns from inside the clouds.
 
-    A beam ends where it answers: its echo is of the kind ``ENTER`` and an end, and
+    A beam ends at its return. The echo has the kind ``ENTER``, is marked as an end, and
     begins where the ray enters the cloud, or at the sensor.
 
     Args:
         echoes: All echoes of beams of one ray each.
         events: EVENT of all rays.
         density: (P,) power lost per metre in each part that is a cloud; otherwise 0.
-        drawn: (J, N) optical depth at which each beam of J scans answers.
+        drawn: (J, N) optical depth of the return of each beam of J scans.
         settings: Settings of the sensor.
     """
     full, nepers, _ = return_law(settings)
@@ -171,7 +171,7 @@ def answer_in_clouds(
 
 
 def _density_changes(events: Events, density: Floats) -> Floats:
-    """Return by how much the density of clouds rises at each event, (V,)."""
+    """Return the change of the total cloud density at each event, (V,)."""
     kinds, change = events["kind"], np.zeros(len(events))
     entering = EventKind.ENTER, EventKind.START_INSIDE
     for kinds_of, sign in ((entering, 1.0), ((EventKind.LEAVE,), -1.0)):
@@ -183,17 +183,18 @@ def _density_changes(events: Events, density: Floats) -> Floats:
 def _find_answers(
     events: Events, change: Floats, budgets: Floats
 ) -> tuple[Rows, Floats, Rows]:
-    """Find where the power lost in clouds reaches the budget of each beam, (J, N).
+    """Find the range at which the power lost in clouds reaches each beam's budget.
 
     Returns:
-        Of the A beams that answer their numbers, ranges, m, and the events behind.
+        For the A beams that return in a cloud: (A,) the number of the beam, the range,
+        m, and the next event behind the return.
     """
     budget, (scans, size) = budgets.ravel(), budgets.shape
     rays, t = events["ray"], events["t"]
     first = np.searchsorted(rays, np.arange(len(budget)))[rays]
-    # Summed for each scan alone, so that others do not change how sums are rounded.
+    # Each scan is summed separately, so other scans do not change rounding errors.
     cuts = np.searchsorted(rays, np.arange(1, scans) * size)
-    # density up to each event, over all rays
+    # The sum of all density changes before each event, over all rays of a scan.
     before = _sums(change, cuts) - change
     inside = before - before[first]
     lost = _sums(inside * np.diff(t, prepend=0.0), cuts)
@@ -212,16 +213,17 @@ def _sums(values: Floats, cuts: Rows) -> Floats:
 def _innermost_clouds(
     events: Events, change: Floats, beams: Rows, before: Rows
 ) -> Rows:
-    """Return the event with which the last entered cloud of each answer began.
+    """Return the event at which each beam entered the innermost cloud, (A,).
 
     Args:
-        events: All.
-        change: By how much the density of clouds rises at each.
-        beams: (A,) the beam of each answer.
-        before: (A,) the event behind it.
+        events: All events.
+        change: (V,) change of the cloud density at each event.
+        beams: (A,) beam of each return.
+        before: (A,) next event behind each return.
     """
     rays, parts, rows = events["ray"], events["part"], np.flatnonzero(change)
-    # A part is left before it is entered again: its next event is where it ends.
+    # A ray leaves a part before it enters it again, so the next event of the part on
+    # the same ray is where the ray leaves it.
     order = rows[np.lexsort((rows, parts[rows], rays[rows]))]
     one, other = order[:-1], order[1:]
     same = (rays[one] == rays[other]) & (parts[one] == parts[other])

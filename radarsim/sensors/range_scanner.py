@@ -1,4 +1,4 @@
-"""Range scanners: radars and lasers, which differ only in their settings."""
+"""Range scanners: radars and lasers, which share one class with different settings."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,7 @@ from radarsim.sensors.beams import pattern_of
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import ScanArrays, ScanBatch, scan_poses
 
-# Takes ranges, (N,) m, and a generator; returns ranges.
+# A function that maps ranges, (N,) m, and a generator to noisy ranges, (N,) m.
 Noise: TypeAlias = Callable[[Floats, np.random.Generator], Floats]
 
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
@@ -30,12 +30,12 @@ class RangeScanner:
     """A radar or a laser.
 
     Attributes:
-        name: Name of its preset.
-        settings: All its settings.
-        angles: (N,) directions of its beams, rad, counter-clockwise from the right.
-        pattern: Its beams.
-        medium: ``RADAR`` or ``LASER``.
-        noise: Its noise of ``with_noise``, if it has one.
+        name: Name of the preset.
+        settings: All settings of the sensor.
+        angles: (N,) azimuths of the beams, rad, counter-clockwise from the right.
+        pattern: The beams and rays, shared with scanners of equal settings.
+        medium: Sensor type, ``RADAR`` or ``LASER``.
+        noise: The noise function of ``with_noise``; None without one.
     """
 
     def __init__(
@@ -48,9 +48,9 @@ class RangeScanner:
         """Create a scanner.
 
         Args:
-            name: Name of its preset.
-            settings: All its settings.
-            fmcw: Changed settings of its FMCW radar.
+            name: Name of the preset.
+            settings: All settings of the sensor.
+            fmcw: Changed settings of the FMCW radar.
             noise: See ``with_noise``.
         """
         self.name = name
@@ -76,12 +76,12 @@ class RangeScanner:
 
     @cached_property
     def with_all_echoes(self) -> "RangeScanner":
-        """The same scanner, listing all echoes where it keeps only the last ones.
+        """This scanner with ``return_mode`` "all" instead of "last".
 
-        It draws the same random numbers and has the same ranges. A scanner that keeps
-        the first or the strongest echoes lists only those.
+        It draws the same random numbers and reads the same ranges. A scanner with
+        another return mode is returned unchanged.
         """
-        # First and strongest echoes decide the ranges; listing more would change them.
+        # In the other modes the kept echoes set the ranges, so "all" would change them.
         if self.settings.return_mode != "last":
             return self
         together = self.settings.combines_rays
@@ -93,7 +93,9 @@ class RangeScanner:
         return RangeScanner(self.name, settings, self._fmcw, self.noise)
 
     def with_settings(self, **settings: Any) -> "RangeScanner":
-        """Return this scanner with some settings changed, as of ``load_sensor``.
+        """Return a copy of this scanner with some settings changed.
+
+        The settings are those of ``load_sensor``.
 
         Raises:
             PresetError: If there is no such setting, or a value is invalid.
@@ -105,27 +107,29 @@ class RangeScanner:
         return RangeScanner(self.name, changed, fmcw, self.noise)
 
     def with_noise(self, noise: "Noise") -> "RangeScanner":
-        """Return this scanner with a noise of one's own, after all of its own.
+        """Return a copy of this scanner with a user-defined noise function.
 
-        It changes the ranges of ``scan`` and ``scan_many``, not the echoes.
+        It is applied after the sensor's own noise, to the ranges of ``scan`` and
+        ``scan_many``, not to echoes.
 
         Args:
-            noise: Called with the ranges of a scan, (N,) m, inf where nothing came
-                back, and a generator; returns the ranges, (N,) m.
+            noise: Called with the ranges of a scan, (N,) m, inf without a return, and
+                a generator; returns the noisy ranges, (N,) m.
         """
         return RangeScanner(self.name, self.settings, self._fmcw, noise)
 
     def _add_noise(self, ranges: Floats, rng: np.random.Generator | None) -> Floats:
-        """Return the ranges of a scan with the noise of one's own.
+        """Return the ranges of a scan after applying the user's noise function.
 
         Raises:
-            ValueError: If an rng is missing, or the noise returns other than N ranges.
+            ValueError: If the rng is missing, or the function does not return N ranges.
         """
         if self.noise is None:
             return ranges
         if rng is None:
             raise ValueError(f"no rng, expected a Generator for the noise of {self!r}")
-        # A child, so that many scans have the same noise as one after the other.
+        # The noise function gets a spawned generator, so scan_many gives the same noise
+        # as repeated calls of scan.
         (child,) = rng.spawn(1)
         noisy = np.asarray(self.noise(ranges.copy(), child), np.float64)
         if noisy.shape != ranges.shape:
@@ -135,11 +139,11 @@ class RangeScanner:
 
     @cached_property
     def fmcw(self) -> Any:
-        """The FMCW radar that it is, a ``radarsim.addons.fmcw.radar.FmcwRadar``.
+        """The simulated FMCW radar, a ``radarsim.addons.fmcw.radar.FmcwRadar``.
 
         Raises:
-            PresetError: If its preset describes none.
-            MissingPackage: If the add-on is not there.
+            PresetError: If the preset describes no FMCW radar.
+            MissingPackage: If the add-on is not installed.
         """
         settings = load_fmcw_settings(self.name, **self._fmcw)
         make_radar = plugins.load("radarsim.sensors", "fmcw")
@@ -151,20 +155,20 @@ class RangeScanner:
         pose: Pose2 | Pose3 | Sequence[float],
         rng: np.random.Generator | int,
     ) -> Any:
-        """Record a turn as an FMCW radar: the power in each direction and range bin.
+        """Record one revolution of an FMCW radar: the power per azimuth and range bin.
 
         Args:
             scene: From ``load_map``.
             pose: As in ``scan``.
-            rng: Source of speckle and noise, for which it spawns a child: what scans
-                draw from it stays the same. A whole number is the seed of one.
+            rng: Generator, or a seed. Speckle and noise are drawn from a spawned
+                generator, so the random numbers of later scans do not change.
 
         Returns:
             A ``radarsim.addons.fmcw.spectrum.Spectrum``.
 
         Raises:
-            PresetError: If its preset describes no FMCW radar.
-            MissingPackage: If the add-on is not there.
+            PresetError: If the preset describes no FMCW radar.
+            MissingPackage: If the add-on is not installed.
             ValueError: If the pose is invalid.
         """
         placed, generator = sensor_pose(scene, pose), as_generator(rng, self.name)
@@ -176,26 +180,26 @@ class RangeScanner:
         pose: Pose2 | Pose3 | Sequence[float],
         rng: np.random.Generator | int,
     ) -> NDArray[np.float32]:
-        """Record a turn as ``spectrum`` does, but return what the converter samples.
+        """Record one revolution like ``spectrum``, but return the samples of the ADC.
 
-        The receiver has one channel, so that the samples are real; its complex signal
-        is ``scipy.signal.hilbert`` of each direction. With the window, whose sum is 1,
-        and an FFT of ``n`` = ``fft_length`` of ``radarsim.addons.fmcw.radar_equation``
-        it is the spectrum: ``abs(rfft(samples * window_of(settings), n)) ** 2`` is in
-        its first B bins ``power``, but for ``noise_shape``, the receiver's tilt.
+        The receiver has one channel, so the samples are real; ``scipy.signal.hilbert``
+        of each azimuth gives the complex signal. The power spectrum is
+        ``abs(rfft(samples * window_of(settings), n)) ** 2``, with a window whose sum is
+        1 and ``n`` = ``fft_length`` of ``radarsim.addons.fmcw.radar_equation``. Its
+        first B bins are ``power`` without ``noise_shape``, the receiver's tilt.
 
         Args:
             scene: As in ``spectrum``.
             pose: As in ``spectrum``.
-            rng: As in ``spectrum``; the same seed records the same turn.
+            rng: As in ``spectrum``; the same seed gives the same revolution.
 
         Returns:
-            (A, S) float32, S samples of the sweep in each direction, in W^0.5: an echo
-            of power P is a cosine of amplitude 2 P^0.5.
+            (A, S) float32, S samples of the sweep at each of A azimuths, in W^0.5: an
+            echo of power P is a cosine of amplitude 2 P^0.5.
 
         Raises:
-            PresetError: If its preset describes no FMCW radar.
-            MissingPackage: If the add-on is not there.
+            PresetError: If the preset describes no FMCW radar.
+            MissingPackage: If the add-on is not installed.
             ValueError: If the pose is invalid.
         """
         placed, generator = sensor_pose(scene, pose), as_generator(rng, self.name)
@@ -214,11 +218,11 @@ class RangeScanner:
             scene: From ``load_map``.
             pose: Pose of the sensor in the map frame, m and rad: x, y, z, roll, pitch,
                 yaw; or x, y, yaw at a height of 0.346 m above the floor.
-            rng: Source of random rays and noise, or the seed of one; None for a sensor
+            rng: Generator of random rays and noise, or a seed; None for a sensor
                 without either.
 
         Raises:
-            TypeError: If the scene is not one, such as the name of a map.
+            TypeError: If the scene is not a Scene, but for example the name of a map.
             ValueError: If the pose is invalid, or an rng is needed and missing.
         """
         placed, rng = sensor_pose(scene, pose), as_generator(rng, self.name)
@@ -245,7 +249,7 @@ class RangeScanner:
         Args:
             scene: From ``load_map``.
             poses: M poses as in ``scan``, for example an array (M, 3) or (M, 6).
-            rng: Source of random rays and noise, or the seed of one; None for a sensor
+            rng: Generator of random rays and noise, or a seed; None for a sensor
                 without either.
 
         Returns:
@@ -274,7 +278,7 @@ class RangeScanner:
     def _scan_by_detector(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator | None
     ) -> Scan:
-        """Take a scan of what the detector of the FMCW radar finds."""
+        """Return a scan of the targets that the FMCW radar's detector finds."""
         if rng is None:
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
         scan: Scan = self.fmcw.scan(scene, pose, rng)
@@ -286,7 +290,7 @@ def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
 
     Args:
         name: Name of the preset.
-        **settings: Changed settings; ``fmcw`` is a mapping of those of its FMCW radar.
+        **settings: Changed settings; ``fmcw`` maps settings of the FMCW radar.
 
     Raises:
         PresetError: If there is no such preset or setting, or a value is invalid.
@@ -300,10 +304,11 @@ def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
 def sensor_pose(scene: Scene, pose: Pose2 | Pose3 | Sequence[float]) -> Pose3:
     """Convert a sensor pose: x, y, z, roll, pitch, yaw, or x, y, yaw at default height.
 
-    These are also what a ``Pose3`` and a ``Pose2`` have.
+    A ``Pose3`` has the six numbers, and a ``Pose2`` the three.
 
     Raises:
-        ValueError: If it is neither three nor six finite numbers.
+        TypeError: If the scene is not a Scene.
+        ValueError: If the pose does not consist of three or six finite numbers.
     """
     if not isinstance(scene, Scene):
         raise expected_scene(scene)
@@ -331,18 +336,18 @@ def sensor_poses(
     """Convert many sensor poses to x, y, z, roll, pitch, yaw, (M, 6).
 
     Raises:
-        ValueError: If one is invalid.
+        ValueError: If a pose is invalid.
     """
     if not isinstance(scene, Scene):
         raise expected_scene(scene)
     try:
         table = np.array(poses, np.float64)
-    except (TypeError, ValueError):  # poses, or one of other lengths
+    except (TypeError, ValueError):  # Pose objects, or rows of different lengths
         table = np.zeros(0)
     if table.ndim == 2 and np.isfinite(table).all():
         if table.shape[1] == 6:
             return table
-        # One by one they would take as long as to trace them.
+        # Converting poses one by one would take as long as tracing them.
         floors = {start.pose.z for start in scene.starts}
         if table.shape[1] == 3 and len(floors) <= 1:
             placed = np.zeros((len(table), 6))

@@ -1,6 +1,6 @@
-"""The readings of many robots, computed in one call of the engine.
+"""The sensor readings of many robots, computed in one call of the engine.
 
-``readings.hpp`` describes what they follow from.
+``readings.hpp`` describes how each reading is computed.
 """
 
 import operator
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 _JOB: Final = engine.rows["Job"]
 _DUE: Final = engine.rows["DueJobs"]
-_DEPLETED: Final = 0  # place in the row of a robot: 1 if random numbers are used up
+_DEPLETED: Final = 0  # column of a robot's row that is 1 if random numbers are used up
 
 
 class Job(NamedTuple):
-    """What the numbers of an attribute are computed from.
+    """An instruction to compute one reading from the state of a sensor.
 
     Attributes:
         kind: A ``Reading`` of ``readings.hpp``.
-        place: Place of the sensor's state in the row of its robot.
+        place: Column of the sensor's state in the row of its robot.
     """
 
     kind: int
@@ -35,12 +35,12 @@ class Job(NamedTuple):
 
 
 class Program(NamedTuple):
-    """Jobs in the table.
+    """A range of jobs in the job table.
 
     Attributes:
-        first: The first of them.
-        end: That after the last.
-        size: How many numbers they write.
+        first: Index of the first job.
+        end: Index after the last job.
+        size: How many numbers the jobs write.
     """
 
     first: int
@@ -49,7 +49,7 @@ class Program(NamedTuple):
 
 
 class ReadingTable:
-    """What the sensors of all robots remember, a row for each slot of a fleet; jobs."""
+    """The sensor states of all robots, a row for each slot of a fleet, and all jobs."""
 
     def __init__(self, fleet: "Fleet") -> None:
         self._fleet = fleet
@@ -59,10 +59,10 @@ class ReadingTable:
         self._tables = self._pack()
 
     def program(self, jobs: Sequence[Job], size: int) -> Program:
-        """Return jobs, which write ``size`` numbers, as a program; equal ones once."""
+        """Return the program of jobs that write ``size`` numbers, shared if equal."""
         key = tuple(jobs)
-        # Robots of one class have their states at the same places, so that a hundred of
-        # them share a dozen programs.
+        # Robots of one class have their states in the same columns, so a hundred robots
+        # share a dozen programs.
         program = self._programs.get(key)
         if program is None:
             first = len(self._jobs)
@@ -73,15 +73,15 @@ class ReadingTable:
     def run(
         self, due: Sequence[tuple[int, Program]], ticks: int
     ) -> tuple[list[float], bool]:
-        """Do the jobs of robots.
+        """Run the programs of robots.
 
         Args:
-            due: Slot of each robot, and its program.
+            due: Slot and program of each robot.
             ticks: Simulated time in ticks.
 
         Returns:
-            What was written, robot by robot; and whether some robots have used up
-            random numbers, so that ``RobotState.is_depleted``.
+            The numbers written, robot by robot; and whether any robot has used up its
+            random numbers, so that its ``RobotState.is_depleted`` is true.
         """
         out = np.zeros(sum([each.size for _, each in due]))
         rows = np.array([(slot, each.first, each.end) for slot, each in due], _DUE)
@@ -107,7 +107,7 @@ class ReadingTable:
         rows, columns = self._rows.shape
         if slot >= rows or width > columns:
             shape = max(rows, len(self._fleet.table)), max(columns, width)
-            # By the fleet's own growth, which doubles: rows are copied rarely.
+            # The rows grow with the fleet's table, which doubles, so copies are rare.
             more = np.zeros(shape)
             more[:rows, :columns] = self._rows
             self._rows = more
@@ -116,17 +116,17 @@ class ReadingTable:
 
 
 class RobotState:
-    """What the sensors of one robot remember.
+    """The states of the sensors of one robot.
 
     Attributes:
-        table: Where it is.
+        table: The table that has the row of this robot.
     """
 
     def __init__(self, table: ReadingTable, slot: int) -> None:
-        """Begin without sensors.
+        """Create a row without sensors.
 
         Args:
-            table: Where it is.
+            table: The table that has the row of this robot.
             slot: Slot of the robot in the fleet.
         """
         self.table = table
@@ -144,7 +144,7 @@ class RobotState:
         self._row[_DEPLETED] = value
 
     def add(self, states: NDArray[Any]) -> slice:
-        """Add numbers, or structures of numbers, and return their places."""
+        """Add numbers, or structures of numbers, and return their columns."""
         numbers = states.view(np.float64)
         places = slice(self._width, self._width + len(numbers))
         self._width = places.stop
@@ -152,7 +152,7 @@ class RobotState:
         return places
 
     def __getitem__(self, places: slice) -> Floats:
-        """Return a view of some numbers, which is not to be kept."""
+        """Return a view of some columns, valid until the table grows."""
         return self._row[places]
 
     @property

@@ -1,4 +1,4 @@
-"""The scan of a radar or a laser, its echoes, and the objects that they came from."""
+"""The scan of a radar or a laser, its echoes, and the objects that returned them."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -37,12 +37,12 @@ class Target:
     Attributes:
         object: Name of the object in the map, or name of the robot.
         material: Name of the material.
-        density: Penetration power that the sensor's beams lose per metre in it;
-            ``math.inf`` if they cannot enter it.
-        transparency: Share of a beam's full power that passes through one metre of it,
-            or through one layer of a sheet: 1 if nothing is lost, 0 if it is opaque.
-        laser_passes: Whether light can enter it.
-        robot_passes: Whether robots can drive through it.
+        density: Penetration power that the sensor's beams lose per metre inside;
+            ``math.inf`` if they cannot enter the object.
+        transparency: Share of a beam's full power that passes through one metre of the
+            material, or through one sheet: 1 if nothing is lost, 0 if opaque.
+        laser_passes: Whether light can enter the object.
+        robot_passes: Whether robots can drive through the object.
     """
 
     object: str
@@ -54,7 +54,7 @@ class Target:
 
     @classmethod
     def of(cls, name: str, material: Material, settings: SensorSettings) -> "Target":
-        """Describe an object of a material to a sensor."""
+        """Create the target for an object of a material, as seen by a sensor."""
         radar = settings.medium == "radar"
         density = attenuation_of(material, ray_class_of(settings))
         loss = density
@@ -70,13 +70,13 @@ class Target:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the target as JSON types; a density of None is opaque."""
+        """Return the target as JSON types; the density is None if opaque."""
         density = self.density if math.isfinite(self.density) else None
         return asdict(self) | {"density": density}
 
 
 def _share_left(loss: float, power: float) -> float:
-    """Return the share of a power that is left after a loss."""
+    """Return the share of the power that is left after a loss, 0 to 1."""
     if loss == 0:
         return 1.0
     if math.isinf(loss) or power == 0:
@@ -86,23 +86,23 @@ def _share_left(loss: float, power: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Echoes:
-    """Echoes as columns, one row each: beam by beam, the nearest first.
+    """A table of E echoes as columns, sorted by beam and then by range.
 
     Attributes:
         beams: (E,) int64, number of the beam, counted from the right.
         sides: (E,) int8, ray of the beam: -1 right, 0 centre, 1 left.
-        ranges: (E,) distance from the start of the ray, m; of a volume, that up to
-            which half of its power has come back, or for a sensor that keeps first
-            echoes that at which the ray enters, or, where it reads first returns,
-            at which the beam answers inside.
-        fronts: (E,) distance at which the echo begins, m: of a volume always where the
-            ray enters; otherwise as ``ranges``.
-        kinds: (E,) uint8, an ``EventKind`` each: the ray enters or leaves a volume,
-            crosses a sheet, hits an opaque surface, has no power left, or rain shows.
-        power: (E,) penetration power left on arrival, for a hit without what the
-            surface absorbs; inf if it is unlimited.
-        strength: (E,) power of the echo as a share of what comes back from a rough
-            wall that the whole beam meets head-on, 0 to 1; see ``echo_extraction``.
+        ranges: (E,) distance from the start of the ray, m. For a volume it is the
+            distance up to which half of the echo's power has returned; where the ray
+            enters, if the sensor keeps first echoes; or the depth of the return
+            inside, if the sensor reads first returns.
+        fronts: (E,) distance at which the echo begins, m: for a volume always where
+            the ray enters; otherwise as ``ranges``.
+        kinds: (E,) uint8, ``EventKind`` of each echo: the ray enters or leaves a
+            volume, crosses a sheet, hits a surface, has no power left, or meets rain.
+        power: (E,) penetration power left on arrival, for a hit minus the absorption of
+            the surface; inf if the power is unlimited.
+        strength: (E,) power relative to the echo of a rough wall that fills the beam
+            at normal incidence, 0 to 1; see ``echo_extraction``.
         parts: (E,) int64, index of the part in the scene; for a robot, the number of
             parts + the id of the robot.
         scene_parts: The parts of the scene.
@@ -121,7 +121,7 @@ class Echoes:
     settings: SensorSettings = field(repr=False)
 
     def answers_in_clouds(self) -> dict[int, Material]:
-        """Return the clouds of the beams that answer in one, by the beams' numbers."""
+        """Return the clouds in which beams have their returns, by beam number."""
         if not self.settings.reads_first_returns:
             return {}
         entering = self.kinds == EventKind.ENTER
@@ -140,7 +140,7 @@ class Echoes:
 
     @property
     def targets(self) -> dict[int, Target]:
-        """The objects that the echoes came from, by their values in ``parts``."""
+        """The objects that returned the echoes, by their values in ``parts``."""
         return {part: self.target(part) for part in np.unique(self.parts).tolist()}
 
     def target(self, part: int, robot_names: Mapping[int, str] | None = None) -> Target:
@@ -181,7 +181,7 @@ class Echoes:
     def to_pandas(self) -> "pandas.DataFrame":
         """Return a row for each echo, with the columns of ``to_lists`` and ``beam``.
 
-        The targets give two of them, ``object`` and ``material``.
+        From the targets, only ``object`` and ``material`` are included.
 
         Raises:
             MissingPackage: If pandas is not installed.
@@ -207,17 +207,17 @@ class Echoes:
 
 
 class Targets(NamedTuple):
-    """Targets of one turn, beam by beam from the right, the nearest first; T of them.
+    """T targets of one revolution, beam by beam from the right, the nearest first.
 
     Attributes:
         beams: (T,) int64, number of the beam.
         ranges: (T,) m.
         dbm: (T,) received power, dBm.
-        rcs_dbsm: (T,) cross section of a point in the middle of the beam that returns
-            this power if nothing is in the way, dB over 1 m^2.
+        rcs_dbsm: (T,) radar cross section of an unobstructed point target in the middle
+            of the beam with the same power, dB relative to 1 m^2.
         snr_db: (T,) power over the mean noise, dB.
-        radial_velocity: (T,) m/s, how fast each moves away, by the truth of the
-            simulation: the radar itself measures no velocity.
+        radial_velocity: (T,) speed away from the radar, m/s, from the simulation's
+            ground truth: the radar itself measures no velocity.
     """
 
     beams: NDArray[np.int64]
@@ -228,7 +228,7 @@ class Targets(NamedTuple):
     radial_velocity: Floats
 
 
-# Not frozen: Python would take three times as long to set the attributes.
+# The class is not frozen, since creating a frozen one takes three times as long.
 @dataclass(slots=True, eq=False, repr=False)
 class Scan:
     """One scan of a radar or a laser.
@@ -236,18 +236,18 @@ class Scan:
     Attributes:
         sensor: Name of the preset.
         pose: Pose of the sensor, map frame.
-        angles: (N,) directions of the beams from the sensor's forward axis, rad,
+        angles: (N,) azimuths of the beams from the sensor's forward axis, rad,
             counter-clockwise.
         ranges: (N,) m; inf where nothing was detected, 0 where a laser is blinded.
-        rays: (N,) ray of its beam that gave each range: -1 right, 0 centre, 1 left;
+        rays: (N,) ray of the beam that gave each range: -1 right, 0 centre, 1 left;
             None for a sensor without side rays.
         range_min: Minimum range of the sensor, m; shorter ranges are not removed.
         range_max: Maximum range of the sensor, m.
         resolution: Angle between neighbouring beams, rad.
-        find_cast: Computes ``cast`` on demand.
-        find_echoes: Computes ``echoes`` on demand.
+        find_cast: Function that computes ``cast`` on demand.
+        find_echoes: Function that computes ``echoes`` on demand.
         scene: The map; None for a scan of a simulation with its robots.
-        targets: What its detector found; None for a sensor without one.
+        targets: Targets found by the detector; None for a sensor without one.
     """
 
     sensor: str
@@ -280,10 +280,10 @@ class Scan:
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw rays, echoes and readings over the plan of the map.
 
-        Rays that see through something are the boldest lines.
+        Rays that pass through an object are the boldest lines.
 
         Args:
-            ax: Axes of matplotlib, in m; None for a figure of its own, with a legend.
+            ax: Axes of matplotlib, in m; None creates a new figure with a legend.
 
         Returns:
             The axes; ``scan.plot().figure.savefig("scan.png")`` writes a file.
@@ -297,7 +297,7 @@ class Scan:
 
     @property
     def cast(self) -> Rays:
-        """The N rays that gave the ranges; for a beam without range one of its rays."""
+        """The N rays that gave the ranges; any ray of a beam without a range."""
         return self.find_cast()
 
     @property
@@ -306,7 +306,7 @@ class Scan:
         return self.find_echoes()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scan as JSON types; None stands for a range without echo."""
+        """Return the scan as JSON types; a range without echo is None."""
         ranges = [r if math.isfinite(r) else None for r in self.ranges.tolist()]
         return {
             "sensor": self.sensor,
@@ -321,7 +321,7 @@ class Scan:
         }
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Return ranges and rays by ``angle``, and the rest as attributes.
+        """Return ranges and rays with the dimension ``angle``; the rest as attributes.
 
         Raises:
             MissingPackage: If xarray is not installed.

@@ -1,19 +1,19 @@
-"""Take scans, one or many at once.
+"""Compute scans, one or many at once.
 
 Theory of operation
 ===================
-Random numbers are drawn scan by scan, so that each generator is used as if the scans
-were taken one after the other. Everything else is done for all scans of equal sensors
-in a few calls of the engine, on all processors where there are many rays or poses.
+Random numbers are drawn scan by scan, in the same order as for scans computed one after
+the other. All other steps process all scans of equal sensors in a few calls of the
+engine, on all processors if there are many rays or poses.
 
-A sensor that reads only where its rays end takes that from the traces directly. One
-that keeps other echoes, or combines many rays per beam, needs the events along them.
-With incidence weights, one ray of each beam is drawn after all of them are traced: its
-probability is its weight times the backscatter at its end, and a ray that met nothing
-has none, unless no ray of the beam met anything.
+If a sensor reads only the ends of its rays, the ranges come directly from the traces. A
+sensor that keeps other echoes, or combines many rays per beam, needs the events along
+the rays. With incidence weights, one ray of each beam is drawn after all rays are
+traced: its probability is proportional to its weight times the backscatter at its end.
+A ray that hit nothing has the probability 0, unless all rays of the beam hit nothing.
 
-The range errors of a sensor come last: a beam has one error, which moves all its
-echoes, so that they keep their order; then ranges are rounded to whole steps.
+Range errors are added last: a beam has one error, which shifts all its echoes, so the
+echoes keep their order. Then ranges are rounded to multiples of the range quantum.
 """
 
 import math
@@ -46,8 +46,8 @@ from radarsim.sensors.scan import Echoes, Scan
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
-CHUNK_RAYS: Final = 20_000  # traced in one piece, in some 10 ms
-ALL_NODES: Final = np.zeros((1, 0))  # instead of random numbers
+CHUNK_RAYS: Final = 20_000  # rays per task of a thread, some 10 ms
+ALL_NODES: Final = np.zeros((1, 0))  # no random numbers: all nodes are traced
 ECHO_FIELDS: Final = {
     "beams": "beam", "ranges": "t", "fronts": "front", "kinds": "kind",
     "power": "power", "strength": "strength", "parts": "part",
@@ -56,12 +56,12 @@ Rows = NDArray[np.int64]
 
 
 class ScanRequest(NamedTuple):
-    """A scan to be taken.
+    """A request for one scan.
 
     Attributes:
         scanner: The sensor.
         pose: Pose of the sensor, map frame.
-        rng: Source of randomness; None for a sensor that needs none.
+        rng: Random generator; None for a sensor that needs none.
         carrier_id: Id of the box that carries the sensor; -1 for none.
     """
 
@@ -76,10 +76,10 @@ class ScanArrays(NamedTuple):
 
     Attributes:
         poses: (M, 6) x, y, z, m, and roll, pitch, yaw, rad, of the sensor, map frame.
-        angles: (N,) directions of the beams from the sensor's forward axis, rad,
+        angles: (N,) azimuths of the beams from the sensor's forward axis, rad,
             counter-clockwise.
         ranges: (M, N) m; inf where nothing was detected, 0 where a laser is blinded.
-        rays: (M, N) ray of its beam that gave each range: -1 right, 0 centre, 1 left;
+        rays: (M, N) ray of the beam that gave each range: -1 right, 0 centre, 1 left;
             None for a sensor without side rays.
     """
 
@@ -90,31 +90,35 @@ class ScanArrays(NamedTuple):
 
 
 class ScanBatch:
-    """J scans of sensors of equal settings: drawn, then traced and read together.
+    """J scans of sensors with equal settings, which are traced together.
+
+    ``draw`` must be called for each scan before ``trace``.
 
     Attributes:
-        pattern: The beams.
-        kinds: The kinds of random numbers, as of the pattern; and of the scene.
+        pattern: The beams and rays of the sensors.
+        kinds: The kinds of random numbers of the pattern, plus those for rain and
+            clouds in the scene.
         needs_events: Whether the events along the rays are traced.
         drawn: The random numbers of each kind, J rows.
-        ranges: (J, N) m, as of ``ScanArrays``; and so the next.
-        rays: (J, N), or None.
-        nodes: (J, M) node of its beam that each ray is.
+        ranges: (J, N) m, as in ``ScanArrays``.
+        rays: (J, N), or None, as in ``ScanArrays``.
+        nodes: (J, M) index of each ray's node in its beam.
     """
 
     ranges: Floats
     rays: Sides | None
 
     def __init__(self, pattern: BeamPattern, tracer: Tracer, places: Floats) -> None:
-        """Draw nothing yet.
+        """Allocate the arrays of random numbers.
 
-        Which numbers are drawn depends on the scene only in whether it rains there and
-        whether it has clouds, so that moving robots do not change those drawn next.
+        How many numbers are drawn depends only on the sensor and on whether the scene
+        has rain or clouds, so moving robots do not change later random numbers.
 
         Args:
-            pattern: The beams; of random rays there can only be one scan.
+            pattern: The beams; with random rays, the batch can have only one scan.
             tracer: Tracer of the scene.
-            places: (J, 7) of the sensors, as of ``Tracer.trace_scans``.
+            places: (J, 7) poses and carriers of the sensors, see
+                ``Tracer.trace_scans``.
         """
         self.pattern, self._tracer, self._places = pattern, tracer, places
         self.kinds, self.needs_events = pattern.kinds, pattern.needs_events
@@ -126,8 +130,8 @@ class ScanBatch:
             self.kinds = [*self.kinds, ("cloud", EXPONENTIAL, (beams,))]
         count = len(places)
         self.drawn = {kind: np.zeros((count, *shape)) for kind, _, shape in self.kinds}
-        self._echoes: EchoTable | None = None  # of all beams; None until it is needed
-        self._rows: Rows | None = None  # the ray of each beam; None where it has one
+        self._echoes: EchoTable | None = None  # echoes of all beams, computed on demand
+        self._rows: Rows | None = None  # selected ray of each beam; None if it has one
 
     def draw(
         self, row: int | slice, rng: np.random.Generator | None, sensor: str
@@ -135,9 +139,9 @@ class ScanBatch:
         """Draw the random numbers of a scan.
 
         Args:
-            row: Its number; all scans at once where numbers are of one kind.
-            rng: Source of randomness.
-            sensor: Name of the sensor, for an error.
+            row: Number of the scan; or a slice of all scans if there is only one kind.
+            rng: Random generator.
+            sensor: Name of the sensor, for an error message.
 
         Raises:
             ValueError: If an rng is needed and missing.
@@ -153,7 +157,7 @@ class ScanBatch:
 
         Args:
             boxes: Boxes of the robots.
-            threads: As of ``Tracer.trace_scans``.
+            threads: As in ``Tracer.trace_scans``.
         """
         pattern, random = self.pattern, self._random_rays(0)
         size = len(self._places) * len(pattern.shares)
@@ -185,13 +189,13 @@ class ScanBatch:
         """Return one of the scans.
 
         Args:
-            row: Its number.
+            row: Number of the scan.
             sensor: Name of the sensor.
             pose: Pose of the sensor.
-            scene: The scene, if the scan shall know it.
+            scene: The scene that the scan refers to for plots; None without one.
         """
         settings = self.pattern.settings
-        # in the order of its attributes: names would take longer
+        # Positional arguments are faster than keywords.
         return Scan(
             sensor,
             pose,
@@ -208,7 +212,7 @@ class ScanBatch:
 
     @cached_property
     def reported(self) -> Floats:
-        """The ranges that robots report, (J, N): the maximum one without a return."""
+        """The ranges that robots report, (J, N) m: without a return, the maximum."""
         return np.minimum(self.ranges, self.pattern.settings.max_range)
 
     def all_rays(self, row: int) -> Rays:
@@ -221,7 +225,7 @@ class ScanBatch:
         return self.drawn["rays"][row] if self.pattern.has_random_rays else None
 
     def _cast(self, row: int) -> Rays:
-        """Return the rays that gave the ranges of a scan."""
+        """Return the N rays that gave the ranges of a scan."""
         rays = self.all_rays(row)
         if self._rows is None:
             return rays
@@ -233,10 +237,10 @@ class ScanBatch:
         per_beam = self.pattern.rays
         weights = self._all_shares().reshape(-1, per_beam)
         chances = weights * backscatter(self._traces).reshape(-1, per_beam)
-        empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam met anything
+        empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam hit anything
         chances[empty] = weights[empty]
-        # One draw for each beam, made before tracing: the numbers that follow must not
-        # depend on what the rays met.
+        # Each beam uses one number drawn before tracing, so later random numbers do not
+        # depend on the objects that the rays hit.
         edges = np.cumsum(chances, axis=1)
         drawn = self.drawn["selected"].ravel() * edges[:, -1]
         node = (edges[:, :-1] <= drawn[:, None]).sum(axis=1)
@@ -247,9 +251,9 @@ class ScanBatch:
         return shares if count == 1 else np.tile(shares, count)
 
     def _read_ends(self) -> Floats:
-        """Return the ranges, (J * N,), of beams that read where their rays end."""
+        """Return the ranges, (J * N,) m, of beams that read the ends of their rays."""
         traces, rows, settings = self._traces, self._rows, self.pattern.settings
-        # The echoes, which few ask for, follow from exact ranges.
+        # The exact ranges are kept, since echoes are computed from them on demand.
         ranges = traces.ranges.copy() if rows is None else traces.ranges[rows]
         self._add_errors(ranges, self.drawn.get("errors"))
         if settings.spent_reads != "range":
@@ -259,10 +263,10 @@ class ScanBatch:
         return ranges
 
     def _read_echoes(self) -> Floats:
-        """Return the ranges, (J * N,), of beams that read one of their echoes."""
+        """Return the ranges, (J * N,) m, of beams that read one of their echoes."""
         pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
-        # The ray that stands for a beam where none was selected is the middle one.
+        # Without a selected ray, the middle ray represents the beam.
         middle = np.arange(per_beam // 2, self.nodes.size, per_beam)
         rows = middle if self._rows is None else self._rows
         echoes = self._all_echoes(rows)
@@ -276,10 +280,10 @@ class ScanBatch:
         return ranges
 
     def _all_echoes(self, rows: Rows) -> EchoTable:
-        """Return all echoes, rain included, merged and with range errors.
+        """Return all echoes, including rain, merged and with range errors.
 
         Args:
-            rows: (J * N,) the ray that stands for each beam.
+            rows: (J * N,) index of the ray that represents each beam.
         """
         pattern, tracer, traces = self.pattern, self._tracer, self._traces
         settings, ray_class = pattern.settings, pattern.ray_classes[0]
@@ -323,13 +327,13 @@ class ScanBatch:
         """Add the sensor's random errors to ranges and quantise them, in place.
 
         Args:
-            ranges: m.
-            errors: In standard deviations; None for a sensor without noise.
+            ranges: Ranges, m.
+            errors: Errors in standard deviations; None for a sensor without noise.
         """
         settings = self.pattern.settings
         if errors is None and not settings.range_quantum:
             return
-        # A beam that met nothing has no range that could be wrong.
+        # A beam without a return has an infinite range, which stays unchanged.
         finite = np.isfinite(ranges)
         if errors is not None:
             exact = ranges[finite]
@@ -338,7 +342,7 @@ class ScanBatch:
             moved = exact + errors.ravel()[finite] * deviation
             ranges[finite] = np.clip(moved, 0.0, settings.max_range)
         if settings.range_quantum:
-            # the last whole step within range; 1e-12 absorbs rounding of the quotient
+            # Last multiple within range; 1e-12 compensates rounding of the quotient.
             last = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
             steps = np.rint(ranges[finite] / settings.range_quantum)
             ranges[finite] = np.minimum(steps, last) * settings.range_quantum
@@ -366,24 +370,24 @@ class ScanBatch:
 def take_scans(
     tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
 ) -> list[tuple[ScanBatch, int]]:
-    """Take many scans at once.
+    """Compute many scans at once.
 
     Args:
         tracer: Tracer of the scene.
-        requests: The scans.
+        requests: The requested scans.
         boxes: Boxes of the robots.
 
     Returns:
-        The batch of each scan, and its row there. Each scan is that which its sensor
-        would take alone, if all were taken one after the other.
+        The batch of each scan, and the scan's row in it. The scans are the same as if
+        they were computed one after the other.
 
     Raises:
         ValueError: If an rng is needed and missing.
     """
     groups: dict[object, list[int]] = {}
     for i, request in enumerate(requests):
-        # Settings that are equal share their pattern. Rays that are random are no
-        # nodes, which scans could share.
+        # Sensors with equal settings share a pattern and can be traced in one batch.
+        # Random rays differ between scans, so each of their scans has its own batch.
         pattern = request.scanner.pattern
         key = i if pattern.has_random_rays else pattern
         groups.setdefault(key, []).append(i)
@@ -408,13 +412,13 @@ def scan_poses(
     poses: Floats,
     rng: np.random.Generator | None,
 ) -> ScanArrays:
-    """Scan from each pose, in order, on all processors.
+    """Compute a scan from each pose, in order, on all processors.
 
     Args:
         scanner: The sensor.
         tracer: Tracer of the scene.
-        poses: (M, 6) of the sensor, map frame.
-        rng: Source of random rays and noise.
+        poses: (M, 6) poses of the sensor, map frame.
+        rng: Generator of random rays and noise.
 
     Raises:
         ValueError: If an rng is needed and missing.
@@ -437,13 +441,13 @@ def scan_poses(
     with ThreadPoolExecutor(workers) as pool:
         for start in range(0, len(poses), step):
             batch = ScanBatch(pattern, tracer, places[start : start + step])
-            # Drawn here and traced there: threads must not share a generator.
+            # Numbers are drawn here, since threads must not share a generator.
             whole = [slice(None)] if len(batch.kinds) == 1 else None
             for row in whole or range(len(places[start : start + step])):
                 batch.draw(row, rng, scanner.name)
             pending.append(pool.submit(take, start, batch))
-            # At most one chunk waits for each thread, so that memory does not grow with
-            # the poses.
+            # At most one chunk per thread is queued, so memory does not grow with the
+            # number of poses.
             if len(pending) > workers:
                 pending.popleft().result()
         for future in pending:

@@ -1,14 +1,14 @@
-"""Sensors with which robots look for victims and RFID tags.
+"""Sensors that detect victims and RFID tags.
 
 Theory of operation
 ===================
-A sensor sees a target that is within its range and its field of view, if a ray to it is
-not stopped. The ray may end a little before the target: a tag is on a wall, and a user
-may have put a body around the parts of a victim. Sound and gas go around obstacles.
+A sensor sees a target within its range and its field of view if no obstacle blocks the
+ray to it. The ray ends a little before the target, since tags are mounted on walls, and
+maps may have an object around the parts of a victim. Sound and gas pass obstacles.
 
 A call of L dB at 1 m has L - 20 log10(d) dB at a distance of d m, and the powers of
-several calls add up. Breath thins out as the air that it mixes with grows, by the
-square of the distance from 0.1 m on; numbers without a source are estimates.
+several calls add up. The carbon dioxide in breath is diluted with the square of the
+distance beyond 0.1 m. Numbers without a source are estimates.
 """
 
 import math
@@ -29,18 +29,18 @@ from radarsim.scene.scene import Place, Scene, Victim
 from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
 Target = TypeVar("Target")
-REACH: Final = 0.3  # m before a target at which a ray to it may end
-LEAST: Final = 1e-6  # m; nearer targets are at the sensor's place
+REACH: Final = 0.3  # m; a ray ends at this distance before its target
+LEAST: Final = 1e-6  # m; nearer targets count as at the sensor's position
 AHEAD: Final = (1.0, 0.0, 0.0)
 BREATH: Final = 0.1  # m within which breath has not mixed with the air
 
 
 class SearchSettings(BaseModel, extra="forbid", frozen=True):
-    """All settings of a sensor that looks for victims or tags.
+    """All settings of a sensor that detects victims or tags.
 
     Attributes:
-        max_range: Longest distance of what it notices, m.
-        fov_deg: Angle of the whole cone in which it notices that, degrees.
+        max_range: Largest distance of detected targets, m.
+        fov_deg: Full angle of the conical field of view, degrees.
     """
 
     max_range: Positive
@@ -48,10 +48,10 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class SearchSensor(Sensor, Generic[Target]):
-    """A sensor that sees some of the targets of a scene.
+    """Base of sensors that detect a type of target in a scene.
 
     Attributes:
-        needs_sight: Whether what stops rays hides a target.
+        needs_sight: Whether obstacles hide targets.
     """
 
     settings: ClassVar[type[BaseModel]] = SearchSettings
@@ -64,24 +64,24 @@ class SearchSensor(Sensor, Generic[Target]):
         found = list(self.targets(mounting.scene))
         self._targets = [target for target, _ in found]
         self._places = np.array([place for _, place in found]).reshape(-1, 3)
-        # Of the last rays: numbers of their targets, and all places, sensor's frame.
+        # Indices of the targets of the last rays, and all positions, sensor frame.
         self._near = np.zeros(0, np.int64)
         self._local = self._places
 
     @abstractmethod
     def targets(self, scene: Scene) -> Iterable[tuple[Target, Place]]:
-        """Return what it looks for, each with its place, m, map frame."""
+        """Return the targets in a scene, each with its position, m, map frame."""
 
     @abstractmethod
     def report(
         self, time: float, seen: Sequence[Target], places: Floats
     ) -> SensorReport | None:
-        """Return what it reports, if anything.
+        """Return the report for the detected targets; None for no report.
 
         Args:
-            time: s.
-            seen: The N targets that it sees.
-            places: (N, 3) their places, m, in the frame of the sensor.
+            time: Simulated time, s.
+            seen: The N detected targets.
+            places: (N, 3) positions of these targets, m, sensor frame.
         """
 
     def rays(self) -> Rays:
@@ -93,7 +93,7 @@ class SearchSensor(Sensor, Generic[Target]):
         is_near = (distances <= self._max_range) & (angles <= self._half_fov)
         self._near = np.flatnonzero(is_near)
         aimed = self._near if self.needs_sight else self._near[:0]
-        # A target at the sensor's place lies in no direction; any will do.
+        # A target at the sensor's position has no direction, so any one is used.
         offsets = np.where(distances[:, None] > LEAST, places, AHEAD)[aimed]
         lengths = np.linalg.norm(offsets, axis=1)
         return sight_rays(
@@ -122,14 +122,14 @@ class RfidReader(SearchSensor[str], types=["RFID"]):
     def report(
         self, time: float, seen: Sequence[str], places: Floats
     ) -> SensorReport | None:
-        # Clients take the first tag of a line without looking whether there is one.
+        # Clients read the first tag of a line without checking whether it has any.
         if not seen:
             return None
         return rescue.RfidTags(time, self.item.name, _sightings(seen, places))
 
 
 class VictimSensor(SearchSensor[str], types=["VictSensor"]):
-    """A sensor that sees parts of bodies."""
+    """A sensor that detects body parts of victims."""
 
     def targets(self, scene: Scene) -> Iterable[tuple[str, Place]]:
         return [part for victim in scene.victims for part in victim.parts]
@@ -144,7 +144,7 @@ def _sightings(labels: Sequence[str], places: Floats) -> tuple[Sighting, ...]:
 
 
 class MotionSensor(SearchSensor[Victim], types=["HumanMotion"]):
-    """A sensor of motion: the less far away somebody moves, the surer it is."""
+    """A motion sensor; the reported probability is higher for nearer moving victims."""
 
     def targets(self, scene: Scene) -> Iterable[tuple[Victim, Place]]:
         return [(each, each.head) for each in scene.victims if each.moves]
@@ -156,7 +156,7 @@ class MotionSensor(SearchSensor[Victim], types=["HumanMotion"]):
 
 
 class Microphone(SearchSensor[Victim], types=["Sound"]):
-    """A microphone, which hears victims call."""
+    """A microphone, which receives the calls of victims."""
 
     needs_sight = False
 

@@ -1,9 +1,10 @@
-"""What all kinds of sensors have in common, and where they are found.
+"""The base classes of sensors, and the registry of all sensor classes.
 
-A kind of sensor is a class in a module of this folder, with the types of its items and
-their settings. What it reads is a report in ``protocol``. Nothing else names it: all
-modules of the folder are imported to find the kinds. Range scanners, whose scans are
-taken in batches, and cameras, which draw pictures, are no kinds of this sort.
+A sensor class is in a module of this folder and defines the item types that it handles,
+and their settings. Its readings are reports of ``protocol``. `kinds` finds the classes
+by importing all modules of this folder, so no other module lists them. Range scanners,
+whose scans are computed in batches, and cameras, which render images, do not use these
+base classes.
 """
 
 import importlib
@@ -27,33 +28,33 @@ from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.readings import Job, RobotState
 
-Reading: Final = engine.enumerations["Reading"]  # ``readings.hpp`` describes them
+Reading: Final = engine.enumerations["Reading"]  # described in ``readings.hpp``
 SONAR_CLASS: Final = RayClass(SONAR)
-# Types of items in the order of readings within a tick; others follow as mounted.
-# Clients expect a pose before the scan that belongs to it.
+# Item types in the order of their readings within a tick; other types follow in the
+# order of mounting. Clients expect a pose before the scan of the same time.
 _ORDER: Final = (
     *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Accel"),
     *("AcceleroMeter", "IMU", "MisPkg", "AltitudeSensor", "MagneticCompass"),
     *("MissionTime", "Sonar"),
 )
 
-# A report with any numbers, and what computes those of each attribute that has some.
+# A sample report, and the jobs that compute the numbers of each attribute.
 Source: TypeAlias = tuple[LineReport, Mapping[str, Sequence[Job]]]
 _KINDS: Final[dict[str, "type[Sensor]"]] = {}
 
 
 class Mounting(NamedTuple):
-    """What a sensor is created from.
+    """The arguments from which a sensor is created.
 
     Attributes:
         item: The item of the robot's class.
-        settings: Its settings, of the model of its kind.
-        robot: The robot that carries it.
-        state: What the sensors of the robot remember.
-        rng: The item's own random numbers.
-        scene: What it looks at.
-        dialect: The dialect of its reports.
-        time: Time of the spawn, s.
+        settings: Settings of the item, an instance of ``Sensor.settings``.
+        robot: The robot that carries the sensor.
+        state: The states of all sensors of the robot.
+        rng: The random generator of the item.
+        scene: The scene of the simulation.
+        dialect: The dialect of the reports.
+        time: Simulated time at which the robot was spawned, s.
     """
 
     item: Item
@@ -69,15 +70,15 @@ class Mounting(NamedTuple):
 class Sensor:
     """A sensor of a robot.
 
-    Its class has the types of items that are of this kind: ``class Thermometer(Sensor,
-    types=["Thermometer"])``. It overrides ``read``, and ``rays`` if it casts some.
+    A subclass names the item types that it handles: ``class Thermometer(Sensor,
+    types=["Thermometer"])``. It overrides ``read``, and ``rays`` if it casts rays.
 
     Attributes:
-        settings: The model of its settings; None if it has none. The defaults are in
+        settings: The model of the settings; None if there are none. The defaults are in
             the model, or with their sources in a file of ``presets/items``.
         is_joined: Whether one sensor reads all items of its type on a robot.
-        item: The item of the robot's class, or the first of them.
-        robot: The robot that carries it.
+        item: The item of the robot's class; if joined, the first item.
+        robot: The robot that carries the sensor.
     """
 
     settings: ClassVar[type[BaseModel] | None] = None
@@ -88,17 +89,17 @@ class Sensor:
         _KINDS.update(dict.fromkeys(types, cls))
 
     def __init__(self, mounting: Mounting, *_others: Mounting) -> None:
-        """Create a sensor from its item, or from all of them if these are joined."""
+        """Create a sensor from its item, or from all items of its type if joined."""
         self.item, self.robot = mounting.item, mounting.robot
         self._rng = mounting.rng
 
     @property
     def pose(self) -> Pose3:
-        """Its pose, map frame."""
+        """The pose of the sensor, map frame."""
         return self.robot.body.compose(self.item.mount)
 
     def rays(self) -> Rays:
-        """Return the rays that a reading needs; they are traced with all others."""
+        """Return the rays of the next reading, traced together with all others."""
         return sight_rays(np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
 
     def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
@@ -106,24 +107,24 @@ class Sensor:
 
         Args:
             time: Simulated time, s.
-            traces: Of its rays, with their angles of incidence.
+            traces: Traces of the sensor's rays, with angles of incidence.
         """
         raise NotImplementedError
 
     def reset(self) -> None:
-        """Start counting again, if it counts."""
+        """Reset the counters of the sensor to 0; does nothing by default."""
 
     def draw(self) -> None:
-        """Draw random numbers ahead, if it needs some and they are used up."""
+        """Refill the random numbers for later readings; does nothing by default."""
 
 
 class EngineSensor(Sensor):
-    """A sensor without rays that the engine reads, together with those of all robots.
+    """A sensor without rays, whose readings the engine computes for all robots at once.
 
-    What it remembers are structures of numbers in the row of its robot.
+    The state of the sensor is an array of structures in the row of its robot.
 
     Attributes:
-        source: Its report, and what computes it.
+        source: A sample report, and the jobs that compute its attributes.
     """
 
     source: Source
@@ -133,17 +134,17 @@ class EngineSensor(Sensor):
         self._state = mounting.state
 
     def _remember(self, start: NDArray[Any]) -> list[int]:
-        """Remember numbers, or structures of some; return the place of each."""
+        """Add numbers or structures to the robot's row; return the column of each."""
         self._dtype, self._places = start.dtype, self._state.add(start)
         return list(range(self._places.start, self._places.stop, start.itemsize // 8))
 
     @property
     def _memory(self) -> NDArray[Any]:
-        """What it remembers, as a view that is not to be kept."""
+        """The state of the sensor, as a view that is valid until the table grows."""
         return self._state[self._places].view(self._dtype)
 
     def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
-        """Set the source: the jobs of each attribute besides the time."""
+        """Set the source: a sample report, and the jobs of each attribute but time."""
         self.source = sample, {"time": [Job(Reading.TIME)], **jobs}
 
 
@@ -153,13 +154,14 @@ def sight_rays(
     max_range: ArrayLike,
     carrier_id: ArrayLike = -1,
 ) -> Rays:
-    """Return rays that end where something stops robots or light.
+    """Return rays that end at surfaces that stop robots or light.
 
     Args:
         origins: (N, 3) m, map frame.
         directions: (N, 3) unit vectors, map frame.
-        max_range: m, of all rays or of each.
-        carrier_id: Id of the robot's box, which stops no ray, likewise; -1 for none.
+        max_range: Length of the rays, m, as one number or (N,).
+        carrier_id: Id of the box that does not stop the rays, since it is the robot's
+            own, as one number or (N,); -1 for none.
     """
     return Rays.uniform(
         origins,
@@ -171,13 +173,13 @@ def sight_rays(
 
 
 def rank(item_type: str) -> int:
-    """Return the place of a type of items in the order of readings."""
+    """Return the position of an item type in the order of readings."""
     return _ORDER.index(item_type) if item_type in _ORDER else len(_ORDER)
 
 
 @cache
 def kinds() -> Mapping[str, type[Sensor]]:
-    """Return all kinds of sensors by the types of their items."""
+    """Return all sensor classes by the item types that they handle."""
     for module in pkgutil.iter_modules(radarsim.sensors.__path__):
         importlib.import_module(f"radarsim.sensors.{module.name}")
     return _KINDS

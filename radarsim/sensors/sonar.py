@@ -1,20 +1,21 @@
-"""Sonars: each reads the nearest surface in its cone that sends sound back.
+"""Sonars: each reads the range of the nearest surface in its cone that returns sound.
 
 Theory of operation
 ===================
-A cone is a bundle of 33 rays, the same in every reading. 21 of them are level and, in
-a cone of 20 degrees, 1 degree apart: nothing that is wider than 9 cm fits between two
-of them within 5 m, so that poles are found, and the nearest point of a wall is missed
-by less than 0.2 mm. 12 more rays, on circles of half and all of the cone's angle, find
-obstacles that are only above or below the sonar. More rays cost more than they find.
+A cone is a bundle of 33 rays, the same in every reading. 21 rays are horizontal and, in
+a cone of 20 degrees, 1 degree apart. Within 5 m, no object wider than 9 cm fits between
+two of these rays, so poles are detected, and the range of a wall is wrong by less than
+0.2 mm. 12 more rays, on circles at half and all of the cone's angle, detect obstacles
+that are only above or below the sonar. More rays would cost time for little gain.
 
-A surface sends sound back if a ray meets it within the largest angle of incidence.
-Otherwise the floor, which every cone near the ground grazes, would hide all else. The
-ray on the axis always counts. The nearest range is then clipped to the sonar's limits.
+A surface returns sound if the angle of incidence of a ray is below the limit. Without
+the limit, the floor, which every cone near the ground grazes, would hide all other
+surfaces. The ray on the axis always counts. The nearest range is then clipped to the
+sonar's limits.
 
 Source: the original server's sonar casts 10 cones of 16 rays and accepts an incidence
-of 10 degrees, but compares with the wrong side of the surface: only the ray on the axis
-ever counts. Angle, limits and rate are the original's.
+of 10 degrees, but compares with the normal of the wrong side of the surface, so only
+the ray on the axis counts. Angle, limits and rate are the original's.
 """
 
 import math
@@ -31,8 +32,8 @@ from radarsim.protocol.reports import Sonar
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
-# The directions of the rays as angles to the left and upward, in half angles of the
-# cone; the first is the axis.
+# The directions of the rays: angles to the left and upward, as fractions of the cone's
+# half angle; the first ray is the axis.
 _LEVEL: Final = [(step / 10, 0.0) for step in sorted(range(-10, 11), key=abs)]
 _CIRCLES: Final = [
     (radius * math.cos(turn), radius * math.sin(turn))
@@ -47,11 +48,11 @@ class SonarSettings(BaseModel, extra="forbid", frozen=True):
     """All settings of a sonar.
 
     Attributes:
-        beam_angle_deg: Angle of the whole cone, degrees.
-        min_range: Shortest range that is read, m; shorter ones read it as well.
-        max_range: Longest range that is read, m; so does a cone without return.
+        beam_angle_deg: Full angle of the cone, degrees.
+        min_range: Smallest reading, m; shorter ranges read as this value.
+        max_range: Largest reading, m; a cone without a return reads this value.
         max_incidence_deg: Largest angle between a ray and the normal of a surface that
-            sends sound back, degrees; the ray on the axis has no such limit.
+            returns sound, degrees; the ray on the axis has no such limit.
     """
 
     beam_angle_deg: RightAngle
@@ -67,7 +68,7 @@ class Sonars(Sensor, types=["Sonar"]):
     is_joined = True
 
     def __init__(self, *mountings: Mounting) -> None:
-        """Aim the rays of all cones in the body frame."""
+        """Compute the rays of all cones in the body frame."""
         super().__init__(*mountings)
         self._in_one_report = "Sonar" in mountings[0].dialect.joined
         self._names = [mounting.item.name for mounting in mountings]
@@ -102,12 +103,12 @@ class Sonars(Sensor, types=["Sonar"]):
     def read(self, time: float, traces: Traces) -> Sequence[Sonar]:
         """Return all ranges in one report, or one report for each sonar.
 
-        A range is the longest one where nothing returned.
+        A sonar without a return reads its maximum range.
         """
         found = traces.ranges.reshape(-1, RAYS_PER_CONE)
         cosine = traces.incidence.reshape(found.shape)
         returns = cosine >= self._least_cosine  # nan where nothing was hit
-        # As of the original, where only the ray on the axis ever counts.
+        # As in the original server, the ray on the axis counts at any incidence.
         returns[:, 0] = True
         nearest = np.where(returns, found, np.inf).min(axis=1)
         ranges = np.clip(nearest, self._min_range, self._max_range).tolist()

@@ -1,4 +1,4 @@
-"""Sensors of wheels: odometry, tachometers, encoders; ``readings.hpp`` reads them."""
+"""Wheel sensors: odometry, tachometers, encoders; ``readings.hpp`` computes them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -12,12 +12,12 @@ from radarsim.protocol import reports
 from radarsim.sensors.readings import Job
 from radarsim.sensors.sensor import EngineSensor, Mounting, Reading, Source
 
-ENCODER_NOISE: Final = 0.005  # largest error, as a fraction of the total angle
+ENCODER_NOISE: Final = 0.005  # largest error as a fraction of the total angle
 ENCODER_RESOLUTION: Final = 0.01745  # rad per tick, as in readings.hpp
 
 
 class Odometry(EngineSensor, types=["Odometry"]):
-    """Reads the pose that follows from the turns of the wheels."""
+    """Reads the pose that is integrated from the rotation of the wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -27,7 +27,7 @@ class Odometry(EngineSensor, types=["Odometry"]):
         self._report(sample, pose=[Job(Reading.WHEEL_POSE, place)])
 
     def reset(self) -> None:
-        """Start again from a pose of zeros."""
+        """Reset the estimated pose to zeros."""
         for name in ("x", "y", "yaw"):
             self.robot.fleet.odometry[name][self._row] = 0.0
 
@@ -56,7 +56,7 @@ class Tachometer(EngineSensor, types=["Tachometer"]):
 
 
 class Encoder(EngineSensor, types=["Encoder"]):
-    """Reads ticks of the wheels that are in the item's name."""
+    """Reads the encoder ticks of the wheels that the item's name lists."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -78,7 +78,7 @@ class Encoder(EngineSensor, types=["Encoder"]):
         encoders["zero"] = np.where(encoders["side"], right, left)
 
     def draw(self) -> None:
-        """Draw the errors of the next readings, if they are used up."""
+        """Draw the errors of the next readings, if all drawn ones are used up."""
         encoders = self._memory
         draws = encoders["draws"]
         if (encoders["used"] >= draws.shape[1]).any():
@@ -89,18 +89,19 @@ class Encoder(EngineSensor, types=["Encoder"]):
 def encoded_wheels(name: str, sides: Sequence[str]) -> list[tuple[str, int, int]]:
     """Return the wheels whose ticks an encoder counts, by its name.
 
-    ``W1`` counts wheel 1. ``ECLeft`` counts the first of the left wheels, forward
-    negative, as clients of UT2004's encoders expect.
+    ``W1`` counts wheel 1. ``ECLeft`` counts the first left wheel, with negative ticks
+    for forward motion, as clients of UT2004 servers expect.
 
-    Source: the original server's encoder, and lines of UT2004's that clients quote.
+    Source: the original server's encoder, and lines of UT2004 servers in the
+    documentation of clients.
 
     Args:
         name: Name of the item.
         sides: ``left`` or ``right`` for each wheel.
 
     Returns:
-        Of each the name that its ticks have in a reading, its index, and -1 if forward
-        counts down, else 1.
+        For each wheel, the name in the reading, the index of the wheel, and the sign of
+        the ticks for forward motion, 1 or -1.
     """
     for side in ("left", "right"):
         if name.casefold() == f"ec{side}" and side in sides:
@@ -110,7 +111,7 @@ def encoded_wheels(name: str, sides: Sequence[str]) -> list[tuple[str, int, int]
 
 
 def join_encoders(sources: Iterable[Source]) -> list[Source]:
-    """Return the sources of reports, with one report of neighbouring encoders."""
+    """Join consecutive encoders into one report; other sources stay unchanged."""
     joined: list[Source] = []
     for sample, jobs in sources:
         before, its_jobs = joined[-1] if joined else (None, {})

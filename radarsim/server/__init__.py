@@ -1,1 +1,1 @@
-"""A TCP server around the host: sockets, signals and the wall clock."""
+"""TCP servers for a simulation, which handle sockets, signals and the wall clock."""

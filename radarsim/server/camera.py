@@ -1,11 +1,11 @@
-"""What a robot's camera sees: pictures of a scene by the ray engine, and their bytes.
+"""Renders images of a robot's camera by the ray engine, and encodes them as bytes.
 
-A picture depends on the scene and the view only: the same view gives the same pixels.
+An image depends on the scene and the view only: the same view gives the same pixels.
 
-Surfaces are matt and are lit from where the camera is: their brightness depends on the
-cosine between the ray and their normal (Lambert), and is at least ``AMBIENT``. Volumes
-that let light through veil objects behind them: a ray that loses the power d in a
-volume gets the share 1 - exp(-d) of the volume's colour (Beer and Lambert).
+Surfaces are matt and lit from the camera's position: their brightness depends on the
+cosine between the ray and the normal (Lambert), and is at least ``AMBIENT``. A
+translucent volume covers the objects behind it: in a volume with optical depth d, a ray
+takes the fraction 1 - exp(-d) of the volume's colour (Beer and Lambert).
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import ROBOT
 from radarsim.server.views import FOV_DEG, Tiles, View
 
-FULL_POWER: Final = 50.0  # a ray that has lost it sees nothing: exp(-50) is 2e-22
-AMBIENT: Final = 0.45  # brightness of a surface along the ray
+FULL_POWER: Final = 50.0  # optical depth at which a ray ends; exp(-50) is 2e-22
+AMBIENT: Final = 0.45  # brightness of a surface that is parallel to the ray
 Pixels: TypeAlias = NDArray[np.uint8]
 FIELD_OF_VIEW: Final = math.radians(FOV_DEG)
 VIEWING_DISTANCE: Final = 1000.0  # m
-# A volume that takes a decibel of light is that much darker, whatever a laser's power.
+# Converts attenuation in dB to optical depth, independent of a laser's power.
 LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
-MARK_RADIUS: Final = 0.04  # m; of a disc for each mark of a trail
-MOST_ANGLES: Final = 8  # fields of view whose pixels are kept
+MARK_RADIUS: Final = 0.04  # m; radius of the disc that marks a point of a trail
+MOST_ANGLES: Final = 8  # fields of view whose pixel directions are cached
 ZENITH: Final = "#8fb8de"
 HORIZON: Final = "#e4eef5"
-GOOD_QUALITY: Final = 75  # percent, as the original's library has it
+GOOD_QUALITY: Final = 75  # percent, as in the library of the original server
 
 
 class Renderer:
-    """Draws pictures of one scene."""
+    """Renders images of one scene."""
 
     def __init__(
         self,
@@ -69,11 +69,12 @@ class Renderer:
             scene: The scene.
             width: Pixels from left to right.
             height: Pixels from top to bottom.
-            field_of_view: Angle from left to right, rad; None for that of each view.
+            field_of_view: Horizontal field of view, rad; None to use that of each view.
 
         Raises:
             EngineError: If Embree cannot be used, or cannot use a part of the scene.
-            ValueError: If there are no pixels, or the angle is not below pi.
+            ValueError: If the number of pixels is not positive, or the angle is not
+                between 0 and pi.
         """
         are_whole = all(isinstance(each, int) for each in (width, height))
         angle = FIELD_OF_VIEW if field_of_view is None else field_of_view
@@ -88,7 +89,10 @@ class Renderer:
         self._field_of_view = field_of_view
 
     def render_tiles(self, tiles: Tiles) -> Pixels:
-        """Return a picture of one view, or of four as its quarters, row by row."""
+        """Return an image, (H, W, 3), of one view, or (2H, 2W, 3) of four views.
+
+        Four views fill the quarters row by row; a view of None is black.
+        """
         black = np.zeros(self._shape, np.uint8)
         pictures = [black if view is None else self.render(view) for view in tiles]
         if len(pictures) == 1:
@@ -96,14 +100,12 @@ class Renderer:
         return np.vstack([np.hstack(pictures[:2]), np.hstack(pictures[2:])])
 
     def render(self, view: View) -> Pixels:
-        """Return a picture: RGB, (H, W, 3), from the top, rows from the left."""
+        """Return an RGB image, (H, W, 3), with rows from the top."""
         height, width, _ = self._shape
         angle = self._field_of_view or view.fov
         pixels_ahead = _pixel_directions(width, height, angle)
         directions = _rotate(pixels_ahead, view.camera.rotation())
         n = len(directions)
-        # Picture by picture only the camera moves: the directions are turned, not
-        # computed again.
         rays = Rays(
             np.tile(view.camera.position(), (n, 1)),
             directions,
@@ -130,10 +132,10 @@ class Renderer:
         return bytes_.reshape(self._shape)
 
     def _draw_marks(self, view: View, marks: Floats, pixels: Floats) -> None:
-        """Draw the marks of trails as discs over a picture, (H, W, 3).
+        """Draw the marks of trails as discs over an image, (H, W, 3).
 
-        Each is veiled as one ray to it is, and hidden with what that ray does not
-        reach.
+        The visibility of each mark is that of the ray from the camera to its centre: it
+        fades in translucent volumes, and vanishes behind opaque objects.
         """
         height, width, _ = self._shape
         angle = self._field_of_view or view.fov
@@ -163,7 +165,7 @@ class Renderer:
             column = (width - 1) / 2 - focal_length * left / ahead
             row = (height - 1) / 2 - focal_length * up / ahead
             radius = max(focal_length * MARK_RADIUS / ahead, 0.5)
-            # Pixels around it alone, as there may be thousands of marks.
+            # Only pixels near the disc are tested, as there may be thousands of marks.
             rows, columns = np.ogrid[
                 max(0, int(row - radius)) : min(height, int(row + radius) + 2),
                 max(0, int(column - radius)) : min(width, int(column + radius) + 2),
@@ -179,7 +181,7 @@ def _colour_of(material: Material) -> tuple[float, float, float]:
 
 @lru_cache(MOST_ANGLES)
 def _pixel_directions(width: int, height: int, field_of_view: float) -> Floats:
-    """Return unit vectors to the pixels' middles in the camera's frame, (N, 3)."""
+    """Return unit vectors to the centres of the pixels in the camera frame, (N, 3)."""
     focal_length = width / 2 / math.tan(field_of_view / 2)  # pixels
     left = (width - 1) / 2 - np.arange(width)
     up = (height - 1) / 2 - np.arange(height)
@@ -192,30 +194,30 @@ def _pixel_directions(width: int, height: int, field_of_view: float) -> Floats:
 
 
 def _rotate(vectors: Floats, rotation: Floats) -> Floats:
-    """Rotate vectors, (N, 3); without BLAS, which would use further threads."""
+    """Rotate vectors, (N, 3), without BLAS, which would start threads."""
     x, y, z = vectors.T[..., None]
     rotated: Floats = x * rotation[:, 0] + y * rotation[:, 1] + z * rotation[:, 2]
     return rotated
 
 
 def _background(directions: Floats) -> Floats:
-    """Return the colours of sky and ground, where there is nothing else, (N, 3)."""
+    """Return the colours of sky and ground for rays that hit nothing, (N, 3)."""
     up = directions[:, 2:]
     horizon, zenith = np.array(to_rgb(HORIZON)), np.array(to_rgb(ZENITH))
     sky = horizon + np.maximum(up, 0.0) * (zenith - horizon)
     ground = np.array(to_rgb(FAMILY_COLOURS[Family.GROUND]))
-    lit = AMBIENT + (1 - AMBIENT) * np.abs(up)  # a level floor far below
+    lit = AMBIENT + (1 - AMBIENT) * np.abs(up)  # brightness of level ground far below
     colours: Floats = np.where(up > 0.0, sky, lit * ground)
     return colours
 
 
 def encode(pixels: Pixels, region: Region, image_type: ImageType) -> bytes:
-    """Return a part of a picture as it is sent to a viewer.
+    """Encode a part of an image for the wire, with its header.
 
     Args:
-        pixels: RGB, (H, W, 3).
-        region: The part; as much of it as is in the picture is sent.
-        image_type: Type of the picture on the wire.
+        pixels: RGB image, (H, W, 3).
+        region: The part; it is clipped to the image.
+        image_type: Type of the image on the wire.
     """
     height, width = pixels.shape[:2]
     x, y, width, height = region.clip(width, height)

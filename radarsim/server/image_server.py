@@ -1,23 +1,23 @@
-"""An image server: pictures from a robot's camera for viewers.
+"""An image server, which sends pictures from the cameras of robots to viewers.
 
 Theory of operation
 ===================
-While a viewer waits for a picture, one is drawn every ``INTERVAL``, of the poses at
-that time. All viewers that wait and see the same get the same picture.
+While a viewer waits for a picture, the server renders one every ``INTERVAL`` with the
+poses at that time. All waiting viewers of the same cameras get the same picture.
 
-Pictures are drawn in a process of its own and not in a thread: a thread that draws
-holds Python's global lock every now and then. Where the processors are busy it may have
-to wait while it does, and ticks would wait with it.
+Pictures are rendered in a separate process instead of a thread. A rendering thread
+would sometimes hold Python's global interpreter lock, and on a busy machine it could be
+preempted while it holds the lock, which would delay ticks.
 
-Rule 1: a viewer's next request is read when its last one is answered. What it sends
-meanwhile waits in its socket; no queue grows.
-Rule 2: a viewer gets no picture while an earlier one is still to be sent. Its request
-waits, and is answered with a new picture: a slow viewer misses pictures, and holds up
-nobody.
-Rule 3: after bytes without a request a viewer is not read for ``READ_PAUSE``, so that
-garbage takes little time from the ticks, however much comes.
-Rule 4: some viewers wait for a picture before they send anything. One that is silent
-for ``SILENCE`` after it has connected gets a picture unasked.
+Rule 1: a viewer's next request is read after its last one is answered. Further data
+waits in its socket, so no queue grows.
+Rule 2: a viewer gets no picture while an earlier one is still being sent. Its request
+waits and is answered with a newer picture, so a slow viewer misses pictures but delays
+no other viewer.
+Rule 3: after bytes without a request, a viewer is not read for ``READ_PAUSE``, so that
+invalid data of any length takes little time from the simulation.
+Rule 4: some viewers wait for a picture before they send anything. A viewer that sends
+nothing for ``SILENCE`` after it has connected gets a picture without a request.
 """
 
 from __future__ import annotations
@@ -45,22 +45,22 @@ if TYPE_CHECKING:
     from radarsim.server.camera import Renderer
     from radarsim.simulation.simulation import Simulation
 
-NICENESS = 10  # ticks of the server go first
+NICENESS = 10  # lowers the priority of rendering below that of the simulation
 
 
 class PictureProcess:
-    """Draws pictures of one scene in a process of its own."""
+    """Renders pictures of one scene in a separate process."""
 
     def __init__(self, scene: Scene, image_type: ImageType) -> None:
-        """Describe a process that is not started yet."""
+        """Create the object without starting the process."""
         self._setting = scene, image_type
         self._until_stop = ExitStack()
         self._pool: ProcessPoolExecutor | None = None
         self._starting: asyncio.Future[ProcessPoolExecutor] | None = None
 
     async def start(self) -> None:
-        """Start the process, which takes a second until it draws."""
-        # The scene is handed over as fast as the process starts to read it.
+        """Start the process, which takes about a second."""
+        # The start runs in a thread, as sending the scene blocks until it is read.
         process = worker_process(partial(_Painter.prepare, *self._setting))
         starting = asyncio.to_thread(self._until_stop.enter_context, process)
         self._starting = asyncio.ensure_future(starting)
@@ -69,7 +69,7 @@ class PictureProcess:
     async def draw(
         self, tiles: Tiles, regions: AbstractSet[Region]
     ) -> dict[Region, bytes]:
-        """Return the bytes that are sent to viewers for regions of a picture.
+        """Render a picture; return the bytes to send for each region.
 
         Raises:
             ServerError: If the process has ended.
@@ -82,21 +82,21 @@ class PictureProcess:
             raise ServerError("the process that draws pictures has ended") from None
 
     async def stop(self) -> None:
-        """End the process at once, also one that is being started."""
+        """End the process at once, even if it is still starting."""
         if self._starting is not None:
             await asyncio.wait({self._starting})
         self._until_stop.close()
 
 
 class _Painter:
-    """What the process keeps from one picture to the next."""
+    """The state of the rendering process, which it keeps between pictures."""
 
     _renderer: Renderer
     _image_type: ImageType
 
     @classmethod
     def prepare(cls, scene: Scene, image_type: ImageType) -> None:
-        """Read the scene, once."""
+        """Create the renderer of the scene, once per process."""
         if sys.platform != "win32":
             os.nice(NICENESS)
         from radarsim.server.camera import Renderer  # noqa: PLC0415 - imports much
@@ -105,7 +105,7 @@ class _Painter:
 
     @classmethod
     def draw(cls, tiles: Tiles, regions: AbstractSet[Region]) -> dict[Region, bytes]:
-        """Draw a picture, and encode regions of it."""
+        """Render a picture, and encode its regions."""
         from radarsim.server.camera import encode  # noqa: PLC0415
 
         pixels = cls._renderer.render_tiles(tiles)
@@ -115,9 +115,9 @@ class _Painter:
 log = logging.getLogger("radarsim.server")
 
 INTERVAL: Final = 0.2  # s of the wall clock between two pictures
-SILENCE: Final = 1.0  # s
+SILENCE: Final = 1.0  # s until a silent viewer gets a picture (rule 4)
 MAX_VIEWERS: Final = 64
-LOOK_INTERVAL: Final = 0.1  # s between two looks at a viewer that is not read
+LOOK_INTERVAL: Final = 0.1  # s between two checks of a viewer's connection
 
 
 class ImageServer(PeerServer):
@@ -133,8 +133,8 @@ class ImageServer(PeerServer):
         """Create a server that does not listen yet.
 
         Args:
-            simulation: The simulation in the pictures.
-            pictures: Draws the pictures; started and stopped by the server.
+            simulation: The simulation to show.
+            pictures: Renders the pictures; the server starts and stops it.
             port: Port to listen on; 0 for a free one.
         """
         super().__init__(port, "viewers")
@@ -152,7 +152,7 @@ class ImageServer(PeerServer):
         await self._pictures.stop()
 
     async def _work(self) -> None:
-        """Draw while viewers wait; close the port if that is not possible any more."""
+        """Render pictures for waiting viewers; close the port if the process ends."""
         loop = asyncio.get_running_loop()
         await self._pictures.start()
         while True:
@@ -168,28 +168,28 @@ class ImageServer(PeerServer):
                 log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
                 self._close()
                 return
-            # From the beginning of the picture, so that the rate does not depend on how
-            # long it takes to draw.
+            # Counted from the start of the picture, so that the rate does not depend on
+            # the rendering time.
             await asyncio.sleep(due - loop.time())
 
     async def _answer(self, waiting: list[Viewer]) -> None:
-        """Draw what viewers wait for, once for all that see the same.
+        """Render and send the pictures of waiting viewers, one per set of cameras.
 
         Raises:
-            ServerError: If no more pictures can be drawn.
+            ServerError: If the rendering process has ended.
         """
         viewers = sorted(self.peers, key=lambda viewer: viewer.number)
         seen = dict(zip(viewers, assign(self._simulation, viewers), strict=True))
         groups: dict[Shown, list[Viewer]] = {}
         for viewer in waiting:
             groups.setdefault(seen[viewer], []).append(viewer)
-        # All of the same moment, also those that are drawn after others.
+        # All views are taken now, so that all pictures show the same time.
         tiles = {shown: tiles_of(self._simulation, shown) for shown in groups}
         for shown, group in groups.items():
             regions = {each.region for each in group if each.region is not None}
             pictures = await self._pictures.draw(tiles[shown], regions)
             for viewer in group:
-                if viewer.region in pictures:  # it has not left meanwhile
+                if viewer.region in pictures:  # the viewer has not disconnected
                     viewer.send(pictures[viewer.region])
 
 
@@ -197,16 +197,16 @@ class Viewer(PeerConnection):
     """One connection of a viewer.
 
     Attributes:
-        region: The part of a picture that it waits for; None for no request.
-        robot: Number of the robot that it saw last; 0 for none.
-        number: Counts the viewers in the order of connecting.
+        region: The requested part of a picture; None without a request.
+        robot: Number of the robot that the viewer saw last; 0 for none.
+        number: Serial number of the viewer, in the order of connecting.
     """
 
     KIND = "viewer"
     MOST = MAX_VIEWERS
 
     def __init__(self, server: ImageServer, number: int) -> None:
-        """Create the protocol of a connection; the number is that of the viewer."""
+        """Create the protocol of the connection of viewer ``number``."""
         super().__init__(server)
         self.region: Region | None = None
         self.robot, self.number = 0, number
@@ -217,30 +217,29 @@ class Viewer(PeerConnection):
 
     @property
     def address(self) -> str:
-        """Address of its machine."""
+        """IP address of the viewer's machine."""
         return self.peer.rpartition(":")[0]
 
     @property
     def waits(self) -> bool:
-        """Whether it waits for a picture, and has read all earlier ones."""
+        """Whether the viewer waits for a picture, and all earlier ones are sent."""
         return self.region is not None and self._can_write
 
     def _begin(self, transport: asyncio.Transport) -> None:
-        # Any byte that waits pauses writing, which shows that the last picture is not
-        # read yet (rule 2).
+        # With a limit of 0, writing is paused while any byte is unsent (rule 2).
         transport.set_write_buffer_limits(high=0)
         loop = asyncio.get_running_loop()
         self._silence = loop.call_later(SILENCE, self._request, WHOLE)
         loop.call_later(LOOK_INTERVAL, self.look)
 
     def look(self) -> None:
-        """Look again and again, as a viewer that waits is not read."""
+        """Check the connection periodically, as a waiting viewer is not read."""
         if self._transport is not None:
             super().look()
             asyncio.get_running_loop().call_later(LOOK_INTERVAL, self.look)
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Look for a request in received bytes."""
+        """Search the received bytes for a request."""
         self._break_silence()
         self._requests.feed(bytes(self._buffer[:nbytes]))
         region = self._requests.take()
@@ -250,23 +249,23 @@ class Viewer(PeerConnection):
             self._rest()  # rule 3
 
     def pause_writing(self) -> None:
-        """Note that a picture is still to be sent."""
+        """Hold back pictures while the last one is not completely sent."""
         self._can_write = False
 
     def resume_writing(self) -> None:
-        """Note that all pictures are sent."""
+        """Allow the next picture, as the last one is completely sent."""
         self._can_write = True
         self._requested.set()
 
     def eof_received(self) -> None:
         """Close the connection when its last picture is sent.
 
-        Reading is paused while a request waits, so there is none.
+        No request can be waiting, because reading is paused while one waits.
         """
         self._end_in_time()
 
     def send(self, picture: bytes) -> None:
-        """Answer the request that waits, and read the next one."""
+        """Answer the waiting request, and read the next one."""
         if self._transport is None:
             return
         self._transport.write(picture)
@@ -277,12 +276,12 @@ class Viewer(PeerConnection):
             self._requested.set()
 
     def _read_on(self) -> None:
-        """Look for the next request, unless one waits."""
+        """Resume reading, unless a request is waiting."""
         if self.region is None:
             super()._read_on()
 
     def _request(self, region: Region) -> None:
-        """Wait for a picture, and read nothing meanwhile."""
+        """Queue a request for a picture, and pause reading until it is answered."""
         if self._transport is not None:
             self.region = region
             self._transport.pause_reading()

@@ -1,10 +1,10 @@
-"""What servers share: ports with a few peers, a log of refusals, and turns for reading.
+"""Base classes of the TCP servers: connections, a refusal log, and read limits.
 
-A connection has an allowance of bytes that grows with every tick. While it lasts, the
-connection is read whenever something has come. One that has used up its allowance has
-to wait for its turn, in which it is read once, and a tick has only a few turns: what
-all clients together can send beyond their allowances is limited, and a client that
-sends little never waits.
+A connection has an allowance of bytes that grows with every tick. While it lasts, data
+is read as soon as it arrives. A connection that has used up its allowance waits for a
+turn, in which the server reads from it once, and each tick has only a few turns. This
+limits the data that all clients together can send beyond their allowances, and a client
+that sends little never waits.
 """
 
 from __future__ import annotations
@@ -26,34 +26,36 @@ from radarsim.listening import (
 
 log = logging.getLogger("radarsim.server")
 
-LOG_INTERVAL: Final = 10.0  # s between two lines, as thousands may come in a second
-CLOSE_GRACE = 0.8  # s from when a peer has closed its side until it is closed
-READ_PAUSE: Final = 0.01  # s
-# A peer whose socket holds so much for so long sends more than is read. The end of its
-# connection comes after all that: nothing shows whether it is still there.
+# s between two log lines, as thousands of connections may be refused per second
+LOG_INTERVAL: Final = 10.0
+CLOSE_GRACE = 0.8  # s from the peer's end of stream until the connection is closed
+READ_PAUSE: Final = 0.01  # s without reading after invalid data
+# A peer is flooding the server if its socket holds this many unread bytes in this many
+# successive checks. An end of stream would be behind these bytes, so the server cannot
+# find out whether the peer is still connected.
 FLOOD_BYTES: Final = 32_768
-FLOOD_LOOKS: Final = 8  # in succession
+FLOOD_LOOKS: Final = 8
 
 
 class RefusalLog:
-    """Logs the first connection that is refused, and how many were refused since."""
+    """Logs refused connections, at most one line per ``LOG_INTERVAL`` with a count."""
 
     def __init__(self, kind: str) -> None:
-        """Start with nothing refused.
+        """Start with no refused connections.
 
         Args:
-            kind: What the peers are, in plural.
+            kind: Plural name of the peers, such as "clients".
         """
         self._kind = kind
         self._unlogged = 0
         self._next_line = 0.0
 
     def add(self, peer: str, limit: int) -> None:
-        """Count a connection that is refused because there are as many as may be.
+        """Log or count a connection that is refused because the limit is reached.
 
         Args:
             peer: Address and port of the peer.
-            limit: How many there may be.
+            limit: Maximum number of connections.
         """
         now = asyncio.get_running_loop().time()
         if now < self._next_line:
@@ -65,17 +67,18 @@ class RefusalLog:
         self._unlogged, self._next_line = 0, now + LOG_INTERVAL
 
 
-# Of which a peer is one: where the system permits few, clients with robots need them.
+# Open files per permitted peer. If the system permits few open files, the rest is left
+# for clients with robots.
 FILES_EACH: Final = 16
 
 
 class PeerServer(ABC):
-    """Listens on a port, and holds the connections of its peers.
+    """Base class of servers: listens on a port and keeps the connections of its peers.
 
     Attributes:
-        address: Host and port that it listens on, once started.
+        address: Host and port on which the server listens, once started.
         peers: The connections.
-        refusals: The log of peers that are refused.
+        refusals: The log of refused peers.
     """
 
     def __init__(self, port: int, kind: str) -> None:
@@ -83,7 +86,7 @@ class PeerServer(ABC):
 
         Args:
             port: Port to listen on; 0 for a free one.
-            kind: What the peers are, in plural, for the log.
+            kind: Plural name of the peers for the log.
         """
         self.address = ("", 0)
         self.peers: set[Any] = set()
@@ -93,7 +96,7 @@ class PeerServer(ABC):
         self._working: asyncio.Task[None] | None = None
 
     async def start(self, address: str = "127.0.0.1") -> None:
-        """Listen for peers, and do what the server does besides.
+        """Listen for peers, and start the server's periodic work.
 
         Args:
             address: Address to listen on.
@@ -107,7 +110,7 @@ class PeerServer(ABC):
 
     @property
     def addresses(self) -> list[str]:
-        """All hosts that it listens on."""
+        """All addresses on which the server listens."""
         sockets = () if self._listener is None else self._listener.sockets
         return [each.getsockname()[0] for each in sockets]
 
@@ -116,7 +119,7 @@ class PeerServer(ABC):
         """Return the protocol of a new connection."""
 
     async def _work(self) -> None:  # noqa: B027 - not all servers do more
-        """Do what the server does besides, until it is cancelled."""
+        """Do the server's periodic work until cancelled; nothing by default."""
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
@@ -134,14 +137,14 @@ class PeerServer(ABC):
 
 
 class PeerConnection(asyncio.BufferedProtocol, ABC):
-    """One connection of a peer.
+    """Base class of the connection of one peer.
 
     Attributes:
         peer: Address and port of the peer, for the log.
-        KIND: What the peer is, for the log.
-        SENT: What it sends, for the log.
-        MOST: How many such peers may be connected at a time.
-        READ_BYTES: How many bytes are read at a time.
+        KIND: Name of the kind of peer, for the log.
+        SENT: Name of the data that the peer sends, for the log.
+        MOST: Maximum number of connected peers.
+        READ_BYTES: Maximum number of bytes per read.
     """
 
     KIND = "peer"
@@ -150,23 +153,23 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
     READ_BYTES = 4096
 
     def __init__(self, server: PeerServer) -> None:
-        """Create the protocol of a connection, which adds itself to the server."""
+        """Create the protocol of a connection; once connected, the server lists it."""
         self.peer = "?"
         self._peers, self._refusals = server.peers, server.refusals
         self._buffer = bytearray(self.READ_BYTES)
         self._transport: asyncio.Transport | None = None
-        self._grace: asyncio.TimerHandle | None = None  # aborts after eof
-        self._looks = 0  # in succession that found a flood
+        self._grace: asyncio.TimerHandle | None = None  # timer that aborts after EOF
+        self._looks = 0  # number of successive checks that found a flood
 
     @property
     def file_number(self) -> int:
-        """Number of the open file that is its socket."""
+        """File descriptor of the socket."""
         assert self._transport is not None
         number: int = self._transport.get_extra_info("socket").fileno()
         return number
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin, or refuse the peer if there are too many."""
+        """Accept the peer, or refuse it if there are too many."""
         assert isinstance(transport, asyncio.Transport)
         self.peer = peer_name(transport)
         most = self._most()
@@ -185,14 +188,14 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         return self._buffer
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Forget the peer."""
+        """Remove the peer from the server."""
         if self._grace is not None:
-            self._grace.cancel()  # a transport that is lost fails to abort
+            self._grace.cancel()  # abort() would fail on a lost transport
         if self._transport is not None:
             self._end(str(error or "closed"))
 
     def _end(self, reason: str) -> None:
-        """Forget the peer, and log why."""
+        """Remove the peer from the server, and log the reason."""
         self._forget()
         log.info("%s: %s disconnected: %s", self.peer, self.KIND, reason)
 
@@ -204,7 +207,10 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
             transport.abort()
 
     def look(self) -> None:
-        """End the connection of a peer that is not read, and has gone or floods."""
+        """Close the connection if the peer has disconnected or floods the server.
+
+        Call this periodically while reading is paused.
+        """
         if self._transport is None:
             return
         if find_hung_up([self.file_number]):
@@ -215,18 +221,18 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
             self.close()
 
     def _floods(self) -> bool:
-        """Return whether more waits to be read than an honest peer sends."""
-        assert self._transport is not None  # ``look`` needs one
+        """Return whether more bytes wait in the socket than normal peers send."""
+        assert self._transport is not None  # checked by ``look``
         return waiting_bytes(self._transport) >= FLOOD_BYTES
 
     def _end_in_time(self) -> None:
-        """Abort after ``CLOSE_GRACE``, whatever waits then."""
+        """Abort the connection after ``CLOSE_GRACE``, even if data is still waiting."""
         if self._grace is None and self._transport is not None:
             loop = asyncio.get_running_loop()
             self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
 
     def _rest(self) -> None:
-        """Read nothing for a while: the system's buffers hold back who sends more."""
+        """Pause reading for ``READ_PAUSE``; TCP flow control then slows the peer."""
         if self._transport is not None:
             self._transport.pause_reading()
             asyncio.get_running_loop().call_later(READ_PAUSE, self._read_on)
@@ -236,27 +242,27 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
             self._transport.resume_reading()
 
     def _most(self) -> int:
-        """Return how many such peers the system permits."""
+        """Return the maximum number of peers, which open files may limit further."""
         return raise_file_limit(FILES_EACH * self.MOST) // FILES_EACH
 
     @abstractmethod
     def _begin(self, transport: asyncio.Transport) -> None:
-        """Do what a new connection needs."""
+        """Initialize an accepted connection."""
 
     def _forget(self) -> None:
-        """Forget the peer; afterwards there is no transport."""
+        """Remove the peer from the server and drop the transport."""
         self._transport = None
         self._peers.discard(self)
 
 
-REFILL = 512  # bytes a tick; 50 kB/s is ten times what a robot's driver sends
-BURST = 2048  # bytes at once
-READ_COST = 128  # bytes that a read counts besides its own; each costs some 30 us
-TURNS = 8  # in a tick, of all connections together
+REFILL = 512  # bytes per tick; 50 kB/s is ten times the data rate of a robot's driver
+BURST = 2048  # largest allowance, bytes
+READ_COST = 128  # bytes added to the size of each read, which takes some 30 us
+TURNS = 8  # per tick, for all connections together
 
 
 class ReadAllowance:
-    """What may be read from one connection.
+    """The number of bytes that may be read from one connection.
 
     Attributes:
         exhausted: Whether the connection has to wait for its turn.
@@ -274,24 +280,23 @@ class ReadAllowance:
         """Count a read of ``size`` bytes."""
         grown = (self._turns.ticks - self._tick) * REFILL
         self._tick = self._turns.ticks
-        # A read costs time even if it brings one byte: else packets of one byte would
-        # be free.
+        # Each read takes time, so packets of one byte must not be nearly free.
         self._left = min(BURST, self._left + grown) - size - READ_COST
         if self._left < 0 and not self.exhausted:
             self.exhausted = True
             self._turns.append(self)
 
     def grant(self) -> None:
-        """Permit one more read, however large."""
-        # The allowance begins again at zero: who sends without end gets one read in a
-        # turn.
+        """Permit one more read of any size."""
+        # The allowance restarts at zero, so a connection that floods gets only one read
+        # per turn.
         self.exhausted = False
         self._left = 0
         self._tick = self._turns.ticks
 
 
 class ReadTurns:
-    """The connections that wait for their turns, the first come first.
+    """The queue of connections that wait for a turn to be read, first in, first out.
 
     Attributes:
         ticks: Number of ticks so far.
@@ -302,11 +307,11 @@ class ReadTurns:
         self._waiting: deque[ReadAllowance] = deque()
 
     def append(self, allowance: ReadAllowance) -> None:
-        """Let a connection wait for its turn."""
+        """Queue a connection for its turn."""
         self._waiting.append(allowance)
 
     def advance(self) -> None:
-        """Start a tick, and grant its turns."""
+        """Start a tick, and grant its turns to the first connections in the queue."""
         self.ticks += 1
         turns = TURNS
         while self._waiting and turns:

@@ -1,15 +1,16 @@
-"""A server for programs that ask about a simulation, one line for each question.
+"""A server that answers queries about a simulation, one line for each query.
 
-Rule 1: few questions of all clients together are answered in a ``REST``, of the clients
-in turns. A client is read again when its questions are answered, and when it has read
-the answers. What it sends meanwhile waits in its socket, so that questions without end
-take little time from the ticks.
-Rule 2: every line is answered, and one that is too long closes the connection, as an
-HTTP request does.
+Rule 1: at most ``MOST_ANSWERS`` queries of all clients are answered per ``REST``, one
+client after the other. The server reads from a client again when all its queries are
+answered and the client has read the answers. Further data waits in the socket, so that
+endless queries take little time from the simulation.
+Rule 2: every line is answered. A line that is too long closes the connection, and so
+does an HTTP request.
 
-Obstacles between two places are counted as bodies that stop robots: a ray from one to
-the other enters volumes, and meets opaque surfaces; two of the same body are one
-obstacle. Robots do not count, as in the original.
+Obstacles between two positions are solid objects on the straight line between them.
+Each entered volume counts as one obstacle. Of opaque objects the ray meets surfaces;
+two surfaces of one object count as one obstacle. As in the original server, robots do
+not count.
 """
 
 from __future__ import annotations
@@ -38,16 +39,16 @@ if TYPE_CHECKING:
 log = logging.getLogger("radarsim.server")
 
 MAX_CLIENTS: Final = 16
-REST: Final = 0.01  # s
-MOST_ANSWERS: Final = 8  # in a ``REST``; each may trace rays through many objects
+REST: Final = 0.01  # s; pause between two rounds of answers
+MOST_ANSWERS: Final = 8  # per round; each may trace rays through many objects
 LONGEST_QUESTION: Final = 1024  # characters
-MOST_SURFACES: Final = 64  # that a ray goes through, so that a question ends
-STEP: Final = 1e-3  # m behind a surface where a ray goes on
-FARTHEST: Final = 1e4  # m; nothing of a scene is that far away
+MOST_SURFACES: Final = 64  # limit of surfaces per query, so that each query ends
+STEP: Final = 1e-3  # m behind a surface at which the ray continues
+FARTHEST: Final = 1e4  # m; limit of coordinates, beyond any object of a scene
 
 
 class QuestionServer(PeerServer):
-    """Answers questions, those of all clients in turns."""
+    """Answers queries of all clients in round-robin order."""
 
     def __init__(
         self,
@@ -59,9 +60,9 @@ class QuestionServer(PeerServer):
         """Create a server that does not listen yet.
 
         Args:
-            answer: Returns the answer to a question.
+            answer: Returns the answer to a query.
             port: Port to listen on; 0 for a free one.
-            kind: What the clients are, for the log.
+            kind: Plural name of the clients for the log.
         """
         super().__init__(port, kind)
         self._answer = answer
@@ -78,7 +79,7 @@ class QuestionServer(PeerServer):
         await super().stop()
 
     def add_turn(self, client: QuestionClient) -> None:
-        """Let a client go on when it is its turn."""
+        """Queue a client for its next answer."""
         if client not in self._turns:
             self._turns.append(client)
         if self._timer is None:
@@ -87,14 +88,14 @@ class QuestionServer(PeerServer):
     def _take_turns(self) -> None:
         count = min(len(self._turns), MOST_ANSWERS)
         loop = asyncio.get_running_loop()
-        # Before the turns: clients that have further questions take their next ones.
+        # Set before the turns, in which clients with further queries queue again.
         self._timer = loop.call_later(REST, self._take_turns) if count else None
         for _ in range(count):
             self._turns.popleft().take_turn()
 
 
 class QuestionClient(PeerConnection):
-    """One connection of a client."""
+    """The connection of one client that sends queries."""
 
     KIND = "client that asks questions"
     MOST = MAX_CLIENTS
@@ -110,8 +111,8 @@ class QuestionClient(PeerConnection):
 
         Args:
             server: The server.
-            answer: Returns the answer to a question.
-            keeps_blank: Whether blank lines are questions, too.
+            answer: Returns the answer to a query.
+            keeps_blank: Whether blank lines are queries, too.
         """
         super().__init__(server)
         self._server, self._answer = server, answer
@@ -120,16 +121,16 @@ class QuestionClient(PeerConnection):
         self._has_room = True
 
     def _begin(self, transport: asyncio.Transport) -> None:
-        transport.set_write_buffer_limits(high=0)  # any unread byte pauses writing
+        transport.set_write_buffer_limits(high=0)  # writing pauses at any unsent byte
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Answer received questions, and read no more until that is done."""
+        """Queue the received queries, and pause reading until they are answered."""
         if self._transport is None:
             return
         lines = self._lines.feed(bytes(self._buffer[:nbytes]))
         self._questions += lines
         fault = str(self._lines.overflow or "")
-        # Any page can make a browser on this machine send requests here.
+        # Any web page can make a browser on this machine send requests to this port.
         if any(map(is_http_request, lines)):
             fault = "an HTTP request, expected questions"
         if fault:
@@ -140,16 +141,16 @@ class QuestionClient(PeerConnection):
             self._server.add_turn(self)
 
     def pause_writing(self) -> None:
-        """Note that answers are still to be read."""
+        """Stop answering until the client has read its answers."""
         self._has_room = False
 
     def resume_writing(self) -> None:
-        """Go on when all answers are read."""
+        """Continue to answer, as the client has read all answers."""
         self._has_room = True
         self._server.add_turn(self)
 
     def take_turn(self) -> None:
-        """Answer a question, or look for more if there is none."""
+        """Answer the next query, or resume reading if there is none."""
         if self._transport is None or not self._has_room:
             return
         if not self._questions:
@@ -161,7 +162,7 @@ class QuestionClient(PeerConnection):
 
 
 def truth_answer(simulation: Simulation, line: str) -> bytes:
-    """Return the answer of USARTruth: where robots and victims are."""
+    """Return the answer of USARTruth: the poses of robots and victims."""
     actors = [(v.robot.name, v.model.name, v.robot.body) for v in simulation.vehicles]
     actors += [
         (v.name, VICTIM, Pose3(*v.position, yaw=v.yaw))
@@ -171,7 +172,7 @@ def truth_answer(simulation: Simulation, line: str) -> bytes:
 
 
 def wireless_answer(simulation: Simulation, line: str) -> bytes:
-    """Return the answer to a question of a wireless server."""
+    """Return the answer to a query of a wireless server."""
     robots = [
         (v.robot.name, v.robot.body.numbers()[:3], not v.alive)
         for v in simulation.vehicles
@@ -181,7 +182,13 @@ def wireless_answer(simulation: Simulation, line: str) -> bytes:
 
 
 def count_obstacles(scene: Scene, start: Triple, end: Triple) -> int:
-    """Return how many bodies are on the straight line between two places."""
+    """Return the number of solid objects on the straight line between two positions.
+
+    Args:
+        scene: The scene.
+        start: x, y, z of one end, m, map frame.
+        end: x, y, z of the other end, m, map frame.
+    """
     tracer, place = tracer_of(scene), np.clip(start, -FARTHEST, FARTHEST)
     offset = np.clip(end, -FARTHEST, FARTHEST) - place
     left = float(np.linalg.norm(offset))

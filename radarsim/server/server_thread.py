@@ -1,4 +1,4 @@
-"""A server in a thread of its own."""
+"""Runs a server in a separate thread."""
 
 import asyncio
 import concurrent.futures
@@ -13,12 +13,12 @@ from radarsim.server.tcp_server import Server
 
 Value = TypeVar("Value")
 
-STOP_TIMEOUT: Final = 30.0  # s; it takes some milliseconds
-POLL: Final = 0.5  # s between two looks whether the thread is still there
+STOP_TIMEOUT: Final = 30.0  # s; a stop usually takes some milliseconds
+POLL: Final = 0.5  # s between two checks whether the thread is still alive
 
 
 class ServerThread(threading.Thread):
-    """Runs a server in an event loop of its own, and collects its errors."""
+    """A thread that runs a server in its own event loop and collects its errors."""
 
     def __init__(
         self,
@@ -30,8 +30,8 @@ class ServerThread(threading.Thread):
         """Prepare a server.
 
         Args:
-            host: What it serves; from now on only this thread may use it.
-            speed: Simulated seconds in one second of the wall clock.
+            host: The host to serve; from now on only this thread may use it.
+            speed: Simulated seconds per second of the wall clock.
             after_tick: Called in the thread after each tick.
         """
         super().__init__(name="usarsim_server", daemon=True)
@@ -51,7 +51,7 @@ class ServerThread(threading.Thread):
             port: Port to listen on; 0 for a free one.
 
         Returns:
-            The address that it listens on.
+            Host and port on which the server listens.
 
         Raises:
             ExceptionGroup: If the server cannot start.
@@ -67,9 +67,9 @@ class ServerThread(threading.Thread):
         """Close the port and all connections, and stop the thread.
 
         Raises:
-            ExceptionGroup: If there were errors since the start; it contains them all.
+            ExceptionGroup: All errors since the start, if there were any.
         """
-        with suppress(RuntimeError):  # its loop is closed if it has failed
+        with suppress(RuntimeError):  # the loop is closed if the server has failed
             self._end()
         self.join(STOP_TIMEOUT)
         if self.is_alive():
@@ -79,7 +79,7 @@ class ServerThread(threading.Thread):
             raise ExceptionGroup("usarsim_server failed", self._errors)
 
     def call(self, function: Callable[[], Value]) -> Value:
-        """Call a function in the thread, between two ticks, and return its value.
+        """Call a function in the server's thread between two ticks; return its value.
 
         Raises:
             ExceptionGroup: If the server has failed.
@@ -92,7 +92,7 @@ class ServerThread(threading.Thread):
             except BaseException as error:  # noqa: BLE001 - the caller gets it
                 called.set_exception(error)
 
-        with suppress(RuntimeError):  # its loop is closed if it has failed
+        with suppress(RuntimeError):  # the loop is closed if the server has failed
             self._call_soon(run)
         while not concurrent.futures.wait([called], timeout=POLL).done:
             if not self.is_alive():
@@ -100,7 +100,7 @@ class ServerThread(threading.Thread):
         return called.result()
 
     def run(self) -> None:
-        """Serve until ``finish`` is called or an error happens."""
+        """Serve until ``finish`` is called or an error occurs."""
         try:
             with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
                 runner.run(self._serve())
@@ -111,7 +111,7 @@ class ServerThread(threading.Thread):
 
     async def _serve(self) -> None:
         loop = asyncio.get_running_loop()
-        # Errors of callbacks would only be logged, and the test would pass.
+        # By default, asyncio only logs errors of callbacks; finish() must raise them.
         loop.set_exception_handler(self._add_error)
         task = asyncio.current_task()
         assert task is not None
@@ -129,7 +129,7 @@ class ServerThread(threading.Thread):
             await server.stop()
 
     def _add_error(self, _: object, context: dict[str, Any]) -> None:
-        """Collect an error of a callback, and stop, so that clients do not wait."""
+        """Collect an error of a callback and stop, so that clients do not wait."""
         error = context.get("exception")
         if not isinstance(error, Exception):
             error = RuntimeError(context["message"])

@@ -1,4 +1,4 @@
-"""A TCP server: one connection a client, and simulated time paced by the wall clock."""
+"""The TCP server of the simulation, with simulated time paced by the wall clock."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ from radarsim.simulation.clock import TICK, ticks_of
 log = logging.getLogger("radarsim.server")
 
 MAX_CLIENTS = 1024
-MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
-LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
-WATCHER_TICKS = 3  # between two writes to a client that only watches: each costs time
-LOOK_TICKS = 10  # between two looks
+MAX_LAG = 0.1  # s; a larger delay is not caught up
+LAG_LOG_INTERVAL = 10.0  # s between two log lines about delays
+WATCHER_TICKS = 3  # ticks between two writes to a client that only watches
+LOOK_TICKS = 10  # ticks between two checks of connections that are not read
 MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
 
 
 class Pace:
-    """Says whether simulated time passes in the next tick of a server, and how soon.
+    """Controls the speed of simulated time relative to the wall clock, and pauses.
 
-    While it is paused a server goes on with its ticks, in which it executes commands
-    and answers them, but no time passes in them. Steps let some time pass meanwhile.
+    While paused, the server's ticks continue: it executes and answers commands, but
+    simulated time stands still. Steps advance the time of a paused simulation.
 
     Attributes:
-        speed: Simulated seconds in one second of the wall clock.
+        speed: Simulated seconds per second of the wall clock.
         is_paused: Whether time passes only by steps.
-        observers: Called when it is paused or not any more, and when the speed changes.
+        observers: Called when ``speed`` or ``is_paused`` changes.
     """
 
     def __init__(self, speed: float = 1.0) -> None:
-        """Let time pass at a speed."""
+        """Start unpaused at a speed."""
         self.speed = speed
         self.is_paused = False
         self.observers: list[Callable[[], None]] = []
-        self._steps = 0  # ticks in which time still passes while it is paused
+        self._steps = 0  # remaining ticks of a step
 
     @property
     def interval(self) -> float:
-        """Time from one tick to the next, s of the wall clock."""
+        """Time between two ticks, s of the wall clock."""
         return TICK / self.speed if self._passes else TICK
 
     def change(
@@ -65,13 +65,13 @@ class Pace:
         paused: bool | None = None,
         step: float | None = None,
     ) -> None:
-        """Change the speed, pause or go on, or let a duration pass.
+        """Change the speed, pause or resume, or advance by a step.
 
         Args:
-            speed: Simulated seconds in one second of the wall clock.
-            paused: Whether time passes only by steps; those that are not over end.
-            step: Duration that passes, s, rounded to ticks and one of them at least,
-                until it is paused. It follows a step that is not over.
+            speed: Simulated seconds per second of the wall clock.
+            paused: Whether time passes only by steps; ends a step in progress.
+            step: Duration to advance before the pause, s, rounded to whole ticks, at
+                least one. It is added to a step in progress.
 
         Raises:
             ValueError: If the speed is not above 0, or not finite.
@@ -91,7 +91,7 @@ class Pace:
                 observer()
 
     def take_tick(self) -> bool:
-        """Count a tick, and return whether time passes in it."""
+        """Begin a tick, and return whether simulated time passes in it."""
         passes = self._passes
         self._steps = max(0, self._steps - 1)
         return passes
@@ -105,7 +105,7 @@ class Server(PeerServer):
     """Serves a host to TCP clients.
 
     Attributes:
-        pace: How simulated time follows the wall clock; may be changed at any time.
+        pace: Speed and pause of simulated time; may be changed at any time.
     """
 
     def __init__(
@@ -120,17 +120,17 @@ class Server(PeerServer):
 
         Args:
             host: The simulation and its clients.
-            speed: Simulated seconds in one second of the wall clock.
-            max_clients: Number of clients beyond which others are refused.
-            after_tick: Called after each tick, when its bytes have been sent.
+            speed: Simulated seconds per second of the wall clock.
+            max_clients: Maximum number of clients; further clients are refused.
+            after_tick: Called after each tick and its writes to clients.
         """
         super().__init__(0, "clients")
         self.host = host
         self.pace = Pace(speed)
         self.max_clients = max_clients
         self.by_number: dict[int, Connection] = {}
-        # Those that are not read at present, or that end. In a tick only these are
-        # looked at, and those for which bytes wait.
+        # Connections that are not read at present, or that are closing. A tick visits
+        # only these connections, and connections with bytes to send.
         self.held: set[Connection] = set()
         self.turns = ReadTurns()
         self._after_tick = after_tick
@@ -157,23 +157,22 @@ class Server(PeerServer):
         """Wait until a tick fails, which only a bug can cause.
 
         Raises:
-            Exception: The error that stopped simulated time.
+            Exception: The error of the failed tick.
         """
         if self._working is not None:
             await asyncio.shield(self._working)
 
     async def _work(self) -> None:
-        """Let simulated time pass, tick by tick."""
+        """Run ticks at the pace of the wall clock until cancelled."""
         loop = asyncio.get_running_loop()
         due = next_log = loop.time()
         lost = 0.0
         while True:
-            # From the last due time, not from now: delays of single ticks do not add
-            # up.
+            # Counted from the last due time, so that delays of ticks do not add up.
             due += self.pace.interval
             lag = loop.time() - due
-            # Catching up would mean to send a burst of old readings, for which clients
-            # have no use; simulated time waits instead, and is logged.
+            # To catch up a large delay would send clients a burst of outdated readings.
+            # Instead simulated time falls behind, which the log reports.
             if lag > MAX_LAG:
                 due += lag
                 lost += lag
@@ -189,25 +188,24 @@ class Server(PeerServer):
                 raise
 
     def tick(self) -> None:
-        """Advance simulated time by 10 ms, if it passes, and send all lines."""
+        """Advance simulated time by 10 ms unless paused, and send queued lines."""
         connections = self.by_number
         by_file = {connection.file_number: connection for connection in self.held}
         for number, is_gone in find_hung_up(by_file):
             by_file[number].hang_up(is_gone=is_gone)
         for number, diagnostic in self.host.step(passes=self.pace.take_tick()):
-            if number in connections:  # the host can have other clients
+            if number in connections:  # the host may have clients without a connection
                 connections[number].log_diagnostics([diagnostic])
         self.turns.advance()
         self._ticks += 1
         watchers_rest = self._ticks % WATCHER_TICKS
         for number in self.host.clients_to_send():
-            # A third of the writes is enough to watch with, and each one
-            # costs time.
+            # Watchers get a write in every third tick only, as each write takes time.
             if watchers_rest and self.host.only_watches(number):
                 continue
             if number in connections:
                 connections[number].flush()
-        # Those that are not read get no callback: they are looked at in each tick.
+        # Connections that are not read get no callbacks, so each tick checks them.
         for connection in list(self.held):
             connection.flush()
         if self._ticks % LOOK_TICKS == 0:
@@ -221,7 +219,7 @@ class Connection(PeerConnection):
 
     KIND = "client"
     SENT = "commands"
-    READ_BYTES = 2048  # before others are served
+    READ_BYTES = 2048  # small, so that other connections are served in between
 
     def __init__(self, server: Server) -> None:
         super().__init__(server)
@@ -246,12 +244,12 @@ class Connection(PeerConnection):
         self._allowance.spend(nbytes)
         data = bytes(self._buffer[:nbytes])
         self.log_diagnostics(self._host.receive(self._number, data))
-        # Clients without a robot read their answer within one second, some with a
-        # single read.
+        # Replies to clients without a robot are sent at once: some of these clients
+        # make a single read, and wait for at most one second.
         self.flush(only_replies=True)
 
     def eof_received(self) -> bool:
-        """Close when all commands are executed and all replies are sent."""
+        """Keep the transport until all commands are executed and replies are sent."""
         if self._transport is None:
             return False
         self._sends_no_more = True
@@ -261,13 +259,14 @@ class Connection(PeerConnection):
         return True  # the transport stays open for the replies
 
     def hang_up(self, *, is_gone: bool) -> None:
-        """Close if nothing that waits is of use to a peer that has closed its side.
+        """Close the connection of a peer that has closed its sending side.
 
-        A robot would be removed as soon as it is there. What else it has sent may be
-        much more than can be executed until its time is over.
+        If the peer no longer reads, or waits for a robot that would be removed at once,
+        the connection is closed immediately. Otherwise waiting commands are executed
+        for up to ``CLOSE_GRACE``.
 
         Args:
-            is_gone: Whether the peer reads no more either.
+            is_gone: Whether the peer has closed its reading side as well.
         """
         if is_gone or self._host.waits_to_spawn(self._number):
             self._finish()
@@ -275,11 +274,12 @@ class Connection(PeerConnection):
             self._end_in_time()
 
     def _floods(self) -> bool:
-        # A robot's client gets readings, which one that has gone rejects.
+        # The client of a robot gets readings; if it is gone, these writes fail, so no
+        # check for floods is needed.
         return not self._host.has_robot(self._number) and super()._floods()
 
     def log_diagnostics(self, diagnostics: list[Diagnostic]) -> None:
-        """Log commands without effect, once for each kind."""
+        """Log commands without effect, one line for each kind."""
         for found in diagnostics:
             known = found.kind in self._logged_kinds
             if not known and len(self._logged_kinds) < MAX_LOGGED_KINDS:
@@ -287,11 +287,11 @@ class Connection(PeerConnection):
                 log.warning("%s: %s", self.peer, found.text)
 
     def flush(self, *, only_replies: bool = False) -> None:
-        """Send what waits, unless earlier bytes still wait in the transport.
+        """Send waiting lines, unless the transport still holds earlier bytes.
 
         Args:
-            only_replies: Send nothing if the client has a robot: its replies go out
-                with the next tick, since a tick is one write.
+            only_replies: Whether to send nothing to a client with a robot, which gets
+                its replies in the single write of the next tick.
         """
         transport = self._transport
         if transport is None:
@@ -310,7 +310,7 @@ class Connection(PeerConnection):
                 self._finish()
                 return
         elif self._host.is_busy(self._number) or self._allowance.exhausted:
-            # Unread bytes wait in the client's socket: no queue here grows.
+            # Unread data waits in the socket, so that no queue of the server grows.
             transport.pause_reading()
             self._server.held.add(self)
         else:
@@ -318,20 +318,20 @@ class Connection(PeerConnection):
             self._server.held.discard(self)
         if only_replies and self._host.has_robot(self._number):
             return
-        # What a slow client has not taken stays in the host's queue, which can drop old
-        # readings; the buffer of a transport cannot.
+        # Lines for a slow client stay in the host's queue, which can drop old readings;
+        # the buffer of a transport cannot.
         if transport.get_write_buffer_size() == 0:
             data = self._host.take(self._number)
             if data:
                 transport.write(data)
 
     def _finish(self) -> None:
-        """Send the last replies to a peer, and close."""
+        """Send the last replies to the peer, and close the connection."""
         transport = self._transport
         assert transport is not None
         transport.write(self._host.finish(self._number))
         self._end("it closed its side" if self._sends_no_more else "no robot")
-        transport.close()  # when everything is sent
+        transport.close()  # closes after all bytes are sent
 
     def _end(self, reason: str) -> None:
         dropped = self._host.dropped_readings(self._number)
@@ -347,10 +347,10 @@ class Connection(PeerConnection):
 
 
 class Companion(Protocol):
-    """Something that runs with a server, in the same event loop."""
+    """A service that runs together with a server in the same event loop."""
 
     async def start(self, address: str) -> None:
-        """Start; the server listens on this address."""
+        """Start, given the address on which the server listens."""
         ...
 
     async def stop(self) -> None:
@@ -365,26 +365,26 @@ async def serve(
     announce: Callable[[tuple[str, int]], None],
     companions: Sequence[Companion] = (),
 ) -> int:
-    """Serve until a signal comes.
+    """Serve until a signal such as SIGINT or SIGTERM.
 
     Args:
         server: A server that is not started yet; stopped when this returns.
         address: Address to listen on.
         port: Port to listen on; 0 for a free one.
         announce: Called with the address as soon as clients can connect.
-        companions: Started and stopped with the server.
+        companions: Services to start and stop with the server.
 
     Returns:
-        The exit code: 130 after an interrupt, 0 after a request to terminate.
+        The exit code: 130 after SIGINT, 0 after SIGTERM, 129 after SIGHUP.
 
     Raises:
-        ServerError: If it cannot listen.
+        ServerError: If the server cannot listen.
     """
 
     async def run() -> None:
         log_refused_accepts(log)
-        # The objects so far stay. To look through them takes the garbage collector some
-        # 90 ms, by which scans would be late.
+        # Existing objects are excluded from garbage collection. A collection of them
+        # would take some 90 ms and delay scans.
         gc.collect()
         gc.freeze()
         await server.start(address, port)

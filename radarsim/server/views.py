@@ -1,8 +1,9 @@
-"""What viewers of pictures see: whose camera, and how many of them in a picture.
+"""Selects the robot and the cameras that each image viewer sees.
 
-A picture has one tile, or four as quarters. Viewers on the machine of a client see its
-robot; if it has several, each viewer sees another one, in the order of connecting. A
-viewer on any other machine sees the robot that has been there for longest.
+A picture has one tile, or four tiles as quarters. A viewer on the same machine as a
+client sees that client's robot; if clients on this machine have several robots, each
+viewer sees a different one, in the order of connecting. A viewer on any other machine
+sees the robot that spawned first.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
-MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
-FOV_DEG: Final = 80.0  # from left to right, as the original's
+MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # camera mount on a P3AT in the original server
+FOV_DEG: Final = 80.0  # horizontal field of view, as in the original server
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Where a camera is, and where the robots are.
+    """The pose of a camera and the poses of the robots, at one time.
 
     Attributes:
         camera: Pose of the camera, map frame; it looks along its x axis.
-        boxes: The robots.
+        boxes: Boxes of the robots.
         carrier_id: Id of the box of the robot that carries the camera; -1 for none.
-        fov: Angle from left to right, rad.
-        marks: Marks of trails, as of ``Trails.marks``; None without any.
+        fov: Horizontal field of view, rad.
+        marks: Marks of trails, see ``Trails.marks``; None without trails.
     """
 
     camera: Pose3
@@ -44,12 +45,12 @@ class View:
 
     @classmethod
     def of(cls, simulation: Simulation, vehicle: Vehicle | None = None) -> View:
-        """Return the view of a robot by a camera that looks ahead.
+        """Return the view of a forward-looking camera on a robot.
 
         Args:
-            simulation: The simulation.
-            vehicle: The robot; None for the one that has been there for longest, or a
-                P3AT at the first start of the map if there is none.
+            simulation: The simulation to view.
+            vehicle: The robot; None for the robot that spawned first. Without robots,
+                the view is that of a P3AT at the first start of the map.
         """
         boxes, vehicles = simulation.boxes(), simulation.vehicles
         if vehicles:
@@ -62,32 +63,32 @@ class View:
         return cls(body.compose(MOUNT), boxes)
 
 
-Tiles: TypeAlias = tuple[View | None, ...]  # one or four; None for none
+Tiles: TypeAlias = tuple[View | None, ...]  # one or four views; None is a black tile
 Shown: TypeAlias = tuple[int, str | None]  # number of a robot, and name of a camera
 
 
 class Watcher(Protocol):
-    """Someone who looks at pictures.
+    """A viewer of pictures.
 
     Attributes:
-        robot: Number of the robot that it saw last; 0 for none.
+        robot: Number of the robot that the viewer saw last; 0 for none.
     """
 
     robot: int
 
     @property
     def address(self) -> str:
-        """Address of its machine."""
+        """IP address of the viewer's machine."""
         ...
 
 
 def tiles_of(simulation: Simulation, shown: Shown) -> Tiles:
-    """Return what a picture shows.
+    """Return the views in the tiles of a picture.
 
     Args:
-        simulation: The simulation.
-        shown: Number of a robot, 0 without any; and name of its camera, None for what
-            its viewports show.
+        simulation: The simulation to view.
+        shown: Number of a robot, 0 without robots; and name of its camera, None for its
+            viewports.
     """
     number, camera = shown
     vehicle = next((v for v in simulation.vehicles if v.number == number), None)
@@ -111,7 +112,12 @@ def tiles_of(simulation: Simulation, shown: Shown) -> Tiles:
 
 
 def assign(simulation: Simulation, watchers: Iterable[Watcher]) -> list[Shown]:
-    """Return what each of some viewers sees, in the order of connecting."""
+    """Return the robot and camera that each viewer sees.
+
+    Args:
+        simulation: The simulation to view.
+        watchers: The viewers in the order of connecting.
+    """
     vehicles = simulation.vehicles
     present = [vehicle.number for vehicle in vehicles]
     taken: set[int] = set()

@@ -1,10 +1,11 @@
-"""A web server for programs that have an end of their own, and who may use it.
+"""A web server that can run inside another program, with checks of Host and Origin.
 
-Programs on other machines, and pages of other sites in a browser on this one, must not
-see or drive robots. A request names the host that its sender means to talk to: if that
-is not this server, a foreign name was made to resolve to this address. And a browser
-names the site that a request comes from, which has to be this one. Both are checked
-before anything else, also before the token.
+Programs on other machines, and web pages of other sites in a browser on this machine,
+must not see or drive robots. The header ``Host`` contains the host name that the
+browser used; any other name than this server's means DNS rebinding, a foreign name that
+resolves to this address. The header ``Origin`` contains the site that sent the request,
+which has to be this server. Both are checked before anything else, even before the
+token.
 """
 
 import asyncio
@@ -27,11 +28,11 @@ from radarsim.listening import log_refused_accepts, raise_file_limit
 
 log = logging.getLogger("radarsim.server")
 
-ANY_ADDRESS: Final = ("0.0.0.0", "::")  # compared, not bound
+ANY_ADDRESS: Final = ("0.0.0.0", "::")  # only for comparison, not for binding
 HTTP_PORT: Final = 80
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 HEADERS: Final[Mapping[str, str]] = {
-    # Files of another version would not understand this program.
+    # Cached files of another version may not work with this program.
     "Cache-Control": "no-cache",
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self';"
@@ -46,15 +47,16 @@ HEADERS: Final[Mapping[str, str]] = {
 
 
 class AllowedHosts:
-    """The hosts that a request may be meant for."""
+    """The values of the headers Host and Origin that are accepted."""
 
     def __init__(self, address: str, port: int) -> None:
-        """Allow the address that is listened on, and the names of this machine.
+        """Allow the address of the server, and the loopback names of this machine.
 
         Args:
-            address: Address that the server listens on; if it is all of them, any
-                address is allowed, but no name: a name may be made to resolve to here.
-            port: Port that it listens on.
+            address: Address on which the server listens. If it listens on all
+                addresses, any numeric address is allowed, but no other host name,
+                because a foreign name may resolve to this machine.
+            port: Port on which the server listens.
         """
         self._any_address = address in ANY_ADDRESS
         names = (*LOOPBACK, address.lower())
@@ -62,12 +64,12 @@ class AllowedHosts:
         self._port = port
 
     def admit(self, headers: Headers, *, needs_origin: bool) -> bool:
-        """Return whether a request may come in.
+        """Return whether a request is accepted.
 
         Args:
-            headers: Its headers.
-            needs_origin: Whether it has to name its origin, as browsers do that open a
-                WebSocket.
+            headers: Headers of the request.
+            needs_origin: Whether the header Origin is required; browsers always send it
+                when they open a WebSocket.
         """
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or not self._is_known(hosts[0].lower()):
@@ -78,7 +80,7 @@ class AllowedHosts:
 
     def _is_known(self, host: str) -> bool:
         if host.endswith("]") or ":" not in host:
-            host += f":{HTTP_PORT}"  # browsers leave it out
+            host += f":{HTTP_PORT}"  # browsers omit the default port
         if host in self._hosts:
             return True
         name, _, port = host.rpartition(":")
@@ -86,7 +88,7 @@ class AllowedHosts:
 
 
 class HostCheck:
-    """An ASGI application in front of another one, which refuses with 403."""
+    """ASGI middleware that answers requests from other hosts or origins with 403."""
 
     def __init__(self, app: ASGIApp, allowed: AllowedHosts) -> None:
         self._app = app
@@ -105,19 +107,20 @@ class HostCheck:
             await self._app(scope, receive, send_guarded)
         elif is_socket:
             await receive()
-            await send({"type": "websocket.close"})  # before it is accepted: 403
+            # A WebSocket that is closed before it is accepted is answered with 403.
+            await send({"type": "websocket.close"})
         else:
             refusal = PlainTextResponse("wrong Host or Origin\n", 403)
             await refusal(scope, receive, send_guarded)
 
 
 def make_token() -> str:
-    """Return a new token, which cannot be guessed."""
+    """Return a new random token that cannot be guessed."""
     return secrets.token_urlsafe(24)
 
 
 def is_token(given: str, expected: str) -> bool:
-    """Compare tokens in a time that does not tell how much of one is right."""
+    """Compare tokens in constant time, to prevent timing attacks."""
     return secrets.compare_digest(given.encode(), expected.encode())
 
 
@@ -130,19 +133,21 @@ def _is_address(name: str) -> bool:
 
 
 MOST_CONNECTIONS: Final = 200
-FILES_EACH: Final = 4  # so that connections never take more than half of all files
-END_TIMEOUT: Final = 1  # s that clients have to go at the end
+# Open files per permitted connection; connections use at most half of all open files.
+FILES_EACH: Final = 4
+END_TIMEOUT: Final = 1  # s for clients to disconnect when the server stops
 REQUEST_TIMEOUT: Final = 5.0  # s for the headers of a request; uvicorn sets no limit
 
 
 class HttpConnection(H11Protocol):
-    """A connection of uvicorn's that is closed if no request comes in time."""
+    """A uvicorn connection that is closed if no request comes in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Wait for the first request, unless too many others do."""
+        """Wait for the first request; abort if there are too many connections."""
         super().connection_made(transport)
         assert self.limit_concurrency is not None
-        # One more than that gets an answer; but an answer takes an open file, too.
+        # Beyond the limit uvicorn answers with 503, for which each connection needs an
+        # open file. Beyond twice the limit, connections are aborted.
         if len(self.connections) > 2 * self.limit_concurrency:
             self.transport.abort()
             return
@@ -157,13 +162,13 @@ class HttpConnection(H11Protocol):
         self.loop.call_later(REQUEST_TIMEOUT, self._close_without_request, self.cycle)
 
     def _close_without_request(self, answered: RequestResponseCycle | None) -> None:
-        # A connection that has become a WebSocket is not among them any more.
+        # A connection that became a WebSocket is no longer in ``connections``.
         if self.cycle is answered and self in self.connections:
             self.transport.abort()
 
 
 class WebServer(uvicorn.Server):
-    """A server of uvicorn that leaves signals alone, and reports when it listens."""
+    """A uvicorn server without signal handlers, which reports when it listens."""
 
     def __init__(
         self, app: ASGIApp, on_start: Callable[[], None], *, longest_message: int
@@ -171,8 +176,8 @@ class WebServer(uvicorn.Server):
         """Create a server that does not listen yet.
 
         Args:
-            app: What it serves.
-            on_start: Called as soon as it listens.
+            app: The ASGI application to serve.
+            on_start: Called as soon as the server listens.
             longest_message: Longest message on a WebSocket, bytes.
         """
         config = uvicorn.Config(
@@ -193,11 +198,11 @@ class WebServer(uvicorn.Server):
         self._on_start = on_start
 
     def capture_signals(self) -> Any:
-        """Leave the handlers of signals as they are."""
+        """Do not install signal handlers."""
         return nullcontext()
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Listen, and report that it does."""
+        """Start to listen, and call ``on_start``."""
         log_refused_accepts(log)
         await super().startup(sockets)
         self._on_start()

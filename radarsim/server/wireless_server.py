@@ -1,22 +1,22 @@
-"""A wireless server (WSS), through which robots talk that hear each other.
+"""A wireless server (WSS), which relays connections between robots within radio range.
 
 Theory of operation
 ===================
-A robot registers with its name and the ports on which its program listens. Another one
-asks for a port at which it reaches the first, and connects to that: its bytes are
-passed on, in both directions, as long as the signal between the two is strong enough.
-When it is not, which is looked at in each ``LOOK_INTERVAL``, all that they have to each
-other is closed, and the port is open again when it is.
+A robot's program registers with the robot's name and the ports on which it listens.
+Another robot requests a relay port for one of these ports and connects to the relay
+port. The server forwards bytes in both directions while the signal between the two
+robots is strong enough. It checks the signal every ``LOOK_INTERVAL``: if the signal is
+too weak, it closes the relay port and its connections, and opens the port again later.
 
-Rule 1: a program is only connected to at the address from which it registered.
-Rule 2: a robot whose battery is empty, or that has left, is closed; one that is not
-there yet only hears nobody.
-Rule 3: a robot that reads slowly does not fill the memory: what comes for it waits at
-its sender, and it is closed if it reads nothing for ``STALL_TIMEOUT``.
-Rule 4: requests are answered as questions are (``question_server``), relay ports are
-looked at one after the other, and a connection rests after each piece that it has
-passed on, longer the more of them there are, so that ticks are on time whatever is
-asked and sent.
+Rule 1: the server connects to a program only at the address from which the program
+registered.
+Rule 2: a robot with an empty battery, or that has left, is disconnected. A registered
+robot that has not spawned yet has no signal.
+Rule 3: a robot that reads slowly does not fill the memory: the sender has to wait, and
+the connection is closed if the robot reads nothing for ``STALL_TIMEOUT``.
+Rule 4: ticks must stay on time under any load. So requests are answered like queries in
+``question_server``, relay ports are checked one after the other, and a connection
+pauses after each forwarded piece, for longer the more connections there are.
 """
 
 from __future__ import annotations
@@ -59,45 +59,45 @@ if TYPE_CHECKING:
 log = logging.getLogger("radarsim.server")
 
 MAX_ROBOTS: Final = 32
-MAX_RELAYS: Final = 128  # ports of all pairs
-MAX_LINKS: Final = 64  # connections through all of them
-LOOK_INTERVAL: Final = 1.0  # s, as the original
-UNHURRIED_LINKS: Final = 8  # that rest for as short as one alone
+MAX_RELAYS: Final = 128  # relay ports of all pairs of robots
+MAX_LINKS: Final = 64  # connections through all relay ports
+LOOK_INTERVAL: Final = 1.0  # s, as in the original server
+UNHURRIED_LINKS: Final = 8  # number of links above which pauses become longer
 CONNECT_TIMEOUT: Final = 5.0  # s
-READ_BYTES: Final = 32_768  # passed on at a time
-STALL_TIMEOUT: Final = 60.0  # s; else who is gone would hold a link for ever
-CLOSE_GRACE: Final = 2.0  # s to read what was written before a link was closed
+READ_BYTES: Final = 32_768  # largest forwarded piece
+STALL_TIMEOUT: Final = 60.0  # s; without it, a lost peer would hold a link forever
+CLOSE_GRACE: Final = 2.0  # s for a peer to read the last bytes before a link is closed
 Place: TypeAlias = tuple[str, int]  # address and port
-Ports: TypeAlias = tuple[int, ...] | None  # None if they are not readable
+Ports: TypeAlias = tuple[int, ...] | None  # None for ports that are not readable
 
 
 class WirelessServer(QuestionServer):
-    """Listens to robots."""
+    """Registers robots, and relays connections between them."""
 
     def __init__(self, simulation: Simulation, *, port: int) -> None:
         """Create a server that does not listen yet.
 
         Args:
-            simulation: Where the robots are.
+            simulation: Simulation with the robots.
             port: Port to listen on; 0 for a free one.
         """
         super().__init__(lambda _: b"", port=port, kind="robots that talk")
         self.robots: dict[str, WirelessClient] = {}
         self._simulation = simulation
         self._relays: dict[tuple[str, str, int], RelayPort] = {}
-        self._seen: set[str] = set()  # names of robots that were there
+        self._seen: set[str] = set()  # names of registered robots that have spawned
 
     def _accept(self) -> WirelessClient:
         return WirelessClient(self)
 
     async def _work(self) -> None:
-        """Look where the robots are, again and again."""
+        """Check robots and relay ports periodically until cancelled."""
         while True:
             self._look()
             await asyncio.sleep(LOOK_INTERVAL / max(1, len(self._relays)))
 
     def strength(self, one: str, other: str) -> float | None:
-        """Return the strength of the signal, dBm; None if a robot is not there."""
+        """Return the signal strength between two robots, dBm; None if one is absent."""
         present = self._present()
         if not {one, other} <= present.keys():
             return None
@@ -107,12 +107,16 @@ class WirelessServer(QuestionServer):
         return signal_strength(math.dist(start, end), count)
 
     def hears(self, one: str, other: str) -> bool:
-        """Return whether two robots hear each other."""
+        """Return whether two robots receive each other's signals."""
         strength = self.strength(one, other)
         return strength is not None and strength >= CUTOFF
 
     def relay_port(self, source: str, target: str, port: int) -> int | None:
-        """Return the port at which one robot reaches a port of another, if any."""
+        """Return the relay port from one robot to a port of another robot.
+
+        Returns:
+            The number of the relay port; None if no further port is available.
+        """
 
         def place() -> Place | None:
             robot = self.robots.get(target)
@@ -133,7 +137,12 @@ class WirelessServer(QuestionServer):
         return self._relays[key].number
 
     def caller(self, target: str, port: int) -> str | None:
-        """Return who reaches a robot from a port of this server."""
+        """Return the robot that is connected to ``target`` from a port of this server.
+
+        Args:
+            target: Name of the robot that accepted the connection.
+            port: Local port of this server on the connection to ``target``.
+        """
         for (source, to, _), relay in self._relays.items():
             if to == target and port in relay.links.values():
                 return source
@@ -143,23 +152,23 @@ class WirelessServer(QuestionServer):
         return sum(len(relay.links) for relay in self._relays.values())
 
     def _rest(self) -> float:
-        """Return how long a link rests after each piece, s."""
+        """Return the pause of a link after each forwarded piece, s."""
         return REST * max(1.0, self._count_links() / UNHURRIED_LINKS)
 
     def forget(self, name: str) -> None:
-        """Close all relay ports of a robot that has gone."""
+        """Close all relay ports of a robot that has disconnected."""
         self.robots.pop(name, None)
         for key in [each for each in self._relays if name in each[:2]]:
             self._relays.pop(key).close()
 
     def _present(self) -> dict[str, Vehicle]:
-        """Return the robots whose batteries are not empty, by their names."""
+        """Return the robots whose batteries are not empty, by name."""
         return {v.robot.name: v for v in self._simulation.vehicles if v.alive}
 
     def _look(self) -> None:
-        """Open or close a relay port by the signal now; each time the next one.
+        """Disconnect robots that have left, and open or close the next relay port.
 
-        Robots that have gone are closed.
+        Each call checks the signal of one relay port, in round-robin order.
         """
         present = self._present()
         self._seen |= present.keys() & self.robots.keys()
@@ -170,7 +179,7 @@ class WirelessServer(QuestionServer):
                 log.info("%s: %s has gone", client.peer, printable_name(name))
                 client.close()
         for key in list(self._relays)[:1]:
-            relay = self._relays[key] = self._relays.pop(key)  # as the last one
+            relay = self._relays[key] = self._relays.pop(key)  # move it to the end
             if self.hears(*key[:2]):
                 relay.open()
             else:
@@ -178,7 +187,7 @@ class WirelessServer(QuestionServer):
 
 
 class WirelessClient(QuestionClient):
-    """The connection on which a robot registers and asks."""
+    """The connection of a robot that registers and requests relay ports."""
 
     KIND = "robot that talks"
     MOST = MAX_ROBOTS
@@ -223,7 +232,8 @@ class WirelessClient(QuestionClient):
         if not robot:
             return "ERROR {Reason Robot.Name.Must.Not.Be.Empty}"
         if robot in self._wireless.robots:
-            return "ERROR {Reason Robot.Alread.Exists}"  # as the original spells it
+            # The original server has the same misspelling.
+            return "ERROR {Reason Robot.Alread.Exists}"
         self.name, self.ports = robot, ports
         self._wireless.robots[robot] = self
         log.info("%s: registered as %s", self.peer, printable_name(robot))
@@ -238,7 +248,7 @@ class WirelessClient(QuestionClient):
         return f"{robot} {strength_text(self._wireless.strength(self.name, name))}"
 
     def _reach(self, name: str, ports: tuple[int, ...]) -> str:
-        """Answer how another robot is reached."""
+        """Return the answer to DNS, with the relay port to another robot."""
         other = self._wireless.robots.get(name)
         reply = f"DNSREPLY {{Robot {printable_name(name)}}}"
         if other is None or other is self:
@@ -258,7 +268,7 @@ class WirelessClient(QuestionClient):
 
 
 def _fault_of(verb: str, robot: str, ports: Ports) -> str:
-    """Return the fault of a request of a registered robot, in one word."""
+    """Return the fault in a request of a registered robot; empty if there is none."""
     if verb not in ("GETSS", "DNS", "REVERSEDNS"):
         return "Method.Unknown.Or.Can.INIT.only.once"
     if verb != "GETSS" and ports is None:
@@ -269,12 +279,12 @@ def _fault_of(verb: str, robot: str, ports: Ports) -> str:
 
 
 class RelayPort:
-    """A port at which one robot reaches a port of another.
+    """A port of this server that forwards one robot's connections to another robot.
 
     Attributes:
         number: The port.
-        links: The connections through it, and the ports of this server from which
-            the robot is reached; 0 before it is.
+        links: The connections through the port, each with the local port of its
+            connection to the other robot; 0 before that connection exists.
     """
 
     def __init__(
@@ -287,8 +297,9 @@ class RelayPort:
 
         Args:
             addresses: Addresses to listen on.
-            target: Returns the place that a caller is connected to; None to refuse it.
-            rest: Returns how long a connection rests after each piece, s.
+            target: Returns address and port of the robot to connect to; None to refuse
+                the connection.
+            rest: Returns the pause of a connection after each forwarded piece, s.
 
         Raises:
             ServerError: If there is no free port.
@@ -302,7 +313,7 @@ class RelayPort:
             self.number: int = sock.getsockname()[1]
 
     def open(self) -> None:
-        """Listen, if it does not; where another program has the port, try later."""
+        """Listen on the port; if another program uses it, a later call tries again."""
         if self._is_open:
             return
         with suppress(ServerError, OSError), ExitStack() as unless_all:
@@ -310,7 +321,8 @@ class RelayPort:
             for address in self._addresses:
                 sock = bind(address, self.number, only_ipv6=True)
                 sockets.append(unless_all.enter_context(sock))
-                sock.listen(MAX_WAITING)  # at once, as whoever has asked comes now
+                # Listen at once, as the robot connects as soon as it has the answer.
+                sock.listen(MAX_WAITING)
             unless_all.pop_all()
             self._is_open = True
             self._starting = asyncio.ensure_future(self._serve(sockets))
@@ -321,12 +333,12 @@ class RelayPort:
                 self._link, sock=sock, backlog=ACCEPTED_AT_ONCE
             )
             self._listeners.append(listener)
-            sock.listen(MAX_WAITING)  # as of ``listening.listen``
-        if not self._is_open:  # closed meanwhile
+            sock.listen(MAX_WAITING)  # for the same reason as in ``listening.listen``
+        if not self._is_open:  # closed in the meantime
             self.close()
 
     def close(self) -> None:
-        """Stop listening, and close all connections through it."""
+        """Stop listening, and close all connections through the port."""
         self._is_open = False
         while self._listeners:
             self._listeners.pop().close()
@@ -336,7 +348,7 @@ class RelayPort:
     async def _link(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        """Pass on what a caller and the robot send, until one of them closes."""
+        """Forward data in both directions until the caller or the robot closes."""
         place = self._target() if self._is_open else None
         if place is None:
             writer.close()
@@ -363,7 +375,7 @@ class RelayPort:
     async def _pass_on(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        """Write what comes, and rest after each piece, until one end is closed."""
+        """Forward data in one direction, with pauses, until a side is closed."""
         with suppress(OSError):
             while data := await reader.read(READ_BYTES):
                 writer.write(data)
@@ -373,7 +385,7 @@ class RelayPort:
 
 
 async def _close_soon(writers: Sequence[asyncio.StreamWriter]) -> None:
-    """Close connections once written bytes have been sent, but soon."""
+    """Close connections after their data is sent, or after ``CLOSE_GRACE``."""
     for writer in writers:
         writer.close()
     closing = [writer.wait_closed() for writer in writers]

@@ -1,1 +1,1 @@
-"""Robots with their sensors in a scene, in steps of simulated time."""
+"""Simulation of robots with sensors in a scene, in steps of simulated time."""

@@ -1,6 +1,6 @@
-"""The clock of a simulation, and schedules of regular intervals.
+"""The clock of a simulation, and schedules of entries that are due periodically.
 
-Simulated time is counted in ticks of 10 ms, so that sums of steps do not drift.
+Simulated time is counted in ticks of 10 ms, so rounding errors do not accumulate.
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ Entry = TypeVar("Entry")
 
 def seconds(ticks: int) -> float:
     """Return the time of a tick, s."""
-    # A division, not a product with 0.01: 57 ticks are 0.57 s, and 57 * 0.01 is
-    # not.
+    # The division gives the nearest float of the decimal time: 57 / 100 is 0.57, but
+    # 57 * 0.01 is not.
     return ticks / 100
 
 
 def ticks_of(interval: float) -> int:
-    """Return the number of ticks nearest to an interval in s, at least one."""
+    """Return an interval, s, rounded to ticks, at least one."""
     return max(1, round(interval / TICK))
 
 
@@ -42,10 +42,10 @@ class Clock:
 class Schedule(Generic[Entry]):
     """Entries that are due at regular intervals, each counted from its own tick.
 
-    Finding the entries of a tick takes no time for entries that are not.
+    Finding the entries of a tick takes no time for entries that are not due.
 
     Attributes:
-        clock: The clock whose ticks count.
+        clock: The clock that counts the ticks.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -57,12 +57,12 @@ class Schedule(Generic[Entry]):
     def add(self, entry: Entry, interval: int, since: int | None = None) -> None:
         """Make an entry due every ``interval`` ticks.
 
-        It may be there with other intervals already.
+        An entry can have several intervals.
 
         Args:
             entry: The entry.
-            interval: Ticks from one time to the next.
-            since: The tick from which intervals are counted; None for this one.
+            interval: Ticks between two times at which the entry is due.
+            since: The tick from which intervals are counted; None for the current tick.
         """
         start = self.clock.ticks if since is None else since
         phases = self._entries.setdefault(interval, {})
@@ -84,9 +84,9 @@ class Schedule(Generic[Entry]):
                 del self._entries[interval]
 
     def due(self) -> list[Entry]:
-        """Return the entries that are due in this tick, each of them once."""
-        # A dict keeps who came first, and has each entry once: a scan may be both
-        # requested and due.
+        """Return the entries that are due in this tick, without duplicates."""
+        # A dict keeps the order and drops duplicates: an entry may be both requested
+        # and due.
         found, self._requested = self._requested, {}
         for interval, phases in self._entries.items():
             found |= phases.get(self.clock.ticks % interval, {})

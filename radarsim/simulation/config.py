@@ -1,12 +1,12 @@
-"""Configuration of a simulation, and limits of what clients may change in it.
+"""Configuration of a simulation, and limits for changes by clients.
 
-Imports no engine before a scanner is created.
+The engine is not imported until a scanner is created.
 
-``MOST_RAYS`` and the constants after it limit how many rays a client may ask for when
-it changes the settings of a scanner; ``check_rays`` checks them. All robots share the
-time of a tick: a client must not take that of the others. Whoever starts the simulation
-may configure more; that much is then allowed as well. ``presets.sensor_settings``
-limits what any scanner may have.
+``MOST_RAYS`` and the constants after it limit the number of rays that a client may
+request by changing the settings of a scanner; ``check_rays`` checks the limits. All
+robots share the time of a tick, so one client must not slow down the others. The
+configuration at the start of the simulation may have more rays, and clients may then
+request as many. ``presets.sensor_settings`` has the limits of every scanner.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ from radarsim.protocol.dialect import (
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
-DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another one
-MOST_RAYS: Final = 2_000  # in a scan; that takes some ms with all echoes
+DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without an interval
+MOST_RAYS: Final = 2_000  # per scan, which takes some ms with all echoes
 MOST_RAYS_A_SECOND: Final = 50_000
-MOST_EXTRA_RAYS: Final = 500_000  # a second, which all robots together add by changes
-MOST_DIRECTIONS: Final = 5_000  # from which rays are drawn; preparing them takes 1 ms
+MOST_EXTRA_RAYS: Final = 500_000  # per second, added by changes of all robots together
+MOST_DIRECTIONS: Final = 5_000  # per scan, prepared in 1 ms; rays are drawn from them
 LIMITS: Final = (MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
 NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan")
 
 
 @dataclass(frozen=True, slots=True)
 class SimulationConfig:
-    """How robots are driven, and how their items differ from their presets.
+    """The dialect of commands, changed item settings, and additional robot classes.
 
     Attributes:
         dialect: Rates, limits and the unit of DRIVE.
-        drive_unit: Unit of DRIVE; None for the dialect's.
+        drive_unit: Unit of DRIVE; None for the dialect's unit.
         item_settings: Settings by item name, for items of all robots; a scanner also
             has ``sensor``, the name of another preset.
-        robots: Robot classes besides those that are shipped; of two of one name, the
-            one that is not.
+        robots: Robot classes in addition to the shipped classes; a class replaces the
+            shipped class with the same name.
     """
 
     dialect: Dialect = COMPAT
@@ -69,7 +69,7 @@ class SimulationConfig:
         return tuple(dict.fromkeys((*robot_names(), *(r.name for r in self.robots))))
 
     def robot(self, class_name: str) -> RobotModel:
-        """Return a robot class by its name; case does not matter.
+        """Return a robot class by its name, ignoring case.
 
         Raises:
             PresetError: If there is no such class.
@@ -80,12 +80,12 @@ class SimulationConfig:
         return load_robot(class_name)
 
     def check(self) -> None:
-        """Check all item settings against all robot classes, and classes of its own.
+        """Check the item settings against all robot classes, and the added classes.
 
         Raises:
             PresetError: If no class has such an item, or the item has no such setting,
                 or a value is out of range, or there is no such sensor.
-            TypeError: If the dialect is none.
+            TypeError: If the dialect is not a Dialect.
         """
         if not isinstance(self.dialect, Dialect):
             expected = "a Dialect of radarsim.protocol.dialect, such as UDK"
@@ -108,10 +108,10 @@ class SimulationConfig:
                     raise PresetError(own + text) from None
 
     def check_scanners(self, model: RobotModel) -> None:
-        """Check the scanners of a robot class, which can need a part that is missing.
+        """Check that the scanners of a robot class can be created.
 
         Raises:
-            PresetError: If that is so, or a setting does not fit.
+            PresetError: If a required add-on is missing, or a setting is invalid.
         """
         for item in model.items_of("RangeScanner"):
             self.scanner_settings(item)
@@ -132,9 +132,9 @@ class SimulationConfig:
         return WheelDrive(model.max_rev_per_s * 2 * math.pi / RAD_PER_S[unit], unit)
 
     def settings(self, item: Item) -> dict[str, Any]:
-        """Return the settings of an item: the class's, the dialect's, then these.
+        """Merge the item settings of robot class, dialect and this configuration.
 
-        Those of the class and of the dialect hold for the class's own sensor only.
+        Settings of the class and the dialect are dropped if ``sensor`` is replaced.
         """
         own = self._own_settings(item)
         if item.sensor is None:
@@ -143,14 +143,14 @@ class SimulationConfig:
             return own
         settings = dict(item.settings)
         max_range = self.dialect.laser_max_range
-        # These have their own maximum range in all dialects.
+        # Hokuyo lasers and FMCW radars keep their maximum range in all dialects.
         has_own = item.sensor == "hokuyo" or has_fmcw(item.sensor)
         if max_range is not None and not has_own:
             settings["max_range"] = max_range
         return settings | own
 
     def _own_settings(self, item: Item) -> dict[str, Any]:
-        """Return the settings under the item's name, in any case."""
+        """Return this configuration's settings of an item, ignoring case in names."""
         return {
             key: value
             for name, own in self.item_settings.items()
@@ -159,7 +159,7 @@ class SimulationConfig:
         }
 
     def with_settings(self, item: Item, settings: Mapping[str, Any]) -> Self:
-        """Return this configuration with some settings of an item changed.
+        """Return a copy of this configuration with some settings of an item changed.
 
         Raises:
             PresetError: If the item has no such setting, or a value is out of range.
@@ -233,11 +233,11 @@ class SimulationConfig:
 
 
 def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
-    """Return how much a range scanner asks for, in the order of ``NAMES``."""
+    """Return the numbers of rays of a range scanner, in the order of ``NAMES``."""
     settings, interval = config.scanner_settings(item), config.interval(item)
     if settings.has_detector:
         fmcw = load_fmcw_settings(config.sensor_name(item))
-        # Those of a turn, before thin things are refined.
+        # The rays of one revolution, before refinement at thin objects.
         rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
         return rays, rays / interval, rays
     directions = settings.beams * settings.rays_per_beam
@@ -252,21 +252,21 @@ def check_rays(
     before: float,
     others: float,
 ) -> float:
-    """Check how many rays the scanners of a robot would have.
+    """Check the number of rays of a robot's scanners after a change of settings.
 
     Args:
-        items: Its range scanners.
+        items: The range scanners of the robot.
         config: The changed configuration.
         first: The configuration that the robot was spawned with.
-        before: The rays in a second that changed settings have added so far; fewer are
-            always right.
-        others: Those that they have added to all other robots.
+        before: The rays per second that earlier changes have added; a change to fewer
+            rays is always allowed.
+        others: The rays per second that changes have added to all other robots.
 
     Returns:
-        The rays in a second that changed settings would have added.
+        The rays per second that changes have added, including this change.
 
     Raises:
-        PresetError: If they are too many.
+        PresetError: If a limit is exceeded.
     """
     extra = 0.0
     for item in items:

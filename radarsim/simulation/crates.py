@@ -1,7 +1,7 @@
-"""The crates of a simulation: those of the map, and those that clients create.
+"""The crates of a simulation, from the map and from clients.
 
-To everything else they are robots that stand still: upright boxes of a fleet, which
-other robots touch and all sensors see.
+A crate is a member of the fleet that does not move: an upright box that robots collide
+with and all sensors see.
 """
 
 from collections.abc import Iterator
@@ -22,13 +22,13 @@ CRATE: Final = "WCCrate"  # class of crates on the wire
 
 @dataclass(frozen=True, slots=True)
 class PlacedCrate:
-    """A crate that is there.
+    """A crate in the simulation.
 
     Attributes:
-        crate: Where it is, and how large.
-        body: Its body in the fleet.
-        falls: Whether it stands on the floor wherever it is moved.
-        owner: Whose it is: it leaves with this one. None if it stays.
+        crate: Pose and size of the crate.
+        body: Body of the crate in the fleet.
+        falls: Whether the crate is always placed on the floor.
+        owner: Number of the owner, with whom the crate is removed; None if it stays.
     """
 
     crate: Crate
@@ -57,24 +57,23 @@ class Crates:
 
     @property
     def is_full(self) -> bool:
-        """Whether there is room for no further crate."""
+        """Whether the simulation has the maximum number of crates."""
         return len(self._placed) >= MOST_CRATES
 
     def find(self, name: str) -> PlacedCrate | None:
-        """Return the crate of a name, in any case."""
+        """Return the crate with a name, ignoring case; None if there is none."""
         return self._placed.get(name.casefold())
 
     def create(self, crate: Crate, *, falls: bool, owner: int | None) -> list[str]:
-        """Add a crate, of whose name there is none.
+        """Add a crate with an unused name, unless a robot or a crate is in the way.
 
         Args:
             crate: The crate.
-            falls: Whether it stands on the floor wherever it is moved.
-            owner: As of ``PlacedCrate``.
+            falls: Whether the crate is always placed on the floor.
+            owner: As in ``PlacedCrate``.
 
         Returns:
-            Names of robots and crates that are in the way; with any of them nothing is
-            added.
+            Names of robots and crates in the way; the crate is added if there are none.
         """
         crate = self._landed(crate) if falls else crate
         in_way = self._in_way(crate)
@@ -83,11 +82,11 @@ class Crates:
         return in_way
 
     def move(self, placed: PlacedCrate, crate: Crate) -> list[str]:
-        """Put a crate elsewhere, unless something is in the way; see ``create``."""
+        """Move a crate, unless a robot or a crate is in the way; see ``create``."""
         crate = self._landed(crate) if placed.falls else crate
         in_way = self._in_way(crate, placed.body)
         if not in_way:
-            # As another body: what moved at once had no speed on its way.
+            # A new body has no velocity, since the crate did not drive to its new pose.
             self._fleet.remove(placed.body)
             self._keep(replace(placed, crate=crate, body=self._add_body(crate)))
         return in_way

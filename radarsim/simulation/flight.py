@@ -1,10 +1,10 @@
-"""The heights of robots that fly: how far they rise and descend, and what stops them.
+"""Vertical motion of flying robots, and their obstacles.
 
-A robot that flies moves level as others drive, among slices of everything solid at the
-heights of its body. Slices are made for each band of ``BAND`` m in which its bottom
-is, around the tile of the map in which it is, when it comes there, and only
-kept until it leaves. A robot rises and descends as far as vertical rays from its body
-meet nothing that stops robots or light, and the slices of the next band leave it room.
+Horizontally, a flying robot moves like a driving robot, among slices of all solid
+objects at the heights of its body. Slices are computed when a robot enters a height
+band of ``BAND`` m and a tile of the map, and dropped when it leaves. A robot rises or
+descends until vertical rays from its body hit a surface that stops robots or light, or
+its footprint overlaps the slices of the next band.
 """
 
 import math
@@ -29,11 +29,11 @@ from radarsim.simulation.clock import TICK
 
 BAND: Final = 0.1  # m
 TILE: Final = 1.0  # m
-HEADROOM: Final = 20.0  # m above the highest point of a map, up to which robots rise
+HEADROOM: Final = 20.0  # m; flight ceiling above the highest point of the map
 INSET: Final = 0.01  # m from the sides of a robot to its outer rays
-_LOOK_AHEAD: Final = 4  # ticks between two looks at the next band
+_LOOK_AHEAD: Final = 4  # ticks between two computations of the next band
 _SIDES: Final = (-1.0, 0.0, 1.0)
-# Places of the rays, in half lengths and half widths.
+# Starts of the rays, as multiples of half the length and half the width.
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
 
 
@@ -46,13 +46,13 @@ Area: TypeAlias = tuple[float, float, float, float]
 
 
 class Surroundings(NamedTuple):
-    """What a robot can reach in a tick, wherever it is in a tile and a band.
+    """The obstacles that a robot in a tile and a band can reach within a tick.
 
     Attributes:
         tile: Column and row of the tile, which is ``TILE`` m wide.
         band: Number of the band, which is ``BAND`` m high.
-        slices: The slices, by the numbers of the bands in whose middle they are.
-        obstacles: All of them.
+        slices: The slices, each at half the height of a band, by number of the band.
+        obstacles: The obstacles of all slices.
     """
 
     tile: tuple[int, int]
@@ -74,8 +74,8 @@ class Airspace:
         self.ceiling = self._top + HEADROOM
         self._mesh = SolidMesh(scene.parts)
         self._ticks = 0
-        # Of each robot its surroundings, and perhaps those of a height that it has
-        # left, or could not reach.
+        # For each robot, the current surroundings, and if known those of a height that
+        # it has left or could not reach.
         self._around: WeakKeyDictionary[Robot, tuple[Surroundings, ...]]
         self._around = WeakKeyDictionary()
 
@@ -90,16 +90,16 @@ class Airspace:
 
         Args:
             model: Robot class.
-            place: x, y and z of its body frame, m, map frame.
-            reach: How far around the tile obstacles count, m.
-            known: What was found around it before, the last first.
+            place: x, y and z of the body frame, m, map frame.
+            reach: Distance around the tile within which obstacles are included, m.
+            known: Surroundings computed before, the latest first.
 
         Returns:
-            One of ``known`` if the robot is in its tile and band again.
+            The entry of ``known`` for the robot's tile and band, or new surroundings.
         """
         x, y, z = place
         tile = math.floor(x / TILE), math.floor(y / TILE)
-        # Above everything all bands are the same, and empty.
+        # All bands above the highest object are empty, so they share one number.
         bottom = min(z - model.origin_height, self._top + BAND)
         band = math.floor(bottom / BAND + 1e-9)
         for each in known:
@@ -126,20 +126,20 @@ class Airspace:
         return Surroundings(tile, band, slices, obstacles)
 
     def lift(self, fleet: Fleet, robot: Robot, z: float, *known: Surroundings) -> None:
-        """Move a robot to a height, m, and its surroundings; see ``surroundings``."""
+        """Move a robot to a height, m, and update its surroundings."""
         around = self._around_robot(robot, z, *known)
         self._around[robot] = (around,)
         fleet.lift(robot, z, around.obstacles)
 
     def climb(self, fleet: Fleet, robot: Robot, room: float | None, dt: float) -> None:
-        """Let a robot rise or descend for a time step, as far as there is room.
+        """Move a robot up or down for one time step, as far as there is room.
 
         Args:
             fleet: The fleet of the robot.
-            robot: A robot that flies.
-            room: How far it can rise, or descend, m, of ``rooms``; None if it does
-                neither.
-            dt: s.
+            robot: A flying robot.
+            room: Free distance above or below the robot, m, from ``rooms``; None if it
+                neither rises nor descends.
+            dt: Time step, s.
         """
         row = robot.row
         x, y, z = robot.body.numbers()[:3]
@@ -153,7 +153,7 @@ class Airspace:
             self.lift(fleet, robot, z)
 
     def _climb(self, fleet: Fleet, robot: Robot, room: float, wanted: float) -> None:
-        """Let a robot rise by ``wanted`` m, or descend, as far as there is room."""
+        """Move a robot up by ``wanted`` m, or down if negative, as far as possible."""
         row = robot.row
         z = float(row["body_z"])
         room = min(room, self.ceiling - z)
@@ -165,8 +165,8 @@ class Airspace:
         ):
             around, target = here, z
         elif (robot.number + self._ticks) % _LOOK_AHEAD == 0:
-            # Before it comes there, and not in the same tick as for all other robots
-            # that rise together.
+            # The next band is computed before the robot enters it, in different ticks
+            # for different robots, so that a tick with many rising robots stays short.
             next_z = target + math.copysign(BAND, wanted)
             beyond = self._around_robot(robot, next_z, around)
         others = (beyond, here, *self._around[robot])
@@ -179,13 +179,13 @@ class Airspace:
     def rooms(
         self, fleet: Fleet, robots: Iterable[Robot], boxes: Boxes, dt: float
     ) -> dict[Robot, float]:
-        """Return how far the robots that rise or descend in this tick can do so, m.
+        """Return the free distance, m, of all robots that rise or descend in this tick.
 
         Args:
             fleet: The fleet of the robots.
-            robots: Robots that fly.
-            boxes: All robots.
-            dt: s.
+            robots: Flying robots.
+            boxes: Boxes of all robots.
+            dt: Time step, s.
         """
         self._ticks += 1
         robots = [robot for robot in robots if robot.row["climb"]]
@@ -223,18 +223,18 @@ class Airspace:
 
 
 class SolidMesh:
-    """The triangles of the solid ones among some parts, for fast slices of some.
+    """The triangles of all solid parts, in an index for slices of small areas.
 
-    Triangles are sorted by cells of space and cut into blocks of equal size. Those
-    near an area are found by the bounds of all blocks, and only triangles of those that
-    reach into it are sliced: how long it takes hardly depends on the size of a map.
+    Triangles are sorted by spatial cells and divided into blocks of equal size. Only
+    the triangles of blocks whose bounds reach into the area are sliced, so the time
+    hardly depends on the size of the map.
 
     Attributes:
         vertices: (V, 3) m, map frame.
     """
 
     def __init__(self, parts: Iterable[Part]) -> None:
-        """Sort the triangles of the solid ones among some parts."""
+        """Build the index of the triangles of all solid parts."""
         solid = [(p.vertices, p.faces) for p in parts if p.material.solid]
         self.vertices, self._faces = map(
             np.ascontiguousarray, concatenate(solid or [_NOTHING])
@@ -252,14 +252,14 @@ class SolidMesh:
             blocks = some.start // _BLOCK + np.arange(len(firsts))
             self._lows[:, blocks] = np.minimum.reduceat(lows, firsts).T
             self._highs[:, blocks] = np.maximum.reduceat(highs, firsts).T
-        self._found = np.zeros(self._lows.shape[1], np.int64)  # room for numbers
+        self._found = np.zeros(self._lows.shape[1], np.int64)  # output of `find_boxes`
 
     def near(self, area: Area, *heights: float) -> Faces:
-        """Return all triangles that reach into an area at some heights, and some more.
+        """Return all triangles that reach into an area at some heights, and a few more.
 
         Args:
-            area: Least and largest x, least and largest y, m, map frame.
-            heights: z, m, map frame; at least one.
+            area: Smallest and largest x, smallest and largest y, m, map frame.
+            heights: One or more values of z, m, map frame.
 
         Returns:
             (F, 3) vertex indices, in the order of the parts and of their faces.
@@ -279,15 +279,15 @@ class SolidMesh:
 
 
 def _chunks(count: int) -> Iterator[slice]:
-    """Divide triangles: bounds of millions at once would fill the memory."""
+    """Yield slices of triangles, since bounds of millions would exhaust the memory."""
     size = 4096 * _BLOCK
     return (slice(first, first + size) for first in range(0, count, size))
 
 
 def _ray_starts(robot: Robot) -> Floats:
-    """Return where the rays of a robot start, (9, 3) m, map frame."""
+    """Return the origins of a robot's vertical rays, (9, 3) m, map frame."""
     model, body = robot.model, robot.body
-    level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # as its box stays
+    level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # The box is never tilted.
     half = (model.length / 2 - INSET, model.width / 2 - INSET, 0.0)
     starts: Floats = (_GRID * half) @ level.rotation().T + level.position()
     return starts

@@ -1,11 +1,11 @@
-"""Problems of a map that is valid: occupied starts, and trials that cannot succeed.
+"""Warnings about valid maps: occupied starts, and trials that cannot succeed.
 
 Free space is the floor that a robot can stand on, with its connected components.
 
 Solid objects at a P3AT's height are grown by a distance, and the rest of the floor is
-free. An object that encloses an area by itself is solid inside: a box, a bush, a trunk.
-An area in which a robot starts is a room, though, and walls that are several objects
-enclose nothing: the inside of a closed box of four walls is floor that nothing reaches.
+free. A single object that encloses an area, such as a box, a bush or a trunk, is solid
+inside, unless a start is inside, which makes the area a room. Walls of several objects
+do not enclose a solid area: the floor between four walls is free, but unreachable.
 """
 
 import math
@@ -26,23 +26,23 @@ from radarsim.simulation.simulation import Simulation
 
 Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
 
-QUARTER = 16  # chords for a quarter circle: 0.04 % shorter than the arc
-PLAN_HEIGHT = 0.35  # m above the floor; height of a P3AT's scanner, and of its bumpers
-_DIGITS = 6  # of rounded end points, so that lines that meet share them
+QUARTER = 16  # chords per quarter circle, 0.04 % shorter than the arc
+PLAN_HEIGHT = 0.35  # m above the floor; one of BUMPER_HEIGHTS, near a P3AT's scanner
+_DIGITS = 6  # decimals of rounded end points, so that adjacent lines share them
 _OUTSIDE = 10.0  # m of floor around the grown obstacles
 
 
 def free_space(
     scene: Scene, distance: float, *, places: Sequence[Position] = ()
 ) -> MultiPolygon:
-    """Return the floor that is at least some distance away from everything solid.
+    """Return the floor that is at least some distance away from all solid objects.
 
-    It ends 10 m outside of everything; arcs around corners are made of chords.
+    It ends 10 m outside of all objects; arcs around corners are approximated by chords.
 
     Args:
         scene: The map.
-        distance: Distance from everything solid, m.
-        places: More positions that the floor is to include, m.
+        distance: Distance from solid objects, m.
+        places: Further positions that the floor must include, m.
     """
     solids = np.array(_solids(scene), dtype=object)
     grown = shapely.buffer(solids, distance, quad_segs=QUARTER)
@@ -52,7 +52,7 @@ def free_space(
 
 
 def component_around(free: MultiPolygon, place: Position) -> Polygon | None:
-    """Return the component that contains a position; None if none does."""
+    """Return the component that contains a position; None if there is none."""
     point = Point(place)
     return next((piece for piece in free.geoms if piece.intersects(point)), None)
 
@@ -60,7 +60,7 @@ def component_around(free: MultiPolygon, place: Position) -> Polygon | None:
 def is_connected(
     scene: Scene, start: Position, goal: Position, distance: float
 ) -> bool:
-    """Return whether a disc of radius ``distance``, m, gets from start to goal."""
+    """Return whether a disc of radius ``distance``, m, can move from start to goal."""
     free = free_space(scene, distance, places=(start, goal))
     piece = component_around(free, start)
     return piece is not None and piece.intersects(Point(goal))
@@ -72,15 +72,15 @@ def plan_height(scene: Scene) -> float:
 
 
 def _floor_of(scene: Scene) -> float:
-    """Return the height of the floor that robots start on, m."""
+    """Return the height of the floor at the first start, m."""
     return scene.starts[0].pose.z if scene.starts else 0.0
 
 
 def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
-    """Return the bounding box of everything and a margin: least x, y, most x, y, m."""
+    """Return the bounding box of the scene plus a margin: x, y, min then max, m."""
     starts = [(start.pose.x, start.pose.y) for start in scene.starts]
     goals = [scene.trial.goal] if scene.trial else []
-    origin = (0.0, 0.0)  # where robots start if there is no start
+    origin = (0.0, 0.0)  # the start pose of a map without starts
     everything = [*_solids(scene), MultiPoint([origin, *starts, *goals, *places])]
     bounds: Floats = shapely.total_bounds(np.array(everything, dtype=object))
     return bounds + np.array([-1.0, -1.0, 1.0, 1.0]) * margin
@@ -88,7 +88,7 @@ def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
 
 @lru_cache(maxsize=8)
 def _solids(scene: Scene) -> tuple[Geometry, ...]:
-    """Return what robots cannot be in: areas, and lines of open surfaces and rooms."""
+    """Return obstacles in the plan: areas, and lines of open surfaces and rooms."""
     floor = _floor_of(scene)
     starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
     return tuple(
@@ -105,14 +105,14 @@ def _slices(part: Part, floor: float) -> Iterator[Floats]:
     last = NO_SEGMENTS
     for height in BUMPER_HEIGHTS:
         segments = slice_mesh(part.vertices, part.faces, floor + height)
-        segments = Obstacles(np.round(segments, _DIGITS)).segments  # drops points
+        segments = Obstacles(np.round(segments, _DIGITS)).segments  # without length 0
         if not np.array_equal(segments, last):
             yield segments
         last = segments
 
 
 def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
-    """Yield the areas that lines enclose; the lines, if they enclose a room or none."""
+    """Yield enclosed areas, and the lines if they are open or enclose a room."""
     lines = shapely.linestrings(segments)
     areas, *rest = shapely.polygonize_full(lines)
     rooms = shapely.intersects(shapely.get_parts(areas), starts)
@@ -123,12 +123,12 @@ def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
 
 @lru_cache(maxsize=1)
 def _simulation(scene: Scene) -> Simulation:
-    """Return a simulation without robots, for which walls are sliced once."""
+    """Return a simulation without robots, cached so that walls are sliced once."""
     return Simulation(scene)
 
 
 def occupied_starts(scene: Scene) -> list[str]:
-    """Return a line for each start where a P3AT cannot be spawned exactly."""
+    """Return a message for each start pose at which a P3AT cannot be spawned."""
     lines = []
     simulation = _simulation(scene)
     for start in scene.starts:
@@ -151,7 +151,7 @@ def occupied_starts(scene: Scene) -> list[str]:
 
 
 def trial_warnings(scene: Scene) -> list[str]:
-    """Return a line for each reason why a robot cannot pass the map's trial."""
+    """Return a message for each reason why a robot cannot pass the map's trial."""
     trial = scene.trial
     if trial is None or (start := scene.start(trial.start)) is None:
         return []

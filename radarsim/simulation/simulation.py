@@ -1,8 +1,8 @@
-"""All robots of one scene, stepped together.
+"""The simulation of all robots in one scene.
 
-In each tick all robots drive, in the order of spawning, and then all readings that are
-due are taken. The rays of all scans of a tick are cast together. A robot that has
-nothing due costs nothing but its motion.
+In each tick all robots move, in the order of spawning, and then all due readings are
+computed. The rays of all scans of a tick are traced together. A robot without due
+readings costs only the time of its motion.
 """
 
 import math
@@ -45,30 +45,30 @@ from radarsim.simulation.tick_output import (
 from radarsim.simulation.trails import Trails
 from radarsim.simulation.vehicle import DueItems, MountedScanner, Vehicle
 
-SEARCH_RADIUS = 1.0  # m around an occupied place
-SLICING_WORK: Final = 300_000  # to slice all that a robot that flies can reach
-# Scans of a tick whose echoes are listed for watchers only; each takes a
-# millisecond or two: so these delay no one else, however many robots are watched.
+SEARCH_RADIUS = 1.0  # m around an occupied position
+SLICING_WORK: Final = 300_000  # work of slicing all that a flying robot can reach
+# Largest number of scans per tick whose echoes are listed for watchers only. Each takes
+# a millisecond or two, so watchers of many robots do not delay clients.
 MAX_SHOWN: Final = 4
-MOST_READY_FLOORS: Final = 8  # that the first robot finds sliced
+MOST_READY_FLOORS: Final = 8  # floors that are sliced before the first spawn
 DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
-ITEMS_GROUP: Final = "radarsim.items"  # of plugins
+ITEMS_GROUP: Final = "radarsim.items"  # plugin group of add-ons that read scanners
 NOTHING: Final = Boxes(np.zeros((0, 8)))
 
 
 class Simulation:
-    """A scene with robots.
+    """A scene with robots, advanced in ticks of 10 ms.
 
     Attributes:
         scene: The scene.
         config: Configuration of all robots.
         seed: Seed of all random numbers.
-        scanner_items: Scanners that add-ons read, by the name of the add-on's entry.
+        scanner_items: Scanners read by add-ons, by the name of the add-on's entry.
         crates: The crates of the map, and of clients.
-        trails: The trails that robots leave for cameras.
-        faults: The robots in which something has failed.
-        shown: What viewers of pictures on a machine see, by its address: number of a
-            robot, and name of a camera or None.
+        trails: The trails of robots, which cameras show.
+        faults: Errors of single robots.
+        shown: The robot's number, and the name of a camera or None, that viewers of
+            pictures see, by the IP address of the viewers' machine.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Simulation:
         self._fleet = Fleet()
         self.crates = Crates(scene, self._fleet)
         self._readings = ReadingTable(self._fleet)
-        self._mortal: dict[Vehicle, None] = {}  # those whose battery runs out
+        self._mortal: dict[Vehicle, None] = {}  # robots whose battery runs out
         self._flying: dict[Vehicle, None] = {}
         self._reporting: Schedule[Vehicle] = Schedule(self._clock)
         self._drifting: Schedule[Vehicle] = Schedule(self._clock)
@@ -125,27 +125,27 @@ class Simulation:
     def spawn(
         self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
     ) -> Vehicle | None:
-        """Create a robot as ``spawn_stepwise`` does, in one step."""
+        """Create a robot like ``spawn_stepwise``, in one call."""
         return finish(self.spawn_stepwise(name, model, pose, z))
 
     def spawn_stepwise(
         self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
     ) -> Generator[int, None, Vehicle | None]:
-        """Create a robot at the nearest free place within 1 m.
+        """Create a robot at the nearest free position within 1 m.
 
         Args:
             name: Name of the robot, which selects its random numbers; a number is
                 appended if another robot has that name.
-            model: Robot class; it carries what it has in the simulation's dialect.
+            model: Robot class; the dialect of the simulation selects its items.
             pose: Requested pose, map frame.
-            z: Height of a robot that flies, m, map frame; on the floor if it is below.
+            z: Height of a flying robot, m, map frame; raised to the floor if below.
 
         Yields:
-            The work of the next step of the search for a place, as of
-            ``Obstacles.search_free_pose``; there is none if the requested one is free.
+            The work of the next step of the search for a free position, as in
+            ``Obstacles.search_free_pose``; nothing if the requested pose is free.
 
         Returns:
-            The robot; None if there is no free place.
+            The robot; None if there is no free position.
         """
         model = model.in_dialect(self.config.dialect.name)
         floor = self.scene.floor_at(pose.x, pose.y)
@@ -174,7 +174,7 @@ class Simulation:
         unique, number = name, 1
         while unique in taken:
             number += 1
-            # Some clients split names at blanks.
+            # The number has no blank before it, since some clients split names there.
             unique = f"{name}_{number}"
         robot = self._fleet.add(
             unique,
@@ -205,7 +205,7 @@ class Simulation:
         return vehicle
 
     def obstacles_at(self, model: RobotModel, pose: Pose2) -> list[str]:
-        """Return the names of the objects and robots in which a robot would stand.
+        """Return the names of objects and robots that overlap a robot at a pose.
 
         Args:
             model: Robot class.
@@ -235,10 +235,10 @@ class Simulation:
 
     def step(self) -> None:
         """Advance by one tick of 10 ms."""
-        # Before anything moves: readings of a tick have its time at their end.
+        # The clock advances first, since readings have the time at the end of the tick.
         self._clock.ticks += 1
-        # Commands of a robot with an empty battery are refused; those before would
-        # go on turning its wheels.
+        # A robot with an empty battery accepts no commands, but its last command would
+        # keep its wheels turning.
         for vehicle in self._mortal:
             if not vehicle.alive:
                 vehicle.robot.halt()
@@ -258,13 +258,14 @@ class Simulation:
         robot.tilt(TICK)
 
     def collect_reports(self) -> dict[int, TickOutput]:
-        """Take all readings that are due in this tick.
+        """Compute all readings that are due in this tick.
 
         Returns:
-            What each robot reports, by its number; robots without a report, or in which
-            something has failed, are missing.
+            The reports of each robot, by its number, without robots that have no report
+            or an error.
         """
-        # First, as a robot whose radar has a scan reports even if nothing else is due.
+        # Add-ons are read first, since a robot whose radar has a scan reports even if
+        # no other reading is due.
         read_by_others = self._read_scanner_items()
         reporting = self._reporting.due()
         if not reporting:
@@ -274,17 +275,18 @@ class Simulation:
             items = self.faults.call(vehicle, vehicle.due)
             if items is not None:
                 due.append((vehicle, items))
-        # Robots are boxes of this tick for all sensors, so that no reading depends on
-        # the order in which they are taken.
+        # All sensors see the same boxes of robots, so the order of sensors does not
+        # affect readings.
         has_rays = any(items.scanners or items.sensors for _, items in due)
         boxes = self.boxes() if has_rays else NOTHING
         sensors = [(v, sensor) for v, items in due for sensor in items.sensors]
-        # Before all that may be repeated: a reading can draw random numbers, or count.
+        # `_take_readings` may run twice, so readings that draw random numbers or count
+        # are computed before.
         cast = self._cast(sensors, boxes)
         due = [each for each in due if each[0].number not in self.faults.errors]
         try:
             return self._take_readings(due, read_by_others, cast, boxes)
-        except Exception:  # noqa: BLE001 - the robot that failed is found below
+        except Exception:  # noqa: BLE001 - the loop finds the robot with the error
             outputs: dict[int, TickOutput] = {}
             for vehicle, items in due:
                 alone = [(vehicle, items)], read_by_others, cast, boxes
@@ -298,13 +300,13 @@ class Simulation:
         cast: Mapping[int, Sequence[SensorReport]],
         boxes: Boxes,
     ) -> dict[int, TickOutput]:
-        """Take the other readings of robots, and return all; see ``collect_reports``.
+        """Compute the remaining readings of robots, and return the reports of robots.
 
         Args:
-            due: The robots, and their items that are due.
-            read_by_others: What add-ons have read, also of other robots.
+            due: The robots, and their due items.
+            read_by_others: Scans of add-ons, possibly also of other robots.
             cast: The readings of ``_cast``.
-            boxes: All robots.
+            boxes: Boxes of all robots.
         """
         scanners = [
             (v, each) for v, items in due for each in items.scanners if each.scans
@@ -330,7 +332,7 @@ class Simulation:
             scans[number].append(due_scan.scan)
             if due_scan.reports:
                 echoes.setdefault(number, []).append(due_scan)
-        # Found out for all robots at once, where a reading asks for it.
+        # Touch is computed for all robots with a touch sensor in one call.
         self._fleet.touched([v.robot.slot for v, _ in due if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
         return {
@@ -345,7 +347,7 @@ class Simulation:
         }
 
     def _read_scanner_items(self) -> list[DueScan]:
-        """Let add-ons pass a tick; robots whose scanners they read report that."""
+        """Return the scans that add-ons read in this tick; their robots are due."""
         due_scans = [
             due_scan
             for items in self.scanner_items.values()
@@ -356,7 +358,7 @@ class Simulation:
         return due_scans
 
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
-        """Return what programs write for robots, one after the other."""
+        """Return the numbers that the programs of robots compute, in order."""
         jobs = [(vehicle.robot.slot, program) for vehicle, program in programs]
         numbers, is_depleted = self._readings.run(jobs, self.ticks)
         if is_depleted:
@@ -365,14 +367,14 @@ class Simulation:
         return numbers
 
     def boxes(self) -> Boxes:
-        """Return the robots as boxes whose ids are the numbers of the vehicles."""
+        """Return the boxes of all robots; a box has its robot's number as id."""
         return Boxes(self._fleet.boxes())
 
     def _select_listing(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[bool]:
         """Return which scanners list their echoes in this tick.
 
-        Those do whose clients have asked for it. Others only list them for watchers:
-        of these no more than ``MAX_SHOWN`` do, which have waited for it longest.
+        Scanners list echoes if their client has requested them. In addition, up to
+        ``MAX_SHOWN`` scanners list echoes for watchers, the longest waiting first.
         """
         listing = [mounted.sends_echoes for _, mounted in due]
         shown = [
@@ -392,7 +394,7 @@ class Simulation:
         listing: list[bool],
         boxes: Boxes,
     ) -> list[tuple[ScanBatch, int]]:
-        """Take all scans at once, some of them with all echoes; see ``take_scans``."""
+        """Compute all scans at once, with all echoes if ``listing`` is true."""
         requests = []
         for (vehicle, mounted), lists in zip(due, listing, strict=True):
             scanner = mounted.scanner
@@ -405,7 +407,7 @@ class Simulation:
     def _cast(
         self, due: list[tuple[Vehicle, Sensor]], boxes: Boxes
     ) -> dict[int, list[SensorReport]]:
-        """Take the readings of sensors that cast rays, by number of the robot."""
+        """Return the readings of sensors that cast rays, by number of the robot."""
         call, trace, time = self.faults.call, self._tracer.trace, self.time
         asked = [(vehicle, item, call(vehicle, item.rays)) for vehicle, item in due]
         cast = [(v, item, rays) for v, item, rays in asked if rays is not None]
@@ -417,7 +419,7 @@ class Simulation:
         try:
             traces = trace(Rays.concatenate(batches), boxes, incidence=True)
             pieces = traces.split([len(rays.max_range) for rays in batches])
-        except Exception:  # noqa: BLE001 - the rays of one of them are invalid
+        except Exception:  # noqa: BLE001 - some robot has invalid rays
             pieces = [
                 call(v, trace, rays, boxes, incidence=True) for v, _, rays in cast
             ]
@@ -428,7 +430,7 @@ class Simulation:
         return readings
 
     def _prepare_spawns(self) -> None:
-        """Read presets, and measure walls around the first starts, before a spawn."""
+        """Load presets and slice the walls at the starts, to make spawns faster."""
         sensor_presets()
         sensor_presets("items")
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)
@@ -442,21 +444,21 @@ class Simulation:
         return self._obstacles_by_floor[floor]
 
     def _are_inside_solids(self, places: Floats, height: float) -> NDArray[np.bool_]:
-        """Return which of (N, 2) places are inside volumes that stop robots.
+        """Return which of the (N, 2) positions are inside volumes that stop robots.
 
-        Inside a large bush no surface is near, so that obstacles alone would not tell.
+        Obstacles are only surfaces, so they do not exclude the inside of a large bush.
         """
         inside = np.zeros(len(places), np.bool_)
         inside[self._solids_around(places, height)["ray"]] = True
         return inside
 
     def _solids_around(self, places: ArrayLike, height: float) -> NDArray[np.void]:
-        """Return an event for each solid volume around each of (N, 2) places.
+        """Return an event for each solid volume around each of the (N, 2) positions.
 
-        Its ``ray`` is the number of the place, its ``part`` that of the volume.
+        ``ray`` of an event is the index of the position, ``part`` that of the volume.
         """
         points = np.column_stack([places, np.full(len(np.asarray(places)), height)])
-        # A ray of no length: its events tell the volumes around its start.
+        # The events of a ray of length 0 list the volumes around its start.
         directions = np.tile([1.0, 0.0, 0.0], (len(points), 1))
         rays = Rays.uniform(points, directions, max_range=0.0)
         events = self._tracer.trace(rays, events=True).events

@@ -1,4 +1,4 @@
-"""What comes out of one tick: reports of robots, and errors of single ones."""
+"""The output of one tick: the reports of robots, and errors of single robots."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ class ScanEchoes:
     Attributes:
         scanner: Name of the scanner item.
         echoes: All echoes of the scan.
-        is_requested: Whether the robot's client asked for them, and not only watchers.
+        is_requested: Whether the robot's client requested them, not only watchers.
     """
 
     scanner: str
@@ -36,11 +36,11 @@ class TickOutput(NamedTuple):
     """The reports of one robot in one tick.
 
     Attributes:
-        group: The status, if it is due, and readings of items that cast no rays.
-        numbers: The numbers of these.
-        cast: Readings of sonars and GPS.
-        echoes: What belongs to scans, of scanners that list it.
-        scans: Scans.
+        group: Templates of the status, if due, and of readings without rays.
+        numbers: The numbers that fill these templates.
+        cast: Readings of sensors with rays, such as sonars and GPS.
+        echoes: Echoes or targets of the scans, if they are requested or watched.
+        scans: The scans of range scanners.
     """
 
     group: ReportGroup
@@ -51,17 +51,17 @@ class TickOutput(NamedTuple):
 
     @property
     def has_status(self) -> bool:
-        """Whether the status is due, which is the first of the group."""
+        """Whether the group has a status, which is always its first report."""
         samples = self.group.samples
         return bool(samples) and isinstance(samples[0], Status)
 
 
 class Faults:
-    """The robots in which something has failed, which only a bug can cause.
+    """The errors of single robots, which only bugs can cause.
 
     Attributes:
-        errors: The errors by the robot's number; whoever steps the simulation raises
-            them, or removes these robots.
+        errors: The errors by the robot's number; the caller of ``Simulation.step``
+            raises them, or removes these robots.
     """
 
     def __init__(self) -> None:
@@ -77,20 +77,20 @@ class Faults:
         """Call a function for a robot; keep its error and return None if it fails."""
         try:
             return function(*args, **kwargs)
-        except Exception as error:  # noqa: BLE001 - a bug of one robot ends no other
+        except Exception as error:  # noqa: BLE001 - other robots must keep running
             self.errors[vehicle.number] = error
             return None
 
 
 class DueScan(NamedTuple):
-    """What a scanner of an add-on reads in a tick.
+    """The reading of an add-on's scanner in a tick.
 
     Attributes:
-        vehicle: The robot that carries it.
-        scan: The reading.
-        reports: What belongs to it, such as targets, which come before the scan; empty
-            if nobody gets that.
-        is_requested: As of ``ScanEchoes``.
+        vehicle: The robot that carries the scanner.
+        scan: The scan.
+        reports: Reports that are sent before the scan, such as targets; empty if there
+            is no receiver.
+        is_requested: As in ``ScanEchoes``.
     """
 
     vehicle: Vehicle
@@ -100,26 +100,26 @@ class DueScan(NamedTuple):
 
 
 class ScannerItems(Protocol):
-    """Those scanners of all robots that an add-on reads, at times of its own.
+    """Interface of an add-on that reads some scanners of all robots at its own times.
 
-    There is one for each add-on in the group ``radarsim.items`` of ``plugins``, made
-    from the scene and the clock of a simulation.
+    For each add-on in the group ``radarsim.items`` of ``plugins``, a simulation creates
+    one instance from its scene and its clock.
     """
 
     def add(self, vehicle: Vehicle) -> None:
-        """Read those scanners of a robot from now on that are of this kind."""
+        """Start to read the scanners of a robot that this add-on supports."""
 
     def remove(self, vehicle: Vehicle) -> None:
-        """Read those of a robot no more."""
+        """Stop reading the scanners of a robot."""
 
     def read_due(
         self, find_boxes: Callable[[], Boxes], faults: Faults
     ) -> Sequence[DueScan]:
-        """Pass a tick, and return the readings that are due in it.
+        """Advance by one tick, and return the scans that are due.
 
         Args:
-            find_boxes: Returns the robots.
-            faults: For errors of single robots.
+            find_boxes: Returns the boxes of all robots.
+            faults: Collects errors of single robots.
         """
         ...
 
@@ -127,13 +127,13 @@ class ScannerItems(Protocol):
 def report_scan(
     time: float, name: str, settings: SensorSettings, ranges: Floats
 ) -> RangeScan:
-    """Return what a scanner reports.
+    """Return the report of a scan.
 
     Args:
-        time: s.
+        time: Simulated time, s.
         name: Name of the item.
         settings: Settings of the scanner.
-        ranges: (N,) m; the maximum range where nothing came back.
+        ranges: (N,) m; the maximum range for beams without a return.
     """
     resolution, fov = math.radians(settings.resolution_deg), settings.fov_deg
     return RangeScan(time, name, resolution, math.radians(fov), ranges)

@@ -1,6 +1,6 @@
-"""Trails that robots leave on the floor for cameras, where their clients ask for it.
+"""Trails of marks that robots leave on the floor at the request of their clients.
 
-Nothing but pictures shows them.
+Only camera pictures show trails; other sensors do not see them.
 """
 
 from collections import deque
@@ -13,8 +13,8 @@ from radarsim.geometry import Floats
 from radarsim.robots.robot import Robot
 from radarsim.simulation.clock import Clock
 
-MOST_MARKS: Final = 200  # of a robot; the oldest vanish
-LIFT: Final = 0.02  # m of a mark above the floor
+MOST_MARKS: Final = 200  # per robot; the oldest marks are removed
+LIFT: Final = 0.02  # m; height of a mark above the floor
 
 Colour: TypeAlias = tuple[float, float, float]  # red, green and blue, 0 to 1
 
@@ -38,7 +38,7 @@ class Trails:
         self._trails: dict[int, _Trail] = {}
 
     def begin(self, robot: Robot, interval: int, colour: Colour) -> None:
-        """Let a robot leave marks from now on; marks of other colours stay.
+        """Start to leave marks for a robot; its earlier marks stay.
 
         Args:
             robot: The robot.
@@ -55,7 +55,7 @@ class Trails:
         self._trails.pop(robot.number, None)
 
     def step(self) -> None:
-        """Leave the marks that are due in this tick."""
+        """Add the marks that are due in this tick."""
         for trail in self._trails.values():
             if (self._clock.ticks - trail.start) % trail.interval == 0:
                 pose = trail.robot.pose

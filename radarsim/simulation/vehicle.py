@@ -41,8 +41,8 @@ from radarsim.simulation.config import (
 )
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
-MOST_VIEWPORTS: Final = 4  # of a picture
-STATUS_ONLY: Final = -1  # among intervals: those of items do not count
+MOST_VIEWPORTS: Final = 4  # viewports per picture
+STATUS_ONLY: Final = -1  # marks a set of intervals in which only the status is due
 
 
 @dataclass(slots=True, eq=False)
@@ -52,10 +52,10 @@ class MountedScanner:
     Attributes:
         item: The item of the robot's class.
         scanner: The scanner, which can be replaced.
-        rng: The random numbers that it draws.
-        sends_echoes: Whether the client of the robot gets the echoes of its scans.
-        sends_targets: Whether the client gets what its detector found.
-        shown_at: Tick in which it last listed its echoes for watchers only.
+        rng: The random generator of the scanner.
+        sends_echoes: Whether the client of the robot gets the echoes of the scans.
+        sends_targets: Whether the client gets the targets found by the detector.
+        shown_at: Tick in which the echoes were last listed for watchers only.
     """
 
     item: Item
@@ -67,12 +67,12 @@ class MountedScanner:
 
     @property
     def scans(self) -> bool:
-        """Whether it takes whole scans, and does not wait for an antenna to turn."""
+        """Whether scans are instantaneous, without a rotating antenna."""
         return not self.scanner.settings.has_detector
 
     @property
     def has_fmcw(self) -> bool:
-        """Whether it is an FMCW radar, which has a spectrum."""
+        """Whether the scanner is an FMCW radar, which has a spectrum."""
         return has_fmcw(self.scanner.name)
 
 
@@ -80,10 +80,10 @@ class DueItems(NamedTuple):
     """The items of a robot that are due in the same tick.
 
     Attributes:
-        groups: The status, if it is due, and the readings of items that cast no rays:
-            one group with the light off, and one with the light on.
-        program: What computes their numbers.
-        sensors: Sensors whose rays are cast, or that are read in Python.
+        groups: Templates of the status, if due, and of readings without rays: one
+            group with the headlight off, and one with the headlight on.
+        program: The program that computes the numbers of these reports.
+        sensors: Sensors with rays, or that are read in Python.
         scanners: Range scanners, in mounting order.
     """
 
@@ -97,22 +97,22 @@ class Vehicle:
     """A robot, its battery and its items.
 
     Attributes:
-        number: Identifies the robot within the simulation.
-        robot: The body that drives.
-        config: Configuration of its items.
-        spawn_tick: Tick of the spawn, from which all its intervals are counted.
+        number: Number of the robot within the simulation.
+        robot: The body that moves.
+        config: Configuration of the items.
+        spawn_tick: Tick of the spawn, from which all intervals are counted.
         scanners: Range scanners, in mounting order.
-        drift: What lets its inertial navigation systems drift; empty without any.
-        has_touch: Whether it has a touch sensor.
-        dialect: The dialect of its lines.
-        extra_rays: Rays in a second that changed settings have added.
-        cameras: Its cameras, in mounting order.
-        fovs: Fields of view of its cameras by name, degrees.
-        viewports: Names of the cameras in the four viewports of a picture; None for
-            none.
-        is_quad: Whether a picture shows all of them, and not the first one alone.
-        address: Address of its client's machine; empty if it is not known.
-        shows_echoes: Whether its scanners list their echoes for others than its client.
+        drift: Program that updates the drift of the INS items; empty without any.
+        has_touch: Whether the robot has a touch sensor.
+        dialect: The dialect of lines sent to the client.
+        extra_rays: Rays per second that changes of settings have added.
+        cameras: The cameras, in mounting order.
+        fovs: Fields of view of the cameras by name, degrees.
+        viewports: Names of the cameras in the four viewports of a picture; None for an
+            empty viewport.
+        is_quad: Whether a picture shows all four viewports, not only the first.
+        address: Address of the client's machine; empty if unknown.
+        shows_echoes: Whether scanners list their echoes for watchers.
     """
 
     def __init__(
@@ -125,16 +125,15 @@ class Vehicle:
         readings: ReadingTable,
         scene: Scene,
     ) -> None:
-        """Create a vehicle; this tick is that of its spawn.
+        """Create a vehicle, which is spawned in the current tick.
 
         Args:
-            robot: The body that drives.
+            robot: The body that moves.
             config: Configuration of the simulation.
             seed: Seed of the simulation.
-            schedule: The vehicle adds itself for the ticks in which it has something to
-                report.
-            readings: For what its sensors remember.
-            scene: What its items look at.
+            schedule: Schedule to which the vehicle adds the intervals of its reports.
+            readings: Table of the states of all sensors.
+            scene: The scene of the simulation.
         """
         self.number = robot.number
         self.robot = robot
@@ -145,7 +144,7 @@ class Vehicle:
         self._schedule, self._clock = schedule, schedule.clock
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
-        self._changed: set[str] = set()  # scanners that are to be replaced
+        self._changed: set[str] = set()  # names of scanners that must be replaced
         self.shows_echoes, self.extra_rays, self.address = False, 0.0, ""
         self.cameras = cameras = robot.model.items_of("Camera")
         self.fovs = {c.name: config.settings_of(c).fov_deg for c in cameras}
@@ -169,10 +168,11 @@ class Vehicle:
         self._reschedule()
 
     def _power_status(self) -> dict[str, list[Job]]:
-        """Return the jobs of the status; the battery has a state."""
+        """Return the jobs of the status, and add the state of the battery."""
         charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
         charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
-        # Clients pause a robot whose battery reads 0.
+        # Clients pause a robot whose battery reads 0, so a battery that never runs out
+        # reads at least 1.
         charge["least"] = 0.0 if dialect.battery_runs_out else 1.0
         return {
             "time": [Job(Reading.TIME)],
@@ -220,18 +220,18 @@ class Vehicle:
         return self._clock.ticks - self.spawn_tick
 
     def due(self) -> DueItems:
-        """Return the items that are due in this tick; with an empty battery the status.
+        """Return the items due in this tick; only the status if the battery is empty.
 
-        A scanner that is due and whose scan was requested is there twice, since
-        that is an extra one. Requests are forgotten with that.
+        A requested scan is an extra scan, so a scanner can be in the result twice. The
+        requests are cleared.
         """
         age = self._age
-        # Items are selected once for each set of intervals that end together.
+        # The intervals that end in this tick determine the due items.
         ended = tuple([each for each in self._intervals if age % each == 0])
         if age >= self._empty_age:
             ended = (STATUS_ONLY, *ended)
-        # A robot has a handful of such sets. Items would else be selected, and
-        # their lines built, for each robot in each tick.
+        # A robot has few different sets of intervals. The cache avoids selecting items
+        # and building their lines for each robot in each tick.
         due = self._due_items.get(ended)
         if due is None:
             due = self._due_items[ended] = self._select_items(ended)
@@ -249,7 +249,7 @@ class Vehicle:
         return due._replace(scanners=(*due.scanners, *requested))
 
     def draw(self) -> None:
-        """Draw random numbers for the readings that follow, if some are used up."""
+        """Refill the random numbers of sensors for later readings, if used up."""
         if self._state.is_depleted:
             self._state.is_depleted = False
             for sensor in self._sensors:
@@ -272,13 +272,13 @@ class Vehicle:
 
         Args:
             camera: A camera of the robot.
-            fov_deg: Angle from left to right, degrees; 0 for the one at first.
+            fov_deg: Horizontal field of view, degrees; 0 for the configured one.
         """
         settings = self.config.settings_of(camera)
         self.fovs[camera.name] = settings.limit(fov_deg or settings.fov_deg)
 
     def request_scan(self, item: Item) -> None:
-        """Scan once more in the next tick; do nothing if the item is not a scanner."""
+        """Request an extra scan in the next tick; ignore items that do not scan."""
         if item.type == "RangeScanner":
             self._requested_scans.add(item.name)
             self._schedule.request(self)
@@ -289,23 +289,25 @@ class Vehicle:
         settings: Mapping[str, Any],
         others: Iterable["Vehicle"] = (),
     ) -> None:
-        """Change settings of scanners from their next scans on; all of them, or none.
+        """Change settings of scanners from their next scans on.
+
+        If there is an error, no scanner is changed.
 
         Args:
             items: Range scanners of the robot.
             settings: Settings by name, as in a configuration.
-            others: Robots that share what clients together may ask for.
+            others: Robots that share the limit of additional rays.
 
         Raises:
             PresetError: If there is no such setting, or a value is out of range, or
-                scans would have more rays than a client may ask for.
+                scans would have more rays than a client may request.
         """
         config = self.config
         for item in items:
             config = config.with_settings(item, settings)
         scanners = [mounted.item for mounted in self.scanners]
         shared = sum(other.extra_rays for other in others if other is not self)
-        # Against the first configuration: whoever started the server may allow more.
+        # The first configuration counts, since the server's operator may allow more.
         self.extra_rays = check_rays(
             scanners, config, self._first_config, self.extra_rays, shared
         )
@@ -317,28 +319,28 @@ class Vehicle:
             self._reschedule()
 
     def reset(self, item: Item) -> None:
-        """Let an item count from zero again, if it counts."""
+        """Reset the counters of an item; an item without counters is unchanged."""
         for sensor in self._sensors:
             if sensor.item.name == item.name:
                 sensor.reset()
 
     def move_link(self, order: LinkOrder) -> bool:
-        """Tell a link of a mission package to move; return whether it is there."""
+        """Move a link of a mission package; return whether the robot has the link."""
         packages = (s for s in self._sensors if isinstance(s, MissionPackage))
         return any(package.move(order, self._clock.ticks) for package in packages)
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
-        """Replace the pose of an INS; do nothing if the item is not one."""
+        """Replace the estimated pose of an INS; other items are ignored."""
         for sensor in self._sensors:
             if isinstance(sensor, Ins) and sensor.item.name == item.name:
                 sensor.overwrite(pose)
 
     def _reschedule(self) -> None:
-        """Add the vehicle for all its intervals, which count from its spawn."""
+        """Schedule the vehicle for all intervals of its items and the status."""
         self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
         self._due_items.clear()
-        # Counted from the spawn again, so that a change of settings shifts no other
-        # item.
+        # Intervals count from the spawn, so a change of settings does not shift the
+        # readings of other items.
         self._schedule.remove(self)
         for interval in self._intervals:
             self._schedule.add(self, interval, self.spawn_tick)
@@ -361,7 +363,7 @@ class Vehicle:
                 [(kind(0.0, 0, light, steering), self._status_jobs), *sources]
                 for light in (False, True)
             )
-        # Jobs are in the order in which the lines have their numbers.
+        # Jobs are in the order of the numbers in the lines.
         jobs: list[Job] = []
         size = 0
         for sample, jobs_of in sources:
@@ -381,13 +383,13 @@ class Vehicle:
 
 
 def _empty_age(dialect: Dialect) -> float:
-    """Return the number of ticks after which a battery has less than a whole second.
+    """Return the number of ticks after which a battery has less than one second left.
 
-    It drains with time only, whatever the robot does.
+    The battery drains with time only, independent of the robot's motion.
     """
     life = dialect.battery_start
     if not dialect.battery_runs_out:
         return math.inf
     ages = range(ticks_of(life) + 1)
-    # Searched for, so that the engine, status and this agree to the tick.
+    # The search uses the formula of the status, so both agree to the tick.
     return bisect_left(ages, True, key=lambda age: life - seconds(age) < 1.0)

@@ -252,6 +252,7 @@ def test_enumerations_are_those_of_python(name: str, expected: dict[str, int]) -
         ("TOO_LARGE", line_template._TOO_LARGE),
         ("TINY", embree.TINY),
         ("GRAZING", scattering.GRAZING),
+        ("RELIEF_STEP", speckle.TEXTURE_CELL),
         ("NEPER_DB", scattering.NEPER_DB),
         ("NOTHING_LEFT", echo_extraction.NOTHING_LEFT),
         ("LEAF_BACKSCATTER", echo_extraction.LEAF_BACKSCATTER),

@@ -31,19 +31,29 @@ Rays graze level ground over a long way, so that it is treated apart. Open groun
 not end at the edge of the map: a ray that passes over that edge meets it farther on.
 Where it is of several materials, a raster has what it returns at each place: a ray
 stands for ground over many metres, and so for several patches.
+
+Open ground may be uneven: heights whose power density along a line falls with the
+square of the waves per metre, as ISO 8608 describes roads. They are a texture of the
+map, which is repeated after 128 m. Seen from an antenna, each step of ground fills a
+share of the view in elevation, by which the power of level ground is multiplied: what
+rises fills more, and what is hidden behind it nothing.
 """
 
 import math
+from functools import lru_cache
 from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.round_metal import round_parts
+from radarsim.addons.fmcw.speckle import TEXTURE_CELL, TEXTURE_CELLS
 from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats
 from radarsim.raycast.rays import RayClass, Rays
 from radarsim.raycast.tracer import Tracer
+from radarsim.rng import generator_for
 from radarsim.scene.material import Material, rain_reflectivity
 from radarsim.scene.scene import Part
 
@@ -80,14 +90,23 @@ def _find_ground(tracer: Tracer, gamma: Floats, edges: Floats) -> dict[str, Any]
         "patches": np.zeros((0, 0)),
         "corner": np.zeros(2),
         "cell": PATCH,
+        "relief": np.zeros((0, 0)),
+        "open_relief": 0.0,
+        "heights": np.zeros((0, 0), np.float32),
     }
     if open_part >= 0:
         low, high = tracer.parts[open_part].bounds
         found["open_height"], found["open_gamma"] = high[2], gamma[open_part]
         found["corner"] = np.array(low[:2])
         found["cell"] = max(PATCH, float((high - low)[:2].max()) / MOST_PATCHES)
-        if len({g for i, g in enumerate(gamma) if _is_open(tracer, i)}) > 1:
-            found["patches"] = _look_down(tracer, gamma, open_part, found["cell"])
+        relief = np.sqrt([part.material.roughness_cm3 for part in tracer.parts])
+        found["open_relief"] = relief[open_part]
+        grounds = [i for i in range(len(relief)) if _is_open(tracer, i)]
+        if len(set(gamma[grounds])) > 1 or relief[grounds].any():
+            ground = _look_down(tracer, open_part, found["cell"])
+            found["patches"], found["relief"] = gamma[ground], relief[ground]
+        if relief[grounds].any():
+            found["heights"] = ground_heights()
     return found
 
 
@@ -95,8 +114,8 @@ def _is_open(tracer: Tracer, part: int) -> bool:
     return tracer.parts[part].material.constant_gamma
 
 
-def _look_down(tracer: Tracer, gamma: Floats, open_part: int, cell: float) -> Floats:
-    """Return the gamma of open ground by place, (X, Y), as seen from above.
+def _look_down(tracer: Tracer, open_part: int, cell: float) -> NDArray[np.int64]:
+    """Return the part that is open ground by place, (X, Y), as seen from above.
 
     What stands on the ground counts as that of ``open_part``.
     """
@@ -111,7 +130,19 @@ def _look_down(tracer: Tracer, gamma: Floats, open_part: int, cell: float) -> Fl
     seen = tracer.trace(Rays.uniform(eyes, down, max_range=2 * _ABOVE)).parts
     is_open = np.array([_is_open(tracer, i) for i in range(len(tracer.parts))])
     met = (seen >= 0) & is_open[seen]
-    return np.where(met, gamma[seen], gamma[open_part]).reshape(len(x), len(y))
+    return np.where(met, seen, open_part).reshape(len(x), len(y))
+
+
+@lru_cache(maxsize=1)
+def ground_heights() -> NDArray[np.float32]:
+    """Return heights of ground of a roughness of 1 cm^3, (N, N) m."""
+    noise = generator_for(0, "relief").standard_normal([TEXTURE_CELLS] * 2)
+    waves = np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_CELL)  # per metre
+    steep = np.maximum(np.hypot(*np.meshgrid(waves, waves)), waves[1])
+    # Of waves in all directions C / k^3 becomes 4 C / k^2 along a line.
+    density = 1e-6 * 0.1**2 / 4 / steep**3
+    heights = np.fft.ifft2(np.fft.fft2(noise) * np.sqrt(density)).real / TEXTURE_CELL
+    return np.asarray(heights - heights.mean(), np.float32)
 
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343

@@ -1,15 +1,16 @@
-"""Environments for reinforcement learning: Gymnasium, its vectors, and PettingZoo.
+"""Environments for reinforcement learning with Gymnasium and PettingZoo.
 
-A robot is to drive to a goal, by what its scanner sees and two wheel speeds. Importing
-this package registers ``radarsim/GoTo-v0``, ``radarsim/Hedge-v0`` with a hedge between
-start and goal, and ``radarsim/Smoke-v0`` in a room with smoke::
+A robot has to drive to a goal: it observes the ranges of its scanner, and sets two
+wheel speeds. Importing this package registers ``radarsim/GoTo-v0``,
+``radarsim/Hedge-v0`` with a hedge between start and goal, and ``radarsim/Smoke-v0`` in
+a room with smoke::
 
     env = gymnasium.make("radarsim.gym:radarsim/GoTo-v0", map="foliage_room")
 
-``radarsim.gym`` is its short name.
+Import it under its short name, ``radarsim.gym``.
 
-Gymnasium comes with ``pip install '.[gym]'`` in the checkout, PettingZoo with
-``pip install '.[marl]'``.
+In a checkout, ``pip install '.[gym]'`` installs Gymnasium, and
+``pip install '.[marl]'`` installs PettingZoo.
 """
 
 import importlib

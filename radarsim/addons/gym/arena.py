@@ -1,7 +1,7 @@
-"""Robots of one class in a scene, driven for one decision period at a time.
+"""Robots of one class in a scene, which drive for one decision period at a time.
 
-They are those of a simulation: the same motion, collisions and scans. Here nothing is
-reported between two decisions, so that a period takes a few calls of the engine.
+Motion, collisions and scans are those of a simulation. Nothing is reported between two
+decisions, so a period takes only a few calls of the engine.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from radarsim.simulation.config import SimulationConfig
 if TYPE_CHECKING:
     from radarsim.addons.gym.environment import GoToSettings
 
-MOST_SECONDS: Final = 10_000.0  # of a decision, as nothing interrupts the engine
+MOST_SECONDS: Final = 10_000.0  # of a decision period, as the engine cannot be stopped
 
 
 class Arena:
@@ -39,23 +39,23 @@ class Arena:
     Attributes:
         scene: The map.
         model: Class of the robots.
-        scanner: The scanner that each carries.
+        scanner: The scanner of each robot.
         max_speed: Highest speed of a robot, m/s.
         max_turn_rate: Highest turn rate, rad/s.
     """
 
     def __init__(self, settings: "GoToSettings", count: int, *, meets: bool) -> None:
-        """Load the map; robots are to be placed first.
+        """Load the map and create the robots; call ``place`` before they drive.
 
         Args:
-            settings: The map, the robots' class and scanner, and the period.
-            count: N.
+            settings: The map, the robots' class and scanner, and the decision period.
+            count: Number of robots, N.
             meets: Whether robots see and touch each other.
 
         Raises:
             RadarsimError: If the map, the class or a sensor setting is wrong.
-            ValueError: If the class has no such scanner or is a car, or the period is
-                too short.
+            ValueError: If the class has no such scanner or steers like a car, or the
+                period is too short or too long.
         """
         config, map_ = SimulationConfig(), settings.map
         self.scene = map_ if isinstance(map_, Scene) else load_map(map_)
@@ -64,7 +64,7 @@ class Arena:
             text = f"robot {self.model.name!r} steers as a car does"
             raise ValueError(f"{text}, expected one that is skid-steered")
         period = settings.decision_period
-        # Less than half a tick would be rounded to a period of none.
+        # Periods of up to half a tick would be rounded to 0.
         if not TICK / 2 < period <= MOST_SECONDS:
             expected = f"expected {TICK:g} to {MOST_SECONDS:g} s"
             raise ValueError(f"decision period {period!r} s, {expected}")
@@ -94,7 +94,7 @@ class Arena:
 
     @property
     def radius(self) -> float:
-        """Radius of the circle around a robot, m."""
+        """Radius of the circle around a robot's footprint, m."""
         return Footprint(self.model.length, self.model.width).radius
 
     @property
@@ -104,12 +104,12 @@ class Arena:
         return self._fleet.columns[self._slots, first : first + 3]
 
     def places_of_others(self, row: int) -> list[tuple[float, float]]:
-        """Return x and y, m, of the robots that one may run into."""
+        """Return x and y, m, of the other robots with which a robot can collide."""
         others = self._present & (np.arange(len(self._robots)) != row)
         return [(x, y) for x, y, _ in self.poses[others & self._meets].tolist()]
 
     def place(self, row: int, pose: Pose2) -> None:
-        """Put a robot somewhere, where it stands still; no free place is looked for."""
+        """Place a robot at a pose, at rest, without a check for obstacles."""
         self._present[row] = True
         self._fleet.place(self._robots[row], pose, self._obstacles_at(pose.x, pose.y))
 
@@ -117,7 +117,7 @@ class Arena:
         """Return the nearest pose, within 1 m, at which a robot touches no obstacle.
 
         Raises:
-            ValueError: If there is none.
+            ValueError: If there is no such pose.
         """
         obstacles = self._obstacles_at(pose.x, pose.y)
         footprint = Footprint(self.model.length, self.model.width)
@@ -130,24 +130,24 @@ class Arena:
         return free
 
     def take_out(self, row: int) -> None:
-        """Let a robot neither drive, nor be seen or touched, until it is placed."""
+        """Remove a robot from the scene until it is placed again."""
         self._present[row] = False
 
     def drive(self, speeds: Floats) -> NDArray[np.bool_]:
-        """Let all robots drive for a period.
+        """Let all robots drive for a decision period.
 
         Args:
             speeds: (N, 2) speeds of the left and right wheels as shares of the highest
-                one, -1 to 1.
+                speed, -1 to 1.
 
         Returns:
-            (N,) whether a robot was blocked or touched anything meanwhile.
+            (N,) whether each robot was blocked or touched anything in the period.
         """
-        # Straight into the table: calls for each robot would cost more than its motion.
+        # Speeds are written to the table at once; a call for each robot is slower.
         first = COLUMN["left_spin"]
         self._fleet.columns[self._slots, first : first + 2] = speeds * self._max_spin
         touched = np.zeros(len(self._robots), np.bool_)
-        # All ticks of a period in one call of the engine.
+        # One call of the engine simulates all ticks of the period.
         touched[self._present] = self._fleet.drive(
             self._slots[self._present], TICK, self._ticks, meets=self._meets
         )
@@ -159,19 +159,19 @@ class Arena:
         chosen: NDArray[np.bool_],
         values: Sequence[str],
     ) -> dict[str, Floats]:
-        """Take a scan of each chosen robot.
+        """Scan with each chosen robot.
 
         Args:
-            rngs: Source of randomness of each robot.
+            rngs: Random generator of each robot.
             chosen: (N,) whether a robot scans.
-            values: What else of each beam is read, which takes longer: ``power``, the
-                penetration power left where it reads, as a share of that sent, 0 where
-                nothing is detected, 1 where it is unlimited; ``rays``, which ray of it
-                gave the range: -1 right, 0 centre, 1 left.
+            values: Further values of each beam, which take longer: ``power``, the
+                share of penetration power that remains at the reported range, 0 without
+                detection, 1 if it is unlimited; ``rays``, the ray that gave the range:
+                -1 right, 0 centre, 1 left.
 
         Returns:
-            (N, beams) each: ``ranges``, m, the maximum range where nothing is detected,
-            and for robots that do not scan or were taken out; and the other values.
+            Arrays (N, beams): ``ranges``, m, and the further values. Ranges are the
+            maximum range without detection, and for robots that do not scan.
         """
         shape = len(self._robots), len(self.scanner.angles)
         found = {"ranges": np.full(shape, self.scanner.settings.max_range)}
@@ -186,7 +186,7 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        # They see each other, or none.
+        # Robots that do not meet are not in each other's scans.
         boxes = Boxes(self._fleet.boxes()[self._present]) if self._meets else None
         taken = take_scans(self._tracer, requests, boxes)
         for row, request, (batch, k) in zip(rows, requests, taken, strict=True):
@@ -200,20 +200,20 @@ class Arena:
 
     def _obstacles_at(self, x: float, y: float) -> Obstacles:
         floor = self.scene.floor_at(x, y)
-        # What stands on another storey is no obstacle; few heights occur, each computed
-        # once.
+        # Obstacles depend on the height of the floor. Few heights occur, so the
+        # obstacles of each are cached.
         if floor not in self._obstacles:
             self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._obstacles[floor]
 
 
 def _power_left(scan: Scan) -> Floats:
-    """Return the share of its power that each beam has left where it reads."""
+    """Return the remaining share of power of each beam at its reported range."""
     echoes, shares = scan.echoes, np.zeros(len(scan.ranges))
-    # A beam reads one of its echoes: the one whose range is that of the scan.
+    # The reported echo of a beam is the echo whose range is in the scan.
     is_read = echoes.ranges == scan.ranges[echoes.beams]
     left, sent = echoes.power[is_read], echoes.settings.penetration_power
-    # What never loses power has an infinite one: nothing of it is lost.
+    # Infinite power means that a beam loses none, so its share is 1.
     read, limited = np.ones(len(left)), np.isfinite(left)
     read[limited] = left[limited] / sent if sent else 0.0
     shares[echoes.beams[is_read]] = read

@@ -1,7 +1,7 @@
-"""The task of all environments: drive to a goal by what the scanner sees.
+"""The task of all environments: to drive to a goal with the readings of a scanner.
 
-Everything is in arrays with a row for each robot, so that one robot and many are the
-same code. Random starts and goals are drawn from the floor that robots can get to.
+All state is in arrays with one row for each robot, so one robot and many robots share
+the same code. Random starts and goals are drawn from the floor that robots can reach.
 """
 
 import math
@@ -22,7 +22,7 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.map_warnings import Position, component_around, free_space
 
-# What can be observed of each beam besides its range: smallest and largest value.
+# Optional observations of each beam in addition to its range: least and largest value.
 BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
     "power": (0.0, 1.0),
     "rays": (-1.0, 1.0),
@@ -30,14 +30,14 @@ BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
 
 
 class Transition(NamedTuple):
-    """What happened to N robots in one decision period.
+    """The result of one decision period for N robots.
 
     Attributes:
-        actions: (N, 2) wheel speeds that were chosen, left and right, -1 to 1.
-        distances_before: (N,) m to the goal before it.
-        distances: (N,) m to the goal after it.
+        actions: (N, 2) chosen wheel speeds, left and right, -1 to 1.
+        distances_before: (N,) distance to the goal before the period, m.
+        distances: (N,) distance to the goal after the period, m.
         touched: (N,) whether the robot was blocked or touched anything.
-        reached: (N,) whether it is within 0.5 m of its goal.
+        reached: (N,) whether the robot is within 0.5 m of its goal.
     """
 
     actions: Floats
@@ -48,7 +48,7 @@ class Transition(NamedTuple):
 
 
 def progress_reward(transition: Transition) -> Floats:
-    """Return the way that was made towards the goal, m, and 10 for reaching it.
+    """Return the progress towards the goal, m, plus 10 if the goal is reached.
 
     A period in which a robot touches something costs 1.
     """
@@ -59,21 +59,21 @@ def progress_reward(transition: Transition) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoToSettings:
-    """Settings of ``gymnasium.make`` for ``radarsim/GoTo-v0``.
+    """Keyword arguments of ``gymnasium.make`` for ``radarsim/GoTo-v0``.
 
     Attributes:
-        map: Name or file of a map, or a scene.
+        map: Name or path of a map, or a scene.
         robot: Class of the robot.
-        scanner: Name of its scanner item; None for its first.
-        sensor_settings: Settings of the scanner that differ from the class's.
-        start: ``random``; ``map`` for that of the map's trial; the name of a start; or
-            x, y and yaw, m and rad.
-        goal: ``random``, a place that the robot can get to; ``map`` for that of the
+        scanner: Name of the scanner item; None for the first scanner of the robot.
+        sensor_settings: Changed settings of the scanner.
+        start: ``random``; ``map`` for the start of the map's trial; the name of a
+            start; or x, y and yaw, m and rad.
+        goal: ``random`` for a random reachable position; ``map`` for the goal of the
             map's trial; or x and y, m.
         decision_period: Simulated time between two decisions, s.
-        beam_values: Observations of each beam besides its range: ``power``, the
-            penetration power left where it reads, and ``rays``, which ray of it reads.
-        max_steps: Decisions after which an episode is truncated.
+        beam_values: Further observations of each beam: ``power``, the share of
+            penetration power left at its range, and ``rays``, the ray that gave it.
+        max_steps: Number of decisions after which an episode is truncated.
         ends_at_collision: Whether an episode terminates when the robot touches
             something.
         reward: Computes the (N,) rewards of a ``Transition``.
@@ -99,15 +99,15 @@ class GoToSettings:
             raise ValueError(f"{text} {list(BEAM_VALUES)}")
 
 
-_DRAWN_TOGETHER: Final = 16  # places; the first that is free is used
-_MAX_DRAWS: Final = 1000  # of so many places
+_DRAWN_TOGETHER: Final = 16  # positions in a draw; the first free position is used
+_MAX_DRAWS: Final = 1000  # draws before an error is raised
 
 
 class FreePlaces:
-    """The floor on which a robot fits in every direction, by connected pieces.
+    """The floor on which a robot fits at any heading, as connected pieces.
 
-    These are the pieces in which the map's starts are, or that around the origin of a
-    map without starts: the floor outside a room's walls is none of them.
+    Only pieces that contain a start of the map are used, or the origin if the map has
+    no starts. This excludes the floor outside the walls of a room.
     """
 
     def __init__(self, scene: Scene, clearance: float) -> None:
@@ -115,7 +115,7 @@ class FreePlaces:
 
         Args:
             scene: The map.
-            clearance: Distance that places have from everything solid, m.
+            clearance: Least distance of positions from solid objects, m.
 
         Raises:
             ValueError: If no start of the map is on free floor.
@@ -123,7 +123,7 @@ class FreePlaces:
         free = free_space(scene, clearance)
         starts = [(start.pose.x, start.pose.y) for start in scene.starts]
         found = [component_around(free, place) for place in starts or [(0.0, 0.0)]]
-        # Several starts may be in one piece.
+        # Several starts may be in the same piece.
         pieces = {piece.wkb: piece for piece in found if piece is not None}
         if not pieces:
             raise ValueError(
@@ -132,7 +132,7 @@ class FreePlaces:
             )
         self._pieces = tuple(pieces.values())
         self._floor = MultiPolygon(self._pieces)
-        # Prepared geometries answer the many tests of points from an index.
+        # Prepared geometries have an index, which makes many point tests fast.
         shapely.prepare([self._floor, *self._pieces])
 
     def draw(
@@ -143,16 +143,17 @@ class FreePlaces:
         *,
         reached_from: Position | None = None,
     ) -> Position:
-        """Draw a place, uniformly distributed over the floor; x and y, m.
+        """Draw a position, x and y, m, uniformly distributed over the floor.
 
         Args:
-            rng: Source of randomness.
-            others: Places that it is not to be near, m.
-            distance: Least distance from these, m.
-            reached_from: Where a way to it begins, m; None for any place.
+            rng: Random generator.
+            others: Positions to keep away from, m.
+            distance: Least distance from ``others``, m.
+            reached_from: Position from which the drawn position can be reached, m; None
+                for any position.
 
         Raises:
-            ValueError: If there is hardly such a place.
+            ValueError: If no free position is found.
         """
         floor: Polygon | MultiPolygon = self._floor
         if reached_from is not None:
@@ -161,11 +162,12 @@ class FreePlaces:
         low, high = np.reshape(floor.bounds, (2, 2))
         near = np.reshape(others, (-1, 1, 2))
         for _ in range(_MAX_DRAWS):
-            # Drawn from the box around the floor and refused outside of it, which is
-            # uniform on the floor; many at once, as calls of shapely have their price.
+            # Rejection sampling from the bounding box is uniform on the floor. Many
+            # positions are drawn at once, as each call of shapely is slow.
             places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
-            gaps = np.hypot(*np.moveaxis(places - near, -1, 0)).min(0, initial=np.inf)
-            is_free = shapely.contains_xy(floor, *places.T) & (gaps >= distance)
+            gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
+            is_far = (gaps >= distance).all(axis=0)
+            is_free = shapely.contains_xy(floor, *places.T) & is_far
             if is_free.any():
                 x, y = places[is_free.argmax()].tolist()
                 return x, y
@@ -175,19 +177,19 @@ class FreePlaces:
         )
 
 
-GOAL_RADIUS: Final = 0.5  # m around the goal
-GOAL_SCALE: Final = 20.0  # m; the distance that is observed as 1
-MIN_DISTANCE: Final = 1.0  # m between a random start and a random goal
-CLEARANCE: Final = 0.05  # m around a robot that starts somewhere at random
+GOAL_RADIUS: Final = 0.5  # m; distance within which the goal is reached
+GOAL_SCALE: Final = 20.0  # m; distance to the goal that is observed as 1
+MIN_DISTANCE: Final = 1.0  # m; least distance of a random goal from the start
+CLEARANCE: Final = 0.05  # m; free space around a robot at a random start
 
 Observations: TypeAlias = dict[str, NDArray[np.float32]]
 
 
 def as_actions(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Return actions as an array of a shape.
+    """Return actions as an array of float64.
 
     Raises:
-        ValueError: If they have another one.
+        ValueError: If the array does not have this shape.
     """
     array = np.asarray(actions, np.float64)
     if array.shape != shape:
@@ -196,24 +198,24 @@ def as_actions(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
 
 
 class GoToTask:
-    """N robots with a goal each.
+    """N robots, each of which has to drive to its goal.
 
     Attributes:
         settings: The settings.
         arena: The scene with the robots.
         goals: (N, 2) x and y of the goals, m, map frame.
-        distances: (N,) m from the robots to their goals.
-        steps: (N,) decisions since the last reset.
+        distances: (N,) distances from the robots to their goals, m.
+        steps: (N,) number of decisions since the last reset.
     """
 
     def __init__(
         self, settings: GoToSettings, count: int = 1, *, meets: bool = False
     ) -> None:
-        """Load the map; robots are to be reset first.
+        """Load the map; call ``reset`` for each robot before ``drive``.
 
         Args:
             settings: The settings.
-            count: N.
+            count: Number of robots, N.
             meets: Whether the robots see and touch each other.
 
         Raises:
@@ -222,7 +224,7 @@ class GoToTask:
         """
         self.settings = settings
         self.arena = Arena(settings, count, meets=meets)
-        # Wrong settings are to raise now, not in the first reset.
+        # These calls raise errors of wrong settings now, not in the first reset.
         _start_pose(self.arena.scene, settings.start)
         _goal_position(self.arena.scene, settings.goal)
         self.goals = np.zeros((count, 2))
@@ -251,7 +253,7 @@ class GoToTask:
 
     @property
     def action_space(self) -> spaces.Space[Any]:
-        """Speeds of the left and right wheels as shares of the highest one."""
+        """Speeds of the left and right wheels as shares of the highest speed."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def reset(
@@ -260,16 +262,16 @@ class GoToTask:
         rng: np.random.Generator,
         options: Mapping[str, Any] | None = None,
     ) -> None:
-        """Put a robot at a start, with a goal.
+        """Place a robot at a start, and give it a goal.
 
         Args:
-            row: The robot.
-            rng: Source of randomness.
-            options: ``start`` and ``goal``, as in the settings, for this episode;
-                others are ignored.
+            row: Index of the robot.
+            rng: Random generator.
+            options: ``start`` and ``goal`` of this episode, as in the settings; other
+                keys are ignored.
 
         Raises:
-            ValueError: If a start or goal is wrong, or there is no free place.
+            ValueError: If a start or goal is wrong, or no free position is found.
         """
         options, settings = options or {}, self.settings
         start = _start_pose(self.arena.scene, options.get("start", settings.start))
@@ -294,10 +296,10 @@ class GoToTask:
         self._is_placed[row] = True
 
     def drive(self, actions: Floats) -> Transition:
-        """Let all robots drive for a period.
+        """Let all robots drive for a decision period.
 
         Args:
-            actions: (N, 2) wheel speeds, limited to -1 to 1.
+            actions: (N, 2) wheel speeds, which are clipped to -1 to 1.
 
         Raises:
             ResetNeeded: If a robot has not been reset yet.
@@ -312,16 +314,16 @@ class GoToTask:
         touched = self.arena.drive(actions)
         self.steps += 1
         x, y, yaw = (self.arena.poses - poses).T
-        # On an arc, the chord lies in the middle between the first and last heading.
+        # The chord of an arc has the mean of the first and the last heading.
         heading = poses[:, 2] + yaw / 2
         forward = x * np.cos(heading) + y * np.sin(heading)
-        # The difference of two headings may have a whole turn too much.
+        # The difference of two headings is wrapped to -pi to pi.
         turned = np.arctan2(np.sin(yaw), np.cos(yaw))
         limits = np.array([self.arena.max_speed, self.arena.max_turn_rate])
         speeds = np.column_stack([forward, turned]) / self.settings.decision_period
         self._speeds = np.clip(speeds / limits, -1.0, 1.0)
         distances = np.hypot(*(self.goals - self.arena.poses[:, :2]).T)
-        # The transition keeps its own: a later reset writes into this array.
+        # The transition needs its own array, as ``reset`` changes ``self.distances``.
         self.distances = distances.copy()
         reached = distances <= GOAL_RADIUS
         return Transition(actions, before, distances, touched, reached)
@@ -329,18 +331,18 @@ class GoToTask:
     def observe(
         self, rngs: Sequence[np.random.Generator], chosen: NDArray[np.bool_]
     ) -> Observations:
-        """Return what robots observe, (N, ...) arrays.
+        """Return the observations of all robots, as arrays (N, ...).
 
         Args:
-            rngs: Source of randomness of each robot.
-            chosen: (N,) whether a robot scans; the rows of others mean nothing.
+            rngs: Random generator of each robot.
+            chosen: (N,) whether a robot scans; rows of the other robots are undefined.
         """
         names = self.settings.beam_values
         read = self.arena.scan(rngs, chosen, names)
         x, y, yaw = self.arena.poses.T
         bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
         distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
-        # Cosine and sine, as an angle itself would jump by a whole turn behind the
+        # Cosine and sine are continuous, whereas the angle jumps by 2 pi behind the
         # robot.
         goal = np.column_stack([distance, np.cos(bearing), np.sin(bearing)])
         return {
@@ -353,7 +355,7 @@ class GoToTask:
         }
 
     def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:
-        """Return which episodes are terminated, and which are truncated, (N,) each."""
+        """Return whether each episode is terminated, and truncated, both (N,)."""
         terminated = transition.reached.copy()
         if self.settings.ends_at_collision:
             terminated |= transition.touched
@@ -363,7 +365,7 @@ class GoToTask:
         """Return the ``info`` of a robot.
 
         Args:
-            row: The robot.
+            row: Index of the robot.
             touched: (N,) whether each robot touched something.
         """
         return {
@@ -378,7 +380,7 @@ class GoToTask:
 
 
 def _start_pose(scene: Scene, start: str | Sequence[float]) -> Pose2 | None:
-    """Return a start pose; None for a random one."""
+    """Return a start pose; None for a random start."""
     if not isinstance(start, str):
         return Pose2(*_finite_numbers(start, 3, "start", "x, y and yaw"))
     if start == "random":
@@ -394,7 +396,7 @@ def _start_pose(scene: Scene, start: str | Sequence[float]) -> Pose2 | None:
 
 
 def _goal_position(scene: Scene, goal: str | Sequence[float]) -> Sequence[float] | None:
-    """Return x and y of a goal; None for a random one."""
+    """Return x and y of a goal, m; None for a random goal."""
     if not isinstance(goal, str):
         return _finite_numbers(goal, 2, "goal", "x and y")
     if goal == "random":

@@ -1,4 +1,4 @@
-"""Several robots in one scene that see and touch each other, for PettingZoo."""
+"""A PettingZoo environment: several robots that see and touch each other."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar, TypeAlias
@@ -17,10 +17,10 @@ _Rows: TypeAlias = dict[str, Any]  # by agent
 
 
 class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
-    """Robots that drive to a goal each, among each other.
+    """Several robots in one scene, each of which has to drive to its own goal.
 
-    Agents are ``robot_0``, ``robot_1`` and so on; what they observe and do is that of
-    ``GoToEnv``. A robot whose episode ends leaves the scene.
+    Agents are ``robot_0``, ``robot_1`` and so on. Their observations and actions are
+    those of ``GoToEnv``. A robot whose episode ends is removed from the scene.
     """
 
     metadata: ClassVar[dict[str, Any]] = {
@@ -38,12 +38,12 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
             num_robots: Number of robots.
             render_mode: ``rgb_array``; ``human`` for a window that follows the robots;
                 None for an environment without pictures.
-            settings: As in ``GoToSettings``; ``start`` must be random, since a place
-                holds one robot only.
+            settings: As in ``GoToSettings``; ``start`` must be ``random``, as robots
+                cannot share a start.
 
         Raises:
             RadarsimError: If the map, the class or a sensor setting is wrong.
-            TypeError: If there is no such setting.
+            TypeError: If a setting does not exist.
             ValueError: If another setting is wrong.
         """
         if num_robots < 1:
@@ -60,32 +60,32 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         self._spaces = self.task.observation_space, self.task.action_space
 
     def observation_space(self, agent: str) -> Space[Any]:  # noqa: ARG002
-        """Return the space of a robot's observations, the same for all."""
+        """Return the observation space, which is the same for all robots."""
         return self._spaces[0]
 
     def action_space(self, agent: str) -> Space[Any]:  # noqa: ARG002
-        """Return the space of a robot's actions, the same for all."""
+        """Return the action space, which is the same for all robots."""
         return self._spaces[1]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Begin an episode with all robots.
+        """Start an episode with all robots.
 
         Args:
-            seed: Seed of the first robot, that of the next is one higher; None to go
-                on.
+            seed: Seed of the first robot; each further robot has the next higher seed.
+                None to continue the random numbers.
             options: ``goal``, as in the settings.
 
         Raises:
-            ValueError: If an option is wrong, or there is no free place.
+            ValueError: If an option is wrong, or no free position is found.
         """
         if "start" in (options or {}):
             raise ValueError("option start, expected only goal: robots start at random")
         if seed is not None:
             self._rngs = [np_random(seed + row)[0] for row in range(len(self._rows))]
         self.agents = list(self.possible_agents)
-        # The first that is placed must not avoid robots of the last episode.
+        # New positions must not depend on robots of the last episode.
         for row in range(len(self._rows)):
             self.task.arena.take_out(row)
         for row in range(len(self._rows)):
@@ -101,7 +101,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         """Drive all robots that are left for a decision period.
 
         Args:
-            actions: Speeds of the left and right wheels of each, -1 to 1.
+            actions: Speeds of the left and right wheels of each robot, -1 to 1.
 
         Raises:
             KeyError: If the action of a robot is missing.
@@ -115,8 +115,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         transition = self.task.drive(speeds)
         rewards = self.task.settings.reward(transition)
         terminated, truncated = self.task.ended(transition)
-        # Before robots leave: the last observation of an episode belongs to its last
-        # step.
+        # Robots observe before they are removed: the last step of an episode returns
+        # its last observation.
         observations = self._observe(agents)
         ended = terminated | truncated
         for agent in agents:
@@ -136,7 +136,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         return self._picture.draw([self._rows[agent] for agent in self.agents])
 
     def close(self) -> None:
-        """Close the window of ``human``."""
+        """Close the window of render mode ``human``."""
         self._picture.close()
 
     def _observe(self, agents: list[str]) -> dict[str, Observation]:

@@ -1,4 +1,4 @@
-"""``radarsim/GoTo-v0``: one robot that is to drive to a goal, and pictures of tasks."""
+"""``radarsim/GoTo-v0``: one robot that has to drive to a goal, and its rendering."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -28,17 +28,17 @@ _DPI = 100
 
 
 class Picture:
-    """The robots of a task from above; the plan of the scene is drawn once."""
+    """Draws the robots and goals of a task from above, over the plan of the scene."""
 
     def __init__(self, task: GoToTask, render_mode: str | None) -> None:
-        """Draw nothing yet.
+        """Open the window of render mode ``human``.
 
         Args:
             task: The task.
             render_mode: ``rgb_array``, ``human``, or None for no pictures.
 
         Raises:
-            RadarsimError: If it is ``human``, and matplotlib can open no window.
+            RadarsimError: If matplotlib cannot open a window.
             ValueError: If there is no such mode.
         """
         if render_mode not in (None, "rgb_array", "human"):
@@ -65,10 +65,10 @@ class Picture:
         return axes
 
     def draw(self, rows: Sequence[int]) -> NDArray[np.uint8] | None:
-        """Return the image of some robots and their goals, (H, W, 3), or show it."""
+        """Draw some robots with their goals: show it, or return an image, (H, W, 3)."""
         if not self._has_pictures:
             return None
-        # The plan stays: to draw it takes longer than all else.
+        # The plan is kept, as drawing it takes most of the time.
         for artist in self._drawn:
             artist.remove()
         robot, axes = self._task.settings.robot, self._axes
@@ -83,7 +83,7 @@ class Picture:
             self._window.refresh()
             return None
         data, (width, height) = self._canvas.print_to_buffer()  # type: ignore[no-untyped-call]
-        # Copied: the next picture is drawn into the same buffer.
+        # It is a copy, as the next picture is drawn into the same buffer.
         return np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
 
     def close(self) -> None:
@@ -96,20 +96,20 @@ Observation = dict[str, NDArray[np.float32]]
 
 
 class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """A robot in a scene, and a goal.
+    """A robot that has to drive to a goal in a scene.
 
-    An observation has ``ranges``, of the scanner's beams from right to left, as shares
-    of its maximum range, with 1 where nothing is detected; ``goal``, its distance by
-    20 m, limited to 1, and cosine and sine of its direction from the robot's heading;
-    ``speeds``, forward and turning, as shares of the highest ones. An action is the
-    speeds of the left and right wheels, as shares of the highest one.
+    An observation has ``ranges`` of the scanner's beams from right to left, as shares
+    of the maximum range, 1 without detection; ``goal``, the distance divided by 20 m,
+    limited to 1, and the cosine and sine of the goal's bearing from the robot's
+    heading; ``speeds``, forward speed and turn rate as shares of the highest values. An
+    action sets the left and right wheel speeds as shares of the highest speed.
 
     An episode terminates within 0.5 m of the goal. ``info`` has the ``distance`` to the
-    goal, m, whether the robot ``touched`` something, and its true ``pose``, x, y and
+    goal, m, whether the robot ``touched`` something, and its true ``pose``: x, y and
     yaw, m and rad, map frame.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 - so in the base class
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as in the base class
         "render_modes": ["rgb_array", "human"],
         "render_fps": 10,
     }
@@ -124,7 +124,7 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         Raises:
             RadarsimError: If the map, the class or a sensor setting is wrong.
-            TypeError: If there is no such setting.
+            TypeError: If a setting does not exist.
             ValueError: If another setting is wrong.
         """
         self.render_mode = render_mode
@@ -136,14 +136,14 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode.
+        """Start an episode.
 
         Args:
-            seed: Seed of everything random from now on; None to go on.
+            seed: Seed of all random numbers from now on; None to continue them.
             options: ``start`` and ``goal`` of this episode, as in the settings.
 
         Raises:
-            ValueError: If an option is wrong, or there is no free place.
+            ValueError: If an option is wrong, or no free position is found.
         """
         super().reset(seed=seed)
         self.task.reset(0, self.np_random, options)
@@ -154,7 +154,7 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for a decision period.
+        """Let the robot drive for a decision period.
 
         Args:
             action: (2,) speeds of the left and right wheels, -1 to 1.
@@ -181,7 +181,7 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._picture.draw([0])
 
     def close(self) -> None:
-        """Close the window of ``human``."""
+        """Close the window of render mode ``human``."""
         self._picture.close()
 
     def _observe(self) -> Observation:

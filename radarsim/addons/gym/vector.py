@@ -1,4 +1,4 @@
-"""Many robots that learn at once, in one scene, without meeting each other."""
+"""A vectorized environment: many robots in one scene, which do not meet."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,14 +24,14 @@ Infos = dict[str, Any]
 
 
 class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
-    """N times ``GoToEnv`` in one scene, whose scans are taken together.
+    """N environments of ``GoToEnv`` in one scene, whose scans are computed together.
 
-    Robots neither see nor touch each other, so that each does what it would do in an
-    environment of its own: sub-environment i has the seed of ``reset`` plus i. An
-    episode that ended begins again in the next step, whose action is ignored.
+    Robots neither see nor touch each other, so each behaves as in a separate
+    environment. The seed of environment i is that of ``reset`` plus i. After the end of
+    an episode, the next step starts a new episode and ignores the action.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 - so in the base class
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as in the base class
         "render_modes": ["rgb_array"],
         "render_fps": 10,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -43,14 +43,14 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         """Load the map, or the maps.
 
         Args:
-            num_envs: N.
+            num_envs: Number of environments, N.
             render_mode: ``rgb_array``, or None for environments without pictures.
-            settings: As in ``GoToSettings``; ``map`` may be a list of maps:
-                sub-environment i gets number i, and the first again after the last.
+            settings: As in ``GoToSettings``. ``map`` may be a list of maps, over which
+                the environments cycle.
 
         Raises:
             RadarsimError: If a map, the class or a sensor setting is wrong.
-            TypeError: If there is no such setting.
+            TypeError: If a setting does not exist.
             ValueError: If another setting is wrong.
         """
         if num_envs < 1:
@@ -83,18 +83,18 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observations, Infos]:
-        """Begin an episode everywhere, or where it is wanted.
+        """Start an episode in all environments, or in some.
 
         Args:
-            seed: Seed of the first sub-environment, that of the next is one higher; or
-                one for each; None to go on.
+            seed: Seed of the first environment; each further environment has the next
+                higher seed. Or a list of seeds, or None to continue.
             options: ``start`` and ``goal``, as in the settings, and ``reset_mask``, an
-                array (N,) of bool: only where it is true an episode begins; of the
-                others the last observation is returned once more, and no information.
+                array (N,) of bool. An episode starts only where it is true. The other
+                environments return their last observation, and no information.
 
         Raises:
-            ResetNeeded: If no episode has begun where the mask is false.
-            ValueError: If an option is wrong, or there is no free place.
+            ResetNeeded: If the mask is used before all environments were reset.
+            ValueError: If an option is wrong, or no free position is found.
         """
         mask = self._reset_mask(options or {})
         for i, each in enumerate(self._seeds(seed)):
@@ -110,7 +110,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observations, NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], Infos]:
-        """Drive all robots for a decision period.
+        """Let all robots drive for a decision period.
 
         Args:
             actions: (N, 2) speeds of the left and right wheels, -1 to 1.
@@ -130,11 +130,10 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             rewards[rows] = task.settings.reward(transition)
             touched[rows] = transition.touched
             terminated[rows], truncated[rows] = task.ended(transition)
-            # After driving, which moves robots that ended as well, but by an action of
-            # 0.
+            # The reset follows the drive, in which ended robots have the action 0.
             for k in np.flatnonzero(again[rows]).tolist():
                 task.reset(k, self._rngs[rows[k]])
-        # As Gymnasium asks of a step that only resets.
+        # Gymnasium requires these values of a step that only resets.
         for column in (rewards, touched, terminated, truncated):
             column[again] = 0
         self._ended = terminated | truncated
@@ -143,9 +142,9 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return self._observe(everywhere), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Return a picture of each, (H, W, 3), as of ``GoToEnv``; None without a mode.
+        """Return a picture of each environment, (H, W, 3); None without a render mode.
 
-        They show a robot each: those of the others are not there for it.
+        Each picture shows only the robot of its environment.
         """
         images = {
             row: image
@@ -177,10 +176,10 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return list(seed)
 
     def _observe(self, mask: NDArray[np.bool_]) -> Observations:
-        """Return the observations of all; those in a mask are new."""
+        """Return the observations of all environments; update those in the mask."""
         for task, rows in zip(self._tasks, self._rows, strict=False):
             chosen = mask[rows]
-            if not chosen.any():  # none of those of this map
+            if not chosen.any():  # no environment of this map
                 continue
             seen = task.observe([self._rngs[row] for row in rows], chosen)
             for name, values in seen.items():
@@ -190,7 +189,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return {name: values.copy() for name, values in self._observations.items()}
 
     def _infos(self, touched: NDArray[np.bool_], mask: NDArray[np.bool_]) -> Infos:
-        """Return the information on those in a mask; that on others is 0."""
+        """Return ``info`` of the environments in the mask, and 0 for the others."""
         distances, poses = np.zeros(self.num_envs), np.zeros((self.num_envs, 3))
         for task, rows in zip(self._tasks, self._rows, strict=False):
             distances[rows], poses[rows] = task.distances, task.arena.poses

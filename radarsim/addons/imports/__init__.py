@@ -1,1 +1,1 @@
-"""Maps and robot classes from files of other programs."""
+"""Imports maps and robot classes from files of other programs."""

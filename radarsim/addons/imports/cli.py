@@ -1,4 +1,4 @@
-"""``radarsim import``: maps and robot classes from files of other programs."""
+"""``radarsim import``: import a map or a robot class from a file of another program."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _Material = Annotated[tuple[str, str], Form("PATTERN=NAME", _read_pattern)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """What files of other programs do not say.
+    """Options of an import, for information that the file lacks.
 
     Attributes:
         start: Pose of the start; by default where a plan has most room, else the
@@ -97,8 +97,7 @@ def import_(
         from radarsim.simulation.config import SimulationConfig
 
         model, notes = import_ini(file, robot)
-        # Checked as a server will check it, so that the file that is written can be
-        # spawned.
+        # A server makes the same check when it loads the file.
         SimulationConfig(robots=(model,)).check()
         content = model.model_dump(mode="json", exclude_defaults=True)
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
@@ -127,7 +126,7 @@ def import_(
 
 
 def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
-    """Write a map, and its meshes into a new folder, or nothing."""
+    """Write a map, and its meshes into a new folder; on an error, write nothing."""
     with raise_on_signals(), ExitStack() as undo:
         try:
             if imported.meshes:
@@ -138,13 +137,13 @@ def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
         except OSError as error:
             text = f"cannot write {folder}: {describe_os_error(error)}"
             raise click.BadParameter(text, param_hint="-o") from None
-        # It is checked with its meshes, which have to be there.
+        # The map is written after its meshes, as ``to_text`` loads them for a check.
         write_file(output, imported.to_text(output).encode(), "-o")
         undo.pop_all()
 
 
 def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
-    """Refuse materials of options that neither the library nor the file has."""
+    """Check that the materials in options are in the library or in the file."""
     from radarsim.scene.material import library_names
 
     known = [*library_names(), *imported.materials]

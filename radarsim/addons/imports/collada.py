@@ -1,7 +1,7 @@
-"""COLLADA files: the triangles of their scenes, by the library pycollada.
+"""Reads the triangles of scenes in COLLADA files, with the package pycollada.
 
-Source: the specification of COLLADA 1.4.1. As in Gazebo, ``unit`` counts and
-``up_axis`` does not: models of its worlds stand upright there without it.
+Source: the specification of COLLADA 1.4.1. As in Gazebo, ``unit`` is applied and
+``up_axis`` is ignored: models in Gazebo worlds are upright without it.
 """
 
 import io
@@ -23,13 +23,13 @@ from radarsim.scene.shapes import Mesh, concatenate
 
 MAX_ELEMENTS: Final = 2_000_000
 MAX_NODES: Final = 100_000
-MAX_PROBLEMS: Final = 8  # of a file that are reported
-# Images, materials and scripts are not even seen by pycollada.
+MAX_PROBLEMS: Final = 8  # errors of a file that are reported
+# Images, materials and scripts are removed before pycollada parses the file.
 _READ: Final = ("library_geometries", "library_nodes", "library_visual_scenes", "scene")
 
 
 class _TreeBuilder(ElementTree.TreeBuilder):
-    """Builds elements, not too many, and nothing that declares entities."""
+    """Builds a limited number of elements, and refuses document types."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -41,7 +41,7 @@ class _TreeBuilder(ElementTree.TreeBuilder):
         return super().start(tag, attrs)
 
     def doctype(self, *_: object) -> None:
-        # A few lines of entities could become gigabytes, or the content of other files.
+        # Entities could expand to gigabytes, or include the content of other files.
         raise MeshError("a document type, expected none")
 
 
@@ -52,25 +52,25 @@ def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
         content: The file.
 
     Returns:
-        The meshes, m, each with the name of the node that it is in, and errors of parts
-        of the file, which are left out.
+        The meshes, m, each with the name of its node, and the errors of parts of the
+        file that are left out.
 
     Raises:
-        MeshError: If it is broken or too large, or has no triangles.
+        MeshError: If the file is malformed or too large, or has no triangles.
         MissingPackage: If pycollada is not installed.
     """
     collada = import_optional("collada", "collada")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            # Numbers that are none end a list; numpy only warns.
+            # numpy ends a list at a malformed number, and only warns.
             warnings.filterwarnings("error", "string or file could not be read")
             return _read(content, collada)
     except (MeshError, MissingPackage):
         raise
     except MemoryError as error:
         raise MeshError("too large") from error
-    except Exception as error:  # broken files make parsers raise anything
+    except Exception as error:  # parsers of malformed files may raise any error
         reason = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise MeshError(f"cannot be read as COLLADA: {reason}") from error
 
@@ -90,13 +90,13 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
     unread = [f"{namespace}instance_{each}" for each in ("camera", "light")]
     for node in root.iter(f"{namespace}node"):
         for child in [each for each in node if each.tag in unread]:
-            node.remove(child)  # nothing of a mesh is missing without it
+            node.remove(child)  # cameras and lights have no meshes
     for instance in root.iter(f"{namespace}instance_geometry"):
-        del instance[:]  # its materials, which would have to be there
+        del instance[:]  # removes references to materials, which are removed as well
     for mesh in root.iter(f"{namespace}mesh"):
         _reduce_to_positions(mesh, namespace)
-    # Written again, so that pycollada sees the checked XML: it takes zip files too, and
-    # other parsers, which take other encodings and entities, if they are installed.
+    # pycollada parses the checked XML again. It would also accept zip files, and use
+    # other installed parsers, which accept entities and further encodings.
     reduced = io.BytesIO(ElementTree.tostring(root))
     file = collada.Collada(reduced, ignore=[collada.DaeError])
     if file.scene is None:
@@ -111,7 +111,7 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
 
 
 def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:
-    """Leave normals, colours and textures out, which are long and often wrong."""
+    """Remove normals, colours and textures, which are large and often wrong."""
     source = ""
     for vertices in mesh.findall(f"{namespace}vertices"):
         for each in list(vertices):
@@ -124,13 +124,13 @@ def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:
             mesh.remove(each)
     for each in mesh.findall(f"*/{namespace}input"):
         if each.get("semantic") not in ("VERTEX", "POSITION"):
-            # It keeps its place among the indices; colours are not looked at.
+            # The input keeps its column of indices. Colours are never read.
             each.set("semantic", "COLOR")
             each.set("source", source)
 
 
 def _meshes(scene: Any, collada: Any) -> list[tuple[str, Mesh]]:
-    """Return the mesh of each geometry that is in a scene, in the unit of the file."""
+    """Return the mesh of each geometry in a scene, in the unit of the file."""
     found: list[tuple[str, Mesh]] = []
     budget, count = MeshBudget(), 0
     left = [("", np.eye(4), node) for node in reversed(scene.nodes)]
@@ -145,8 +145,8 @@ def _meshes(scene: Any, collada: Any) -> list[tuple[str, Mesh]]:
                 mirrored = np.linalg.det(outer[:3, :3]) < 0
                 found.append((name, (placed, faces[:, ::-1] if mirrored else faces)))
         elif isinstance(node, collada.scene.Node):
-            # Nodes that are instances of nodes with two instances each, and so on:
-            # there may be more of them than any memory holds.
+            # If each node has two instances of the next node, the number of nodes
+            # doubles at each level and could exceed the memory.
             count += len(node.children)
             expect_at_most(count, MAX_NODES, "nodes")
             own = getattr(node, "node", node).xmlnode.get("name", name)
@@ -159,9 +159,9 @@ _NOTHING: Final[Mesh] = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 
 
 def _triangles(primitive: Any, collada: Any) -> Mesh:
-    """Return the triangles of a part of a geometry; none of lines."""
+    """Return the triangles of a part of a geometry; lines have none."""
     if isinstance(primitive, collada.polylist.Polylist):
-        # As many indices are allocated as the polygons are said to have.
+        # pycollada allocates the number of indices that the polygons declare.
         corners, said = len(primitive.index), int(primitive.vcounts.sum())
         if corners != said:
             text = f"<vcount> adds up to {said} corners, expected {corners} as in <p>"
@@ -169,7 +169,7 @@ def _triangles(primitive: Any, collada: Any) -> Mesh:
         primitive = primitive.triangleset()
     if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
         return _NOTHING
-    # The vertices are those of all parts.
+    # All parts share one array of vertices; only the used vertices are kept.
     used, corner = np.unique(primitive.vertex_index, return_inverse=True)
     if used[0] < 0:
         raise MeshError(f"vertex index {used[0]}, expected at least 0")

@@ -1,6 +1,6 @@
-"""glTF files: one object that is the file, and the materials that its extras describe.
+"""Imports a glTF file as one object, with materials from the extras of the file.
 
-Source: the specification of glTF 2.0, 3.9 and 5.19: any material may have ``extras``,
+Source: the specification of glTF 2.0, 3.9 and 5.19. Any material may have ``extras``,
 and Blender writes custom properties there.
 """
 
@@ -20,16 +20,16 @@ from radarsim.validation import short_repr
 
 
 def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
-    """Import a file; its materials are those of its own extras, or of the library.
+    """Import a file, with materials from its extras or from the library.
 
     Args:
         path: The file, GLB or glTF.
-        options: What it does not say.
-        meshes: A folder next to the map, whose own folder has to contain the file.
+        options: Options of the import.
+        meshes: Folder for meshes next to the map; its parent has to contain the file.
 
     Raises:
-        ForeignFileError: If it cannot be read, is not below the folder, or describes
-            two materials of one name.
+        ForeignFileError: If the file cannot be read, is not below the folder of the
+            map, or describes two materials of one name.
     """
     content = read_bytes(path, MAX_FILE_BYTES)
     folder = meshes.parent
@@ -39,7 +39,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
     try:
         names = sorted({each.material or "" for each in read_surfaces(file, inside)})
         files = MeshFiles(inside, inside, MeshBudget())
-        # Once more: surfaces have the names of their materials, but not their extras.
+        # The file is parsed again, as surfaces have material names, but no extras.
         described = GltfFile(content, file.suffix.lower(), files).materials
     except MeshError as error:
         reason = str(error).removeprefix(f"{file.name!r}: ")
@@ -53,12 +53,12 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
                 imported.note(path, 1, text)
             continue
         keys = _known_keys(path, imported, material)
-        # Materials of a map file differ by their names.
+        # The materials of a map file have unique names.
         if keys and own.setdefault(material.name, keys) != keys:
             text = f"two materials are called {short_repr(material.name)}"
             raise wrong(path, 1, f"{text}, expected the same extras")
     materials = {}
-    for name in names:  # a pattern of the user's counts before the file
+    for name in names:  # a pattern of the user has priority
         used = name or path.stem
         known = used if used in own or used in library_names() else None
         materials[name] = imported.material_of(used, known)

@@ -1,4 +1,4 @@
-"""A map that is made of a file of another program."""
+"""Builds a map from the objects in a file of another program."""
 
 import math
 from collections import Counter
@@ -18,31 +18,31 @@ from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS, level_of
 from radarsim.yaml_reader import parse_yaml
 
 MAX_SHOWN: Final = 8  # names in a warning
-LEVEL: Final = 1e-7  # rad; less is taken for upright
-LOW: Final = 0.05  # m; what begins higher is no floor
+LEVEL: Final = 1e-7  # rad; objects with smaller roll and pitch count as upright
+LOW: Final = 0.05  # m; objects that start higher are no floor
 
 
 class ImportedMap:
     """Collects the objects of a map.
 
     Attributes:
-        options: What the file does not say.
-        notes: Parts that are left out or changed, each with its place.
-        materials: Materials of its own, by name.
-        defaulted: Names of objects with the default material, in their order.
+        options: Options of the import.
+        notes: Notes on parts that are left out or changed, with file and line.
+        materials: Materials of the file, by name.
+        defaulted: Names of objects with the default material, in order.
         meshes: Content of the mesh files that are written with the map, by name.
-        models: Number of models in the file, those that are left out with them.
-        others: What else is left out: its name, and how often.
-        has_floor: Whether something is below the start, after `to_text`.
+        models: Number of models in the file, including models that are left out.
+        others: Number of other parts that are left out, by their kind.
+        has_floor: Whether an object is below the start; set by ``to_text``.
         start: x, y, z, m, and yaw, degrees, of the start.
     """
 
     def __init__(self, source: Path, options: ImportOptions) -> None:
-        """Begin with nothing.
+        """Begin without objects.
 
         Args:
-            source: The file.
-            options: What the file does not say.
+            source: The file that is imported.
+            options: Options of the import.
         """
         self.options = options
         self.notes: list[str] = []
@@ -59,20 +59,21 @@ class ImportedMap:
         self._source = source
         self._objects: list[dict[str, object]] = []
         self._names: dict[str, int] = {}
-        self._left_out: Counter[str] = Counter()  # models, by the reason
-        self._patterns = dict(options.material)  # names of materials by patterns
+        self._left_out: Counter[str] = Counter()  # number of models, by reason
+        self._patterns = dict(options.material)  # names of materials, by pattern
         self._unused = dict.fromkeys(self._patterns)
 
     def note(self, path: Path, line: int, text: str) -> None:
-        """Add a note on a part that is left out, or changed."""
+        """Add a note on a part that is left out or changed."""
         self.notes.append(place(path, line, text))
 
     def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
-        """Count a model, which is left out if more than half of its shapes are.
+        """Count a model; it counts as left out if more than half of its shapes are.
 
         Args:
-            reasons: Why shapes of it are left out, in words that follow a number.
-            added: The number of its other shapes.
+            reasons: The reason for each shape that is left out, such as "without a
+                shape", which follows a number in the summary.
+            added: Number of shapes that were added.
         """
         self.models += 1
         if len(reasons) > added:
@@ -91,7 +92,7 @@ class ImportedMap:
         return 2 * self._left_out.total() > self.models
 
     def summary(self) -> str:
-        """Return how many models are left out, and why, and what else is."""
+        """Return the numbers of models left out, by reason, and of other parts."""
         text = f"{self._left_out.total()} of {self.models} models left out"
         reasons = self._left_out.most_common()
         shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]
@@ -102,11 +103,11 @@ class ImportedMap:
         return text + f"; also {', '.join(others)}" * bool(self.others)
 
     def material_of(self, name: str, known: str | None = None) -> str:
-        """Choose the material of what has a name: a pattern's counts first.
+        """Return the material of an object: that of the first pattern that fits.
 
         Args:
-            name: The name.
-            known: The material that it has without a pattern; None for the default.
+            name: Name of the object.
+            known: Material if no pattern fits; None for the default material.
         """
         patterns = self._patterns
         fitting = [p for p in patterns if fnmatchcase(name.casefold(), p.casefold())]
@@ -119,7 +120,7 @@ class ImportedMap:
         return known or self.options.default_material
 
     def warnings(self) -> list[str]:
-        """Return which patterns fit nothing, and what else may be unexpected."""
+        """Return warnings on unused patterns, default materials and a missing floor."""
         lines = [f"--material {each!r} matches no object" for each in self._unused]
         names = list(dict.fromkeys(self.defaulted))
         if names:
@@ -138,13 +139,13 @@ class ImportedMap:
         """Add an object.
 
         Args:
-            name: Its name; a number follows it if there is another one of this name.
-            shape: The keys of a map file that describe it.
-            pose: Its pose.
-            material: Its material; that which fits its name if there is none.
+            name: Name of the object; a number is appended if the name is taken.
+            shape: The keys of a map file that describe the shape.
+            pose: Pose of the object.
+            material: Material of the object; if empty, it is chosen by the name.
 
         Raises:
-            ForeignFileError: If there are too many.
+            ForeignFileError: If the map has too many objects.
         """
         if len(self._objects) >= MAX_OBJECTS:
             text = f"more than {MAX_OBJECTS} objects, expected fewer"
@@ -155,8 +156,7 @@ class ImportedMap:
             "position": rounded(pose.position()),
         }
         angles = rounded(map(math.degrees, (pose.roll, pose.pitch, pose.yaw)))
-        # Composed rotations leave angles of rounding errors; such an object counts as
-        # upright.
+        # Composed rotations have rounding errors, so tiny angles count as 0.
         if max(abs(pose.roll), abs(pose.pitch)) > LEVEL:
             keys["rotation_deg"] = angles
         elif abs(pose.yaw) > LEVEL:
@@ -166,13 +166,13 @@ class ImportedMap:
         self._objects.append(keys)
 
     def to_text(self, file: Path) -> str:
-        """Return the map file.
+        """Return the text of the map file.
 
         Args:
-            file: Where it is to be written.
+            file: Path of the map file, for the check.
 
         Raises:
-            ForeignFileError: If it would not be a map.
+            ForeignFileError: If the map is invalid or has no objects.
         """
         if not self._objects:
             nothing = f"{self._source}: it has no object for a map"
@@ -186,15 +186,15 @@ class ImportedMap:
             "objects": self._objects,
             "starts": [{"name": "RobotStart1", **spot}],
         }
-        # The name in ASCII, as it may hold a line break, which would end the comment.
+        # ``!a`` escapes line breaks in the name, which would end the comment.
         text: str = f"# Imported from {self._source.name!a}.\n" + yaml.dump(
             content,
             Dumper=yaml.CSafeDumper,
-            default_flow_style=None,  # lists of numbers are on one line
+            default_flow_style=None,  # writes lists of numbers on one line
             sort_keys=False,
             allow_unicode=True,
         )
-        # Checked as a map: names and sizes of other programs may not fit.
+        # The map is checked, as names and sizes of other programs may be invalid.
         try:
             scene = load_scene(parse_yaml(file, text))
         except MapError as error:
@@ -210,10 +210,10 @@ class ImportedMap:
         return text
 
     def _unique(self, name: str) -> str:
-        """Return a name that a map file may have, and that no object has."""
+        """Return a valid name for a map file that no other object has."""
         signs = [c if c.isprintable() and c not in "{}" else "_" for c in name]
         wanted = "".join(signs).strip()[: MAX_NAME - 8] or "object"
-        # ``wall_2`` may be a name of the file itself, so that this one is tried again.
+        # ``wall_2`` may also be a name in the file, so the new name is checked again.
         count = self._names[wanted] = self._names.get(wanted, 0) + 1
         if count == 1:
             return wanted

@@ -1,4 +1,4 @@
-"""Maps of nav2's map_server: a picture, and a YAML file with its place and scale.
+"""Imports maps of nav2's map_server: a picture, and a YAML file with its frame.
 
 Source: the documentation of nav2_map_server.
 """
@@ -25,20 +25,20 @@ from radarsim.yaml_reader import YamlFile, read_yaml
 Mask: TypeAlias = NDArray[np.bool_]
 
 MAX_PIXELS: Final = 64_000_000
-FLOOR_DEPTH: Final = 0.2  # m
+FLOOR_DEPTH: Final = 0.2  # m; thickness of the floor
 
 
 class MapServerKeys(BaseModel):
     """The keys of the YAML file.
 
     Attributes:
-        image: The picture, relative to the file.
+        image: Path of the picture, relative to the file.
         resolution: Side of a pixel, m.
         origin: x, y, m, and yaw, rad, of the lower left corner.
-        negate: Whether bright is occupied.
-        occupied_thresh: Cells of a higher probability are occupied.
-        free_thresh: Cells of a lower one are free.
-        mode: How brightness is read.
+        negate: Whether bright cells are occupied.
+        occupied_thresh: Cells with a higher probability are occupied.
+        free_thresh: Cells with a lower probability are free.
+        mode: Meaning of the brightness.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -53,19 +53,19 @@ class MapServerKeys(BaseModel):
 
 
 def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMap:
-    """Import a map; occupied cells become boxes that cover them exactly.
+    """Import a map; boxes cover exactly the occupied cells.
 
     Args:
         path: The YAML file.
-        options: What it does not say.
+        options: Options of the import.
 
     Raises:
-        ForeignFileError: If it cannot be read, or is not such a map.
+        ForeignFileError: If the file cannot be read, or is no map of map_server.
     """
     file, keys = _read(path)
     line = int(file.place(["image"]).rsplit(":", 2)[1])
     folders = (path.parent, *options.model_path)
-    # A path of the machine that wrote the map counts by its name.
+    # The path may be of another machine, so the bare file name is searched as well.
     name = PurePath(keys.image).name
     picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:
@@ -75,12 +75,12 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
         raise wrong(path, line, text)
     brightness, is_opaque = read_picture(picture)
     probability: Floats
-    if keys.mode == "raw":  # percent; more, as 255, is unknown
+    if keys.mode == "raw":  # percent; larger values, such as 255, mean unknown
         is_opaque = is_opaque & (brightness <= 100)
         probability = brightness / 100
     else:
         probability = (brightness if keys.negate else 255.0 - brightness) / 255
-    # Transparent pixels are unknown, whatever they look like.
+    # Transparent pixels are unknown, whatever their brightness.
     occupied = is_opaque & (probability > keys.occupied_thresh)
     free = is_opaque & (probability < keys.free_thresh)
     imported = ImportedMap(path, options)
@@ -89,7 +89,7 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     rows, columns = occupied.shape
 
     def pose(row: float, column: float, z: float) -> Pose3:
-        """Return the pose of a place, in rows and columns from the top left corner."""
+        """Return the pose of a point in pixels from the top left corner of the map."""
         return corner.compose(Pose3(column * side, (rows - row) * side, z))
 
     if options.start is None:
@@ -133,10 +133,10 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
     """Read a grey picture.
 
     Returns:
-        (H, W) brightness, 0 to 255, and which pixels are not transparent.
+        Brightness, 0 to 255, and whether a pixel is opaque, (H, W) each.
 
     Raises:
-        ForeignFileError: If it cannot be read, or is too large.
+        ForeignFileError: If the picture cannot be read, or is too large.
     """
     try:
         with Image.open(path) as picture:
@@ -147,7 +147,7 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
             if picture.mode.startswith(("I", "F")):
                 text = f"pixels of mode {picture.mode}, expected 8 bits"
                 raise wrong(path, 1, text)
-            # Grey and alpha of any mode: palettes, colours and single bits.
+            # Pictures of any mode become grey and alpha, such as palettes and colours.
             pixels = np.asarray(picture.convert("LA"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
         text = "cannot be read, expected a picture such as PGM or PNG"
@@ -158,12 +158,12 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
 
 
 def rectangles(cells: Mask) -> Iterator[tuple[int, int, int, int]]:
-    """Yield rectangles that cover cells, each of these once.
+    """Yield rectangles that cover each of the given cells exactly once.
 
-    Each is top, left, bottom and right; rows and columns end before the last two.
+    A rectangle is (top, left, bottom, right); bottom and right are exclusive.
 
-    Each one begins with a whole run of cells in a row, and goes on down the rows as
-    long as all cells below it are there.
+    Each rectangle starts with a whole run of cells in a row, and extends down as long
+    as all cells below the run are set.
     """
     left = cells.copy()
     for top in range(len(left)):
@@ -177,12 +177,15 @@ def rectangles(cells: Mask) -> Iterator[tuple[int, int, int, int]]:
 
 
 def roomiest(free: Mask) -> tuple[int, int] | None:
-    """Return row and column of the free cell farthest from all others; None if none."""
-    from scipy import ndimage  # noqa: PLC0415 - takes long
+    """Return row and column of the free cell farthest from cells that are not free.
+
+    The result is None if no cell is free.
+    """
+    from scipy import ndimage  # noqa: PLC0415 - slow import
 
     if not free.any():
         return None
-    # padded, since the area beyond the picture is not free either
+    # The padding makes the area outside the picture count as not free.
     room = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(np.argmax(room), room.shape)
     return int(row), int(column)

@@ -1,7 +1,7 @@
-"""Worlds of Gazebo: the collision shapes of their models, or what its lidars see.
+"""Imports Gazebo worlds: the collision shapes of their models, or the visuals.
 
-Source: the specification of SDFormat 1.11, and how Gazebo finds models and restores
-the state of a world that was saved from its window.
+Sources: the specification of SDFormat 1.11, and the behaviour of Gazebo when it finds
+models and restores the state of a world that was saved from its window.
 """
 
 import re
@@ -22,13 +22,13 @@ from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
 from radarsim.validation import short_repr
 
-MAX_LEVELS: Final = 100  # of models and includes in each other
-MAX_INCLUDED: Final = 2_000_000  # elements that all includes have together
+MAX_LEVELS: Final = 100  # of nested models and includes
+MAX_INCLUDED: Final = 2_000_000  # elements of all includes together
 NEWEST: Final = (1, 12)  # version of SDFormat; newer files are the last choice
-LEFT_OUT: Final = ("road", "population", "actor")  # of a world
-# Folders of resources that Gazebo searches, which --model-path names here.
+LEFT_OUT: Final = ("road", "population", "actor")  # elements of a world
+# URI schemes of files in Gazebo's resource folders, which --model-path replaces.
 SEARCHED: Final = ("model://", "package://", "file://")
-# Worlds of Gazebo have them; robots drive at z = 0 here, and scanners need no light.
+# Common models that are not needed: robots drive at z = 0, scanners need no light.
 _NOT_NEEDED: Final = re.compile(r".*/(sun|ground[ _]plane)(/[0-9]+|/tip)?")
 _FUEL: Final = re.compile(
     r"https?://([^/]+)/(?:1\.0/)?([^/]+)/models/([^/]+)(?:/(\d+|tip))?(?:/files/(.*))?"
@@ -36,17 +36,17 @@ _FUEL: Final = re.compile(
 )
 
 
-@np.errstate(all="ignore")  # numbers that are not finite are refused
+@np.errstate(all="ignore")  # numbers that are not finite raise later
 def import_sdf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
     """Import a world.
 
     Args:
         path: The file.
-        options: What it does not say.
-        meshes: Folder next to the map that its meshes are copied into.
+        options: Options of the import.
+        meshes: Folder next to the map into which meshes are copied.
 
     Raises:
-        ForeignFileError: If it cannot be read, or is no SDF.
+        ForeignFileError: If the file cannot be read, or is no SDF.
     """
     imported = ImportedMap(path, options)
     root = read_xml(path)
@@ -54,7 +54,7 @@ def import_sdf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
         text = f"<{short_repr(root.tag)[1:-1]}>, expected <sdf>"
         raise root.wrong(text)
     importer = _Importer(imported, MeshCopies(imported, meshes.name))
-    # By resolved paths: two links to one file are the same file.
+    # Paths are resolved, so that two links to one file count as the same file.
     for scope in (*root.all("world"), root):
         state = scope.first("state")
         importer.add_all(scope, ORIGIN, "", (path.resolve(),), state)
@@ -66,7 +66,7 @@ def import_sdf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
 
 
 class _Importer:
-    """Adds the models of a file, and of those that it includes, to a map."""
+    """Adds the models of a file, and of the files that it includes, to a map."""
 
     def __init__(self, imported: ImportedMap, copies: MeshCopies) -> None:
         self._map = imported
@@ -87,12 +87,12 @@ class _Importer:
         """Add the models of a world, a model or a file.
 
         Args:
-            scope: It.
-            pose: Its pose.
-            prefix: What names of its models begin with.
-            files: The files that it is in, each included by the one before.
-            state: The state that it is in, if one was saved.
-            level: The number of models that it is in.
+            scope: Element of the world, the model or the file.
+            pose: Pose of the scope.
+            prefix: Prefix for the names of models in the scope.
+            files: Chain of included files, of which the last contains the scope.
+            state: The saved state of the scope, if there is one.
+            level: Number of models around the scope.
         """
         if level > MAX_LEVELS:
             text = f"more than {MAX_LEVELS} models and includes in each other"
@@ -145,7 +145,7 @@ class _Importer:
         reasons, added, is_not_missed = [], 0, False
         for link in model.all("link"):
             for shape in link.all(self._shapes):
-                # Often all three are the same name, which is written once then.
+                # Model, link and shape often have the same name; it is written once.
                 names = "_".join(dict.fromkeys((name, link.name, shape.name)))
                 try:
                     if link.name in saved:
@@ -183,7 +183,7 @@ class _Importer:
         return read_mesh(mesh, file, scale, self._copies)
 
     def _model_of(self, include: XmlElement) -> XmlElement:
-        """Return the model that an include stands for, as this changes it."""
+        """Return the model of an include, with the changes that the include makes."""
         uri, named = include.text_of("uri"), include.text_of("name")
         if _NOT_NEEDED.fullmatch(unquote(uri).lower()):
             reason = "robots drive at z = 0, and scanners need no light"
@@ -199,7 +199,7 @@ class _Importer:
                 self._map.note(file, other.line, note)
                 self._map.count_model(["not the first in an included file"])
         model, size = self._files[file]
-        # Includes of includes could double at each level.
+        # The limit is needed, as nested includes could double at each level.
         self._included += size + 1
         if self._included > MAX_INCLUDED:
             too_many = f"more than {MAX_INCLUDED} elements in includes"
@@ -217,7 +217,7 @@ class _Importer:
         return XmlElement("model", attributes, file, model.line, "", [*changed, *kept])
 
     def _find(self, element: XmlElement, text: str) -> Path:
-        """Return the file that the URI of an element names."""
+        """Return the path of the file that the URI of an element names."""
         uri = element.text_of("uri")
         scheme = next((each for each in SEARCHED if uri.startswith(each)), "")
         folders, references = self._map.options.model_path, [uri.removeprefix(scheme)]
@@ -240,7 +240,7 @@ class _Importer:
 def _restored(
     state: XmlElement | None, place: Pose3
 ) -> tuple[Pose3, list[float], dict[str, Pose3]]:
-    """Return a model's pose, its scale, and the poses of its links, in the world."""
+    """Return pose and scale of a model, and poses of its links, in the world frame."""
     if state is None:
         return place, [1.0, 1.0, 1.0], {}
     pose, scale = state.first("pose"), state.first("scale")
@@ -258,9 +258,9 @@ def _restored(
 
 
 def _model_file(folder: Path) -> Path | None:
-    """Return the file of a model's folder: the newest that its model.config names."""
+    """Return the SDF file of a model's folder: the newest in its model.config."""
     name = "model.sdf"
-    with suppress(ForeignFileError):  # without a model.config, or with a broken one
+    with suppress(ForeignFileError):  # model.config is missing or malformed
         files = [
             (_version(each.attributes.get("version", "")), each.text.strip())
             for each in read_xml(folder / "model.config").all("sdf")
@@ -277,7 +277,7 @@ def _version(text: str) -> tuple[int, ...]:
 
 
 def _fuel_references(uri: re.Match[str], folders: Sequence[Path]) -> Iterator[str]:
-    """Yield where a model of Fuel may be: by its name, or as Fuel's tools store it."""
+    """Yield possible paths of a Fuel model: by its name, or as Fuel tools store it."""
     host, owner, name, version, file = uri.groups(default="")
     for base in (name, f"{host}/{owner}/models/{name}".lower(), name.lower()):
         yield f"{base}/{file}"

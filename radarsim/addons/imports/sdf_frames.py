@@ -1,4 +1,4 @@
-"""Poses of the parts and frames of a model or a world of SDF.
+"""Computes the poses of parts and frames of an SDF model or world.
 
 Source: the specification of SDFormat 1.11, and its proposal "Pose Frame Semantics".
 """
@@ -13,18 +13,18 @@ from scipy.spatial.transform import Rotation
 from radarsim.addons.imports.source_file import XmlElement
 from radarsim.geometry import Pose3
 
-MAX_CHAIN: Final = 100  # of poses that are relative to each other
+MAX_CHAIN: Final = 100  # length of a chain of relative poses
 ORIGIN: Final = Pose3(0.0, 0.0, 0.0)
 _HERE: Final = ("", "world", "__model__")
 
 
 class LeftOut(Exception):
-    """Something is left out.
+    """Raised if a part of a file is left out.
 
     Attributes:
-        element: What refers to it.
-        reason: The reason that the summary counts, in words that follow a number;
-            empty for parts that are not missed.
+        element: The element that contains the part, or refers to it.
+        reason: Reason for the summary, in words that follow a number; empty for parts
+            that a map does not need.
     """
 
     def __init__(self, element: XmlElement, text: str, reason: str) -> None:
@@ -34,12 +34,12 @@ class LeftOut(Exception):
 
 
 class Frames:
-    """The poses in a model or a world."""
+    """Computes the poses of elements in a model or a world."""
 
     def __init__(
         self, scope: XmlElement, model_of: Callable[[XmlElement], XmlElement]
     ) -> None:
-        """Begin with nothing known.
+        """Begin without poses.
 
         Args:
             scope: The model or world.
@@ -48,7 +48,7 @@ class Frames:
         self._scope = scope
         self._model_of = model_of
         self._named: dict[str, XmlElement] | None = None
-        self._inner: dict[int, Frames] = {}  # of models, by their identity
+        self._inner: dict[int, Frames] = {}  # by identity of the model
         self._poses: dict[str, Pose3] = dict.fromkeys(_HERE, ORIGIN)
 
     def pose(
@@ -57,13 +57,13 @@ class Frames:
         """Return the pose of an element in the scope's frame.
 
         Args:
-            element: It or its parent is directly in the scope.
-            base: What its pose is relative to if it names nothing.
-            depth: The number of poses that wait for this one.
+            element: An element of the scope, or a child of such an element.
+            base: Frame of the pose if the element names no frame.
+            depth: Length of the chain of poses that depend on this pose.
 
         Raises:
-            LeftOut: If it is relative to an unknown frame.
-            ForeignFileError: If it is no pose, or relative to itself.
+            LeftOut: If the pose is relative to an unknown frame.
+            ForeignFileError: If the pose is malformed, or relative to itself.
         """
         given = element.first("pose")
         relative = given.attributes.get("relative_to", "") if given else ""
@@ -99,9 +99,9 @@ class Frames:
         return self._poses[name]
 
     def _inside(self, model: XmlElement) -> "Frames":
-        """Return the frames of a model, the same ones each time."""
-        # Else models in each other, each with two poses that need those of the next
-        # one, would take twice as long for each level.
+        """Return the frames of a model; they are cached."""
+        # Without the cache, nested models with two poses that depend on the next model
+        # would double the time at each level.
         if id(model) not in self._inner:
             self._inner[id(model)] = Frames(model, self._model_of)
         return self._inner[id(model)]
@@ -123,20 +123,20 @@ class Frames:
 
 
 def parse_pose(pose: XmlElement) -> Pose3:
-    """Return a pose, in whatever it is relative to.
+    """Return the pose of an element ``pose``, in the frame to which it is relative.
 
     Raises:
-        ForeignFileError: If it is none.
+        ForeignFileError: If the pose is malformed.
     """
     if not pose.text.strip():
         return ORIGIN
     if pose.attributes.get("rotation_format") == "quat_xyzw":
         x, y, z, *quaternion = pose.numbers(7)
-        largest = max(map(abs, quaternion))  # its length may be below all numbers
+        largest = max(map(abs, quaternion))  # the squared length may underflow
         if not largest:
             raise pose.wrong("a quaternion of length 0")
         rotation = Rotation.from_quat([each / largest for each in quaternion])
-        with warnings.catch_warnings():  # of a pitch of 90 degrees, where roll is 0
+        with warnings.catch_warnings():  # of gimbal lock, where roll becomes 0
             warnings.simplefilter("ignore")
             yaw, pitch, roll = map(float, rotation.as_euler("ZYX"))
     else:

@@ -1,8 +1,7 @@
-"""Shapes of SDF as the keys of a map file: those that a map lacks become meshes.
+"""Converts SDF shapes into keys of a map file.
 
-A map has its meshes next to it: GLB files, whatever the originals.
-
-Source: the specification of SDFormat 1.11.
+Shapes that a map file does not have become meshes. All meshes are copied as GLB files
+into a folder next to the map. Source: the specification of SDFormat 1.11.
 """
 
 import re
@@ -29,23 +28,23 @@ from radarsim.scene.mesh_files import (
 from radarsim.scene.shapes import CYLINDER_SIDES, Mesh, concatenate, sphere
 
 KNOWN: Final = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
-MAX_POINTS: Final = 10_000  # of the polylines of a shape
-FARTHEST: Final = 1e5  # m, of a point
+MAX_POINTS: Final = 10_000  # points in the polylines of a shape
+FARTHEST: Final = 1e5  # m; largest coordinate of a point
 
 
 class MeshCopies:
-    """Makes the mesh files of a map; each original is read once."""
+    """Creates the mesh files of a map; each original is read once."""
 
     def __init__(self, imported: ImportedMap, folder: str) -> None:
-        """Begin with nothing.
+        """Begin without meshes.
 
         Args:
-            imported: The map, which gets the files.
-            folder: Name of the folder that they are in, next to the map.
+            imported: The map, to which the files are added.
+            folder: Name of the folder for the files, next to the map.
         """
         self._map = imported
         self._folder = folder
-        self._budget = MeshBudget()  # of all copies
+        self._budget = MeshBudget()  # for all copies
         self._originals: dict[Path, list[tuple[str, Mesh]]] = {}
         self._made: dict[tuple[object, ...], tuple[str, int] | Exception] = {}
         self._triangles = 0
@@ -53,20 +52,20 @@ class MeshCopies:
     def add(
         self, file: Path, scale: list[float], part: str = "", *, centred: bool = False
     ) -> dict[str, object]:
-        """Return the keys of a map file for a mesh, whose copy is made if need be.
+        """Return the keys of a map file for a mesh file, which is copied if needed.
 
         Args:
-            file: The original.
-            scale: Factors along its axes; negative ones mirror it.
-            part: Name of the node that is used alone; empty for all.
-            centred: Whether the middle of the bounding box becomes the origin.
+            file: The original file.
+            scale: Factors along the axes; negative factors mirror the mesh.
+            part: Name of the only node to use; empty for all nodes.
+            centred: Whether the centre of the bounding box becomes the origin.
 
         Raises:
-            ForeignFileError: If it cannot be read.
-            MeshError: If it cannot be used.
+            ForeignFileError: If the file cannot be read.
+            MeshError: If the mesh cannot be used.
             MissingPackage: If it is a COLLADA file and pycollada is not installed.
         """
-        # Forests consist of one tree in many sizes.
+        # One copy serves all uniform scales, such as of a tree in many sizes.
         uniform = scale[0] if len(set(scale)) == 1 and scale[0] > 0 else 1.0
         own = tuple(each / uniform for each in scale)
         key = (file, own, part, centred)
@@ -80,10 +79,10 @@ class MeshCopies:
         return shape if uniform == 1 else {**shape, "scale": uniform}
 
     def add_mesh(self, name: str, mesh: Mesh) -> dict[str, object]:
-        """Return the keys of a map file for a mesh that no file has.
+        """Return the keys of a map file for a computed mesh.
 
         Raises:
-            MeshError: If no map can have it.
+            MeshError: If a map cannot contain the mesh.
         """
         key = (name, *(array.tobytes() for array in mesh))
         if key not in self._made:
@@ -91,7 +90,7 @@ class MeshCopies:
         return self._shape(key)
 
     def _shape(self, key: tuple[object, ...]) -> dict[str, object]:
-        """Return the keys of one more object with a mesh that has been made."""
+        """Return the keys of a further object with a mesh that was created before."""
         made = self._made[key]
         if isinstance(made, Exception):
             raise made
@@ -104,7 +103,7 @@ class MeshCopies:
     def _placed(
         self, file: Path, scale: tuple[float, ...], part: str, *, centred: bool
     ) -> list[Mesh]:
-        """Return the meshes of a file, scaled and moved."""
+        """Return the meshes of a file, scaled and, if wanted, centred."""
         if file not in self._originals:
             self._originals[file] = self._read(file)
         original = self._originals[file]
@@ -125,12 +124,12 @@ class MeshCopies:
             ]
 
     def _write(self, stem: str, meshes: list[Mesh]) -> tuple[str, int]:
-        """Make a GLB file; return its path from the map, and its number of triangles.
+        """Create a GLB file; return its path relative to the map, and its triangles.
 
         Raises:
-            MeshError: If no map can have it.
+            MeshError: If a map cannot contain the mesh.
         """
-        import trimesh  # noqa: PLC0415 - slow, and not every world has meshes
+        import trimesh  # noqa: PLC0415 - slow, and not needed without meshes
 
         scene: Any = trimesh.Scene()
         has_area = False
@@ -154,7 +153,7 @@ class MeshCopies:
 
     def _read(self, file: Path) -> list[tuple[str, Mesh]]:
         if file.suffix.lower() != ".dae":
-            from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415 - likewise
+            from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415 - slow
 
             found = read_surfaces(file, file.parent)
             meshes = [("", (each.vertices, each.faces)) for each in found]
@@ -172,13 +171,13 @@ def read_shape(
     """Return the keys of a map file for a shape that is no mesh file.
 
     Args:
-        geometry: What holds the shape.
-        scale: Factors along its axes; round shapes take the larger one, as in Gazebo.
-        copies: Gets the meshes.
+        geometry: Element ``geometry`` that contains the shape.
+        scale: Factors along the axes; round shapes use the larger one, as in Gazebo.
+        copies: Creates the mesh files.
 
     Raises:
-        LeftOut: If it becomes nothing.
-        ForeignFileError: If a size of it is missing or wrong.
+        LeftOut: If the shape is left out.
+        ForeignFileError: If a size of the shape is missing or wrong.
     """
     element = geometry.children[0]
     tag = element.tag
@@ -222,8 +221,8 @@ def read_mesh(
     """Return the keys of a map file for a mesh file.
 
     Raises:
-        LeftOut: If it cannot be used.
-        ForeignFileError: If its scale is wrong.
+        LeftOut: If the mesh cannot be used.
+        ForeignFileError: If the scale of the mesh is wrong.
     """
     uri = mesh.text_of("uri")
     text, suffix = f"the mesh {uri!r} is left out", Path(uri).suffix.lower()
@@ -261,8 +260,8 @@ def _sizes(element: XmlElement, tag: str, count: int = 1) -> list[float]:
 
 
 def _round(tag: str, radius: float, length: float) -> Mesh:
-    """Return a capsule or a cone, with its middle at the origin."""
-    from trimesh import creation  # noqa: PLC0415 - slow, and not every world has one
+    """Return a capsule or a cone, with its centre at the origin."""
+    from trimesh import creation  # noqa: PLC0415 - slow, and rarely needed
 
     if tag == "cone":
         solid = creation.cone(radius, length, sections=CYLINDER_SIDES)
@@ -273,9 +272,9 @@ def _round(tag: str, radius: float, length: float) -> Mesh:
 
 
 def _extruded(geometry: XmlElement) -> Mesh:
-    """Return the solid over the polylines of a shape; one in another is a hole."""
-    import shapely  # noqa: PLC0415 - likewise
-    from trimesh import creation  # noqa: PLC0415 - likewise
+    """Return the extruded polylines of a shape; a polyline in another is a hole."""
+    import shapely  # noqa: PLC0415 - slow, and rarely needed
+    from trimesh import creation  # noqa: PLC0415 - slow, and rarely needed
 
     first = geometry.children[0]
     [height] = _sizes(first, "height")
@@ -296,7 +295,7 @@ def _extruded(geometry: XmlElement) -> Mesh:
     if not len(found):
         text = "<polyline>s without an area are left out"
         raise LeftOut(first, text, "with a wrong <polyline>")
-    # Each triangle ends with its first corner.
+    # Each triangle has four points, as the first corner is repeated.
     corners = found.reshape(-1, 4, 2)[:, :3]
     vertices, faces = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     solid = creation.extrude_triangulation(vertices, faces.reshape(-1, 3), 1.0)

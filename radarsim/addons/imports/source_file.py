@@ -1,7 +1,7 @@
-"""Files of other programs: where they may be, their bytes, text and XML.
+"""Finds files of other programs, and reads their bytes, text and XML.
 
-What XML declares of itself, such as entities, is refused: a few lines of it could
-become gigabytes, or the content of other files.
+XML with a document type is refused, as its entities could expand to gigabytes, or
+include the content of other files.
 """
 
 import math
@@ -22,12 +22,12 @@ MAX_ELEMENTS: Final = 500_000
 
 
 def wrong(path: Path, line: int, text: str) -> ForeignFileError:
-    """Return the error of a place in a file."""
+    """Return an error about a line of a file."""
     return ForeignFileError(place(path, line, text))
 
 
 def place(path: Path, line: int, text: str) -> str:
-    """Return a text about a line of a file."""
+    """Return a message about a line of a file."""
     return f"{path}:{line}: {text}"
 
 
@@ -35,11 +35,11 @@ def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
     """Read a file.
 
     Raises:
-        ForeignFileError: If it cannot be read, or is too large.
+        ForeignFileError: If the file cannot be read, or is too large.
     """
     try:
         with path.open("rb") as file:
-            # One byte more shows that there are too many, also of a device.
+            # One more byte shows that the file is too large, even if it is a device.
             content = file.read(most + 1)
     except OSError as error:
         raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
@@ -49,13 +49,13 @@ def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """Read a file of text; line ends become line feeds.
+    """Read a text file; line ends become line feeds.
 
-    It is UTF-16 if it begins with a byte order mark of that, else UTF-8, or Latin-1 if
-    it is not valid UTF-8.
+    The encoding is UTF-16 if the file starts with its byte order mark, else UTF-8, or
+    Latin-1 if the file is not valid UTF-8.
 
     Raises:
-        ForeignFileError: If it cannot be read, is too large, or is no text.
+        ForeignFileError: If the file cannot be read, is too large, or is no text.
     """
     content = read_bytes(path)
     is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
@@ -70,14 +70,14 @@ def read_text(path: Path) -> str:
 
 
 def find_in(folders: Iterable[Path], reference: str) -> Path | None:
-    """Return the first file or folder of a name in folders, links resolved.
+    """Find a file or folder by a relative path, with links resolved.
 
     Args:
-        folders: Where it may be, or below.
-        reference: A path relative to them.
+        folders: Folders to search, in order.
+        reference: A path relative to the folders.
 
     Returns:
-        None if there is none, or if it would lead out of them.
+        The first match; None if there is no match inside one of the folders.
     """
     for folder in folders:
         inside = folder.resolve()
@@ -85,27 +85,27 @@ def find_in(folders: Iterable[Path], reference: str) -> Path | None:
             path = (inside / reference).resolve()
             if path.is_relative_to(inside) and path.exists():
                 return path
-        except (OSError, RuntimeError, ValueError):  # too long, loops, or with NUL
+        except (OSError, RuntimeError, ValueError):  # long path, link loop, or NUL
             continue
     return None
 
 
 def rounded(numbers: Iterable[float]) -> list[float]:
-    """Return numbers as they are written, to a hundredth of a millimetre."""
+    """Round numbers to five digits, as map files have them: 0.01 mm for lengths."""
     return [round(float(number), 5) + 0.0 for number in numbers]
 
 
 @dataclass(slots=True, eq=False)
 class XmlElement:
-    """An element.
+    """An XML element.
 
     Attributes:
-        tag: Its name.
-        attributes: Its attributes.
-        path: The file that has it.
-        line: Where it begins.
-        text: All text directly in it.
-        children: The elements directly in it.
+        tag: Name of the element.
+        attributes: Attributes of the element.
+        path: File that contains the element.
+        line: Line on which the element starts.
+        text: Text directly in the element.
+        children: Child elements.
     """
 
     tag: str
@@ -116,36 +116,36 @@ class XmlElement:
     children: list["XmlElement"] = field(default_factory=list)
 
     def all(self, tag: str) -> Iterator["XmlElement"]:
-        """Yield the elements of a name directly in it."""
+        """Yield the child elements of a name."""
         return (child for child in self.children if child.tag == tag)
 
     def first(self, tag: str) -> "XmlElement | None":
-        """Return the first element of a name directly in it, or None."""
+        """Return the first child element of a name, or None."""
         return next(self.all(tag), None)
 
     def text_of(self, tag: str) -> str:
-        """Return the text of the first element of a name; empty if there is none."""
+        """Return the text of the first child element of a name, or an empty text."""
         found = self.first(tag)
         return found.text.strip() if found else ""
 
     def size(self) -> int:
-        """Return the number of elements in it, itself included."""
+        """Return the number of elements in this element, including itself."""
         return 1 + sum(child.size() for child in self.children)
 
     @property
     def name(self) -> str:
-        """Its attribute ``name``, or its tag."""
+        """The attribute ``name``, or the tag if there is none."""
         return self.attributes.get("name") or self.tag
 
     def wrong(self, text: str) -> ForeignFileError:
-        """Return the error of its place in its file."""
+        """Return an error about the line of this element."""
         return wrong(self.path, self.line, text)
 
     def numbers(self, count: int) -> list[float]:
-        """Parse its text, numbers with white space between them.
+        """Parse the text as numbers that are separated by white space.
 
         Raises:
-            ForeignFileError: If there are not so many finite ones.
+            ForeignFileError: If the text is not ``count`` finite numbers.
         """
         try:
             numbers = [float(word) for word in self.text.split()]
@@ -158,14 +158,14 @@ class XmlElement:
 
 
 def read_xml(path: Path) -> XmlElement:
-    """Read a file, and return its outermost element.
+    """Read an XML file, and return its root element.
 
-    Text that is not in the encoding that the file declares, UTF-8 by default, is taken
-    for Latin-1.
+    A file that is not valid in its declared encoding, UTF-8 by default, is read as
+    Latin-1.
 
     Raises:
-        ForeignFileError: If it cannot be read, is no XML, declares a document type, or
-            is too large.
+        ForeignFileError: If the file cannot be read, is no XML, declares a document
+            type, or is too large.
     """
     content = read_bytes(path)
     parser = expat.ParserCreate(_encoding(content))
@@ -186,27 +186,27 @@ def read_xml(path: Path) -> XmlElement:
         open_[-1].text += text
 
     def refuse(*_: object) -> None:
-        # Entities, which a document type declares, could become gigabytes.
+        # A document type can declare entities, which could expand to gigabytes.
         raise wrong(path, parser.CurrentLineNumber, "a document type, expected none")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda _: open_.pop()
     parser.CharacterDataHandler = add_text
     parser.StartDoctypeDeclHandler = refuse
-    # Else expat calls for each line of a text, which is added to slowly.
+    # Without a buffer, expat calls ``add_text`` for each line, which is slow.
     parser.buffer_text = True
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:
         reason = expat.errors.messages[error.code]
         raise wrong(path, error.lineno, f"no XML: {reason}") from error
-    except ValueError as error:  # an encoding that is not known
+    except ValueError as error:  # unknown encoding
         raise wrong(path, 1, f"no XML: {error}") from error
     return open_[0].children[0]
 
 
 def _encoding(content: bytes) -> str | None:
-    """Return the encoding of a file that is in another one than it says, or None."""
+    """Return Latin-1 if a file claims to be UTF-8, but is not valid; else None."""
     declared = _DECLARED.match(content)
     is_utf_8 = declared is None or declared[1].lower() == b"utf-8"
     if content.startswith((b"\xff\xfe", b"\xfe\xff", b"<\0")) or not is_utf_8:

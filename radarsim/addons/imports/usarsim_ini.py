@@ -1,13 +1,13 @@
-"""Robots of USARSim for UDK: the items that its ``UDKUSAR.ini`` mounts on a class.
+"""Imports robot classes of USARSim for UDK: the items in its ``UDKUSAR.ini``.
 
-A key may be repeated, each time with a value in Unreal's own notation::
+A key may be repeated. Its values are in the notation of Unreal::
 
     [USARBot.P3AT]
     AddParts=(ItemClass=class'USARSensor.SICK',ItemName="lms200",
         Position=(X=0.2085,Y=0,Z=-0.2),Direction=(X=0,Y=0,Z=0))
 
-on one line. Positions are in metres and directions in radians, in a frame with y to the
-right and z down. Comments begin with a semicolon.
+Each value is on a single line. Positions are in metres and directions in radians, in a
+frame with y to the right and z down. Comments start with a semicolon.
 """
 
 import json
@@ -26,14 +26,14 @@ from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_settings, short_repr
 
-BASE: Final = "P3AT"  # has the body of classes that are not shipped
-# Types of items that are named as the classes of parts are, in any case.
+BASE: Final = "P3AT"  # its body is used for classes that are not shipped
+# Item types with the same name as the class of the part, in any case.
 _TYPES: Final = (
     *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Sonar"),
     *("GPS", "IMU", "AcceleroMeter", "AltitudeSensor", "MagneticCompass"),
     *("MissionTime", "Battery"),
 )
-# Types of items, and presets of scanners, by the classes of parts.
+# Item types, and presets of scanners, by the class of the part.
 ITEMS: Final = {each.casefold(): (each, None) for each in _TYPES} | {
     "acceleration": ("Accel", None),
     "gpssensor": ("GPS", None),
@@ -46,26 +46,26 @@ ITEMS: Final = {each.casefold(): (each, None) for each in _TYPES} | {
 _UNCOMMENTED: Final = re.compile(r'(?:[^;"]|"[^"]*(?:"|$))*')
 _SECTION: Final = re.compile(r"\[(?:\w+\.)?(\w+)\]")
 _KEY: Final = re.compile(r"[+.!-]?(\w+)\s*=\s*(.*)")
-# Quoted texts, names of classes and of fields, and parentheses.
+# Tokens: quoted texts, class names, field names, parentheses and tabs.
 _TOKEN: Final = re.compile(r"\"[^\"]*\"|\w*'([^']*)'|(\w+)\s*=|[()\t]")
-_SIGNS: Final = {"(": "{", ")": "}", "\t": " "}  # of YAML
+_SIGNS: Final = {"(": "{", ")": "}", "\t": " "}  # replacements in YAML
 
 Struct: TypeAlias = dict[str, Any]  # texts and structs by names in lower case
 Sections: TypeAlias = dict[str, list[tuple[int, str, str]]]  # lines: number, key, value
 
 
 def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str]]:
-    """Import a robot class with the items of its section; the body is a shipped one's.
+    """Import the items of a robot class, on the body of a shipped class.
 
     Args:
         path: The file.
-        class_name: The class; None for the only one with parts.
+        class_name: Name of the class; None for the only class with parts.
 
     Returns:
-        The class, and notes on parts that are left out, each with its place.
+        The class, and notes on parts that are left out, with file and line.
 
     Raises:
-        ForeignFileError: If it cannot be read, or has no such class.
+        ForeignFileError: If the file cannot be read, or has no such class.
     """
     sections = _read_sections(path)
     name = _choose(path, sections, class_name)
@@ -86,7 +86,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
             notes.append(place(path, number, text))
         else:
             items.append(item)
-    # Only the items differ: size, wheels and dynamics are those of the shipped body.
+    # Size, wheels and dynamics are those of the shipped class; only items differ.
     content = body.model_dump(exclude_unset=True) | {"name": name, "items": items}
     try:
         return RobotModel.model_validate(content), notes
@@ -96,7 +96,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
 
 
 def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
-    """Return the section of a class."""
+    """Return the name of the section of a class."""
     named = [
         name
         for name, lines in sections.items()
@@ -115,11 +115,11 @@ def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
 
 
 def _read_sections(path: Path) -> Sections:
-    """Return the keys of all sections, by the names of classes."""
+    """Return the keys of all sections, by class name."""
     sections: Sections = {}
     lines = None
     for number, line in enumerate(read_text(path).split("\n"), 1):
-        # A semicolon in quotes begins no comment.
+        # A semicolon in quotes does not start a comment.
         text = _UNCOMMENTED.match(line)[0].strip()  # type: ignore[index]
         if not text:
             continue
@@ -136,7 +136,7 @@ def _read_sections(path: Path) -> Sections:
 
 
 def _parse_struct(path: Path, number: int, text: str) -> Struct:
-    """Parse a struct; it is that of YAML but for its signs."""
+    """Parse a struct: with other brackets and separators, it is valid YAML."""
 
     def to_yaml(token: re.Match[str]) -> str:
         if token[2]:
@@ -144,8 +144,8 @@ def _parse_struct(path: Path, number: int, text: str) -> Struct:
         return _SIGNS.get(token[0]) or json.dumps(token[1] or token[0].strip('"'))
 
     found = None
-    with suppress(yaml.YAMLError, RecursionError):  # of thousands of parentheses
-        found = yaml.load(_TOKEN.sub(to_yaml, text), yaml.BaseLoader)  # of texts alone
+    with suppress(yaml.YAMLError, RecursionError):  # from deep nesting
+        found = yaml.load(_TOKEN.sub(to_yaml, text), yaml.BaseLoader)  # only texts
     if not isinstance(found, dict):
         expected = "expected (ItemClass=class'...', ItemName=\"...\", ...)"
         raise wrong(path, number, f"{short_repr(text)}, {expected}")
@@ -153,13 +153,13 @@ def _parse_struct(path: Path, number: int, text: str) -> Struct:
 
 
 def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
-    """Return a part as an item; None if there is none of its class."""
+    """Return the item for a part; None if its class is unknown."""
     known = ITEMS.get(_class_of(part).casefold())
     if known is None:
         return None
     position = _vector(path, number, part, "position")
     direction = _vector(path, number, part, "direction")
-    # Unreal's frame has y to the right and z down, as the wire has.
+    # The frame of Unreal has y to the right and z down, like that of the protocol.
     pose = pose_from_wire([*position, *direction])
     type_, sensor = known
     name = part.get("itemname")
@@ -183,7 +183,7 @@ def _class_of(part: Struct) -> str:
 
 
 def _vector(path: Path, number: int, part: Struct, key: str) -> list[float]:
-    """Return the numbers of a vector; those that are missing are 0."""
+    """Return x, y and z of a vector; missing components are 0."""
     given = part.get(key, {})
     try:
         numbers = [float(given.get(axis, 0.0)) for axis in "xyz"]

@@ -1,1 +1,1 @@
-"""Recordings of runs: ROS 2 bags with the wire, and how to read and repeat them."""
+"""Records runs as ROS 2 bags, reads the bags, and replays or repeats the runs."""

@@ -1,9 +1,9 @@
-"""Bags of ROS 2: a folder with an MCAP file and its metadata, written and read.
+"""Writes and reads ROS 2 bags: a folder with an MCAP file and its metadata.
 
 Every topic has the definition and the hash of its type, so that a bag can be read and
-played without radarsim. Messages are kept in chunks of 64 KiB or a second, each of
-which goes to the file at once when it is full: a process that is killed loses at most
-one. A file that ends in the middle of a record is read up to there.
+played without radarsim. Messages are grouped in chunks of 64 KiB or one second. A full
+chunk is written to the file at once, so a process that is killed loses at most one
+chunk. A truncated file is read up to its last whole record.
 
 Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, version 9.
 """
@@ -45,14 +45,14 @@ CHUNK_BYTES: Final = 64 * 1024
 FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
 METADATA_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
-INFORMATION: Final = "radarsim"  # name of the record of the conditions
-LATCHED: Final = "transient_local"  # durability of topics
-DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
-# In C where there is such: metadata of hundreds of topics would take seconds.
+INFORMATION: Final = "radarsim"  # name of the metadata record with the conditions
+LATCHED: Final = "transient_local"  # durability of latched topics
+DISTRIBUTION: Final = "jazzy"  # ROS distribution of the type definitions
+# The C dumper is used if available, as Python takes seconds for hundreds of topics.
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
-# Bytes; chunks have about 2**16. A length that is broken or made up must not make the
-# reader ask for as much memory.
+# Bytes; chunks have about 2**16. The limit keeps a damaged or forged length from making
+# the reader allocate too much memory.
 LARGEST_RECORD = 2**28
 BROKEN = (
     McapError,
@@ -61,7 +61,7 @@ BROKEN = (
     zlib.error,
     struct.error,
     ValueError,
-    OverflowError,  # of a length that is broken
+    OverflowError,  # from a damaged length
     OSError,
 )
 
@@ -69,8 +69,8 @@ BROKEN = (
 def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
     """Return the quality of service of a topic, as rosbag2 writes it.
 
-    No two values are one object: YAML would refer to it by an anchor, which rosbag2
-    does not read.
+    Each value is a separate object. YAML would write a shared object as an anchor,
+    which rosbag2 cannot read.
     """
     return [
         {
@@ -96,11 +96,11 @@ class BagMessage(NamedTuple):
     """A message of a bag.
 
     Attributes:
-        topic: Name of its topic.
-        type: Name of its type, such as ``sensor_msgs/msg/LaserScan``.
+        topic: Name of the topic.
+        type: Name of the type, such as ``sensor_msgs/msg/LaserScan``.
         data: The message in CDR.
-        time: When it was recorded, ns.
-        latched: Whether who subscribes later gets the last one of the topic.
+        time: Simulated time, ns.
+        latched: Whether late subscribers get the last message of the topic.
     """
 
     topic: str
@@ -116,13 +116,13 @@ class BagWriter:
     def __init__(
         self, folder: Path, information: Mapping[str, str], *, path: Path | None = None
     ) -> None:
-        """Begin the file.
+        """Create the file.
 
         Args:
             folder: The folder, which exists.
-            information: What the bag is a recording of; see ``RecordingInfo``.
-            path: File to write, which replaces that of the folder when it is complete;
-                None for that of the folder itself.
+            information: The conditions of the run; see ``RecordingInfo``.
+            path: File to write; when complete, it replaces the file of the folder. None
+                to write the file of the folder itself.
 
         Raises:
             OSError: If the file cannot be written.
@@ -135,7 +135,7 @@ class BagWriter:
         self._flushed = 0
         self._file = self._path.open("wb")
         lock(self._file)
-        self._writer: Any = Writer(  # some of its methods have no types
+        self._writer: Any = Writer(  # some methods lack type hints
             self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
         )
         self._writer.start(profile="ros2", library="radarsim")
@@ -143,7 +143,7 @@ class BagWriter:
         self._file.flush()
 
     def write(self, message: BagMessage) -> None:
-        """Write one message; all of a topic have the same type.
+        """Write one message; all messages of a topic have the same type.
 
         Raises:
             OSError: If the file cannot be written.
@@ -152,14 +152,14 @@ class BagWriter:
         if topic not in self._channels:
             self._add_topic(topic, type_, latched=latched)
         channel, number = self._channels[topic], self._counts[topic]
-        # Log time and publish time are both simulated: the same run gives the same bag.
+        # Log time and publish time are simulated, so the same run gives the same bag.
         self._writer.add_message(channel, time, data, time, sequence=number)
         self._counts[topic] += 1
-        # By recorded time, not by that of the wall: a run gives the same bytes again.
+        # Chunks end by recorded time, so the same run gives the same bytes.
         if time - self._flushed >= FLUSH_INTERVAL:
             self._writer.flush()
             self._flushed = time
-        # What the writer has handed on is in the file, also if the process is killed.
+        # Flushing puts whole chunks into the file in case the process is killed.
         self._file.flush()
 
     def close(self) -> None:
@@ -172,9 +172,9 @@ class BagWriter:
             self._writer.finish()
         finally:
             self._file.close()
-        # Does nothing unless a repair writes next to the old file.
+        # Only a repair writes to another path; otherwise this does nothing.
         path = self._path.replace(self._folder / file_name(self._folder))
-        # Players read the topics from the metadata, not from the file.
+        # Players read the topics from the metadata, not from the MCAP file.
         text = _to_yaml({"rosbag2_bagfile_information": _metadata_of(path)})
         write_atomically({self._folder / METADATA_FILE: text.encode()})
 
@@ -193,7 +193,7 @@ class BagWriter:
 
 
 def _metadata_of(path: Path) -> dict[str, object]:
-    """Return the metadata of rosbag2 for a file that is complete."""
+    """Return the rosbag2 metadata of a complete file."""
     with path.open("rb") as file:
         summary = SeekingReader(file).get_summary()
     assert summary is not None
@@ -243,9 +243,9 @@ class BagReader:
 
     Attributes:
         folder: Folder of the bag.
-        path: Its file.
+        path: The MCAP file.
         info: The conditions of the recorded run.
-        is_complete: Whether the file has its end; known once all messages are read.
+        is_complete: Whether the file is complete; set once all messages are read.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -255,13 +255,14 @@ class BagReader:
             folder: Folder of the bag.
 
         Raises:
-            RecordingError: If it is no recording of radarsim, or cannot be read.
+            RecordingError: If the folder has no recording of radarsim, or its file
+                cannot be read.
         """
         self.folder = folder
         self.is_complete = False
         self.path = find_file(folder)
         with self.open() as file, suppress(*BROKEN):
-            # The first record after the header.
+            # The conditions are in the first record after the header.
             records = StreamReader(file, record_size_limit=LARGEST_RECORD).records
             _, record = next(records), next(records)
             if isinstance(record, Metadata) and record.name == INFORMATION:
@@ -271,7 +272,7 @@ class BagReader:
 
     @property
     def is_being_written(self) -> bool:
-        """Whether a process still records to the file."""
+        """Whether a process is still recording to the file."""
         with self.open() as file:
             return not lock(file, shared=True)
 
@@ -282,11 +283,11 @@ class BagReader:
             RecordingError: If the file cannot be opened.
         """
         with self.open() as file, suppress(*BROKEN):
-            # What comes before an error is whole: each chunk has its own checksum.
+            # Messages before an error are intact, as each chunk has a checksum.
             reader = NonSeekingReader(
                 file, validate_crcs=True, record_size_limit=LARGEST_RECORD
             )
-            # In the order of the file: to sort messages, all are kept in memory.
+            # The order is that of the file, as sorting needs all messages in memory.
             for schema, channel, message in reader.iter_messages(log_time_order=False):
                 quality = channel.metadata.get("offered_qos_profiles", "")
                 yield BagMessage(
@@ -302,17 +303,17 @@ class BagReader:
         """Yield the calls of the host, in order.
 
         Raises:
-            RecordingError: If the file cannot be read, or what it says of a call.
+            RecordingError: If the file cannot be opened, or a call is malformed.
         """
         for message in self.messages():
             if message.topic in (TO_CLIENT, TO_SERVER):
                 yield decode_call(message.type, message.data)
 
     def open(self) -> IO[bytes]:
-        """Open its file.
+        """Open the MCAP file.
 
         Raises:
-            RecordingError: If it cannot be opened.
+            RecordingError: If the file cannot be opened.
         """
         try:
             return self.path.open("rb")
@@ -321,10 +322,10 @@ class BagReader:
 
 
 def decode_call(type_: str, message: bytes) -> RunEvent:
-    """Decode a message of one of the topics of the wire.
+    """Decode a message of ``/radarsim/wire/to_client`` or ``to_server``.
 
     Raises:
-        RecordingError: If it is no call of a host.
+        RecordingError: If the message is no call of a host.
     """
     try:
         octets = decode(type_, message, UInt8MultiArray)
@@ -340,21 +341,21 @@ def repair(folder: Path) -> int:
     """Rewrite the file of a bag with all messages that can be read.
 
     Args:
-        folder: Folder of the bag, whose file may end in the middle.
+        folder: Folder of the bag, whose file may be truncated.
 
     Returns:
         The number of messages.
 
     Raises:
-        RecordingError: If it is no recording of radarsim, cannot be read, or is still
-            being recorded.
-        OSError: If it cannot be written; the bag is as it was then.
+        RecordingError: If the folder has no recording of radarsim, or it cannot be
+            read or is still being recorded.
+        OSError: If the new file cannot be written; the bag stays unchanged then.
     """
     reader = BagReader(folder)
     if reader.is_being_written:
         text = f"{folder} is still being recorded, expected a run that has ended"
         raise RecordingError(text)
-    # Next to the old file, which is replaced once all of the new one is written.
+    # The new file is written next to the old one, and replaces it when complete.
     part = folder / f".{file_name(folder)}.part"
     count = 0
     try:
@@ -365,6 +366,6 @@ def repair(folder: Path) -> int:
         writer.close()
     finally:
         part.unlink(missing_ok=True)
-    if reader.path != folder / file_name(folder):  # of a folder that was renamed
+    if reader.path != folder / file_name(folder):  # the folder was renamed
         reader.path.unlink()
     return count

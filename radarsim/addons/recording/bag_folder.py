@@ -1,6 +1,7 @@
-"""The folder of a recording, the conditions of its run, and the packages to read it.
+"""Finds, creates and checks the folder of a recording.
 
-A ``RecordingInfo`` has everything that a run depends on besides the calls of its host.
+``RecordingInfo`` has the conditions of a run: everything that the run depends on except
+the calls of its host.
 """
 
 import hashlib
@@ -38,20 +39,19 @@ class RecordingInfo(BaseModel):
     Attributes:
         version: Version of radarsim.
         level: Name of the level, as the server sends it.
-        map: Name of the map, or path of its file; empty if the server was another
-            program.
-        map_digest: SHA-256 of the map file, hexadecimal; empty likewise.
+        map: Name or path of the map; empty if the server was another program.
+        map_digest: SHA-256 of the map file, hexadecimal; empty if ``map`` is empty.
         seed: Seed of all random numbers.
-        radar_model: Revision of the model of FMCW radars; 1 where none is recorded.
+        radar_model: Revision of the model of FMCW radars; 1 if none is recorded.
         dialect: Name of the dialect.
-        drive_unit: Unit of commands to drive.
-        settings: Settings of items that were changed, by item and key.
-        robots: Robot classes besides those that are shipped.
-        own_localization: Whether the poses of ``odom`` in ``map`` are left out.
-        no_namespace: Name of the robot whose topics and frames begin with no name.
-        robots_map: Whether ``/map`` is that which a robot makes, and not the truth.
-        drawn_map: The map that was shown while a page recorded, whose run cannot be
-            repeated; empty if there was none.
+        drive_unit: Unit of wheel speeds in drive commands.
+        settings: Changed settings of items, by item and key.
+        robots: Robot classes in addition to the shipped classes.
+        own_localization: Whether the transform from ``map`` to ``odom`` is left out.
+        no_namespace: Name of the robot whose topics and frames have no name prefix.
+        robots_map: Whether ``/map`` is a robot's map instead of the true map.
+        drawn_map: Map that the page showed while it recorded; empty if none. Such a
+            run cannot be repeated.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
@@ -64,7 +64,7 @@ class RecordingInfo(BaseModel):
     radar_model: int = 1
     dialect: Literal["compat", "udk"] = "compat"
     drive_unit: DriveUnit = "rad_per_s"
-    settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
+    settings: dict[str, dict[str, Any]] = {}  # pydantic copies the default
     robots: tuple[RobotModel, ...] = ()
     own_localization: bool = False
     no_namespace: str = ""
@@ -79,16 +79,16 @@ class RecordingInfo(BaseModel):
         seed: int,
         **others: object,
     ) -> Self:
-        """Return the conditions of a run.
+        """Return the conditions of a run of a host.
 
         Args:
-            map_: Name of the map, or path of its file; @VARIANT may follow. None for a
-                scene that is of no file.
+            map_: Name or path of the map; @VARIANT may follow. None for a scene that
+                was not loaded from a file.
             host: The host.
-            seed: Its seed.
-            others: Other conditions.
+            seed: Seed of the host.
+            others: Further fields.
         """
-        from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
+        from radarsim.scene.map_file import find_map  # noqa: PLC0415 - slow import
 
         name = digest = ""
         if map_ is not None:
@@ -103,7 +103,7 @@ class RecordingInfo(BaseModel):
 
     @classmethod
     def of_config(cls, config: "SimulationConfig", **others: object) -> Self:
-        """Return the conditions of a run with a configuration, and with others."""
+        """Return the conditions with a configuration; ``others`` are further fields."""
         known = {
             "version": __version__,
             "dialect": config.dialect.name,
@@ -121,7 +121,7 @@ class RecordingInfo(BaseModel):
         return SimulationConfig(dialect, self.drive_unit, self.settings, self.robots)
 
     def to_text(self) -> dict[str, str]:
-        """Return the conditions as a record of metadata."""
+        """Return the conditions as texts, for a metadata record of MCAP."""
         return {
             key: value if isinstance(value, str) else json.dumps(value)
             for key, value in self.model_dump(mode="json").items()
@@ -129,13 +129,13 @@ class RecordingInfo(BaseModel):
 
     @classmethod
     def from_text(cls, record: dict[str, str]) -> Self:
-        """Read a record of metadata.
+        """Read the conditions from a metadata record of MCAP.
 
         Raises:
-            RecordingError: If it lacks something, or is not readable.
+            RecordingError: If a field is missing or has a wrong value.
         """
         try:
-            # MCAP has texts only; the types of the fields make numbers of them.
+            # MCAP metadata is text; pydantic converts it to the types of the fields.
             settings = json.loads(record.get("settings", "{}"))
             robots = json.loads(record.get("robots", "[]"))
             read = {**record, "settings": settings, "robots": robots}
@@ -146,14 +146,14 @@ class RecordingInfo(BaseModel):
 
 
 def check_map(info: RecordingInfo, name: str) -> None:
-    """Check that a map is as it was when a recording was made, as far as that is known.
+    """Check that a map has not changed since the recording, if its digest is known.
 
     Raises:
         MapError: If there is no such map.
-        OSError: If it cannot be read.
-        RecordingError: If it has changed.
+        OSError: If the map cannot be read.
+        RecordingError: If the map has changed.
     """
-    from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
+    from radarsim.scene.map_file import find_map  # noqa: PLC0415 - slow import
 
     path, _ = find_map(name)
     if info.map_digest not in ("", digest_of(path)):
@@ -161,7 +161,7 @@ def check_map(info: RecordingInfo, name: str) -> None:
 
 
 def recorded_scene(info: RecordingInfo) -> "Scene | None":
-    """Load the map of a recording; None if it has none, or that is not as it was."""
+    """Load the map of a recording; return None if it is missing or has changed."""
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
     if info.map:
@@ -175,7 +175,7 @@ def digest_of(path: Path) -> str:
     """Return the SHA-256 of a file, hexadecimal.
 
     Raises:
-        OSError: If it cannot be read.
+        OSError: If the file cannot be read.
     """
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
@@ -184,10 +184,10 @@ EXTRA: Final = ("mcap", "rosbags")  # packages of the extra ``record``
 
 
 def check_installed() -> None:
-    """Check that what recordings need is installed.
+    """Check that the packages for recordings are installed.
 
     Raises:
-        RecordingError: If something is missing; it names the extra.
+        RecordingError: If a package is missing; the message names the extra.
     """
     missing = [name for name in EXTRA if find_spec(name) is None]
     if missing:
@@ -199,20 +199,21 @@ def open_bag(folder: Path) -> "BagReader":
     """Open a recording.
 
     Raises:
-        RecordingError: If a package is missing, or it is no recording of radarsim.
+        RecordingError: If a package is missing, or the folder has no recording of
+            radarsim.
     """
     check_installed()
-    from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415 - its packages
+    from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415 - needs extra
 
     return BagReader(folder)
 
 
 def check_new(folder: Path) -> None:
-    """Check that the folder of a bag can be created, as far as that is known.
+    """Check that the folder of a bag does not exist yet.
 
     Raises:
-        RecordingError: If a package is missing, or the folder exists, or cannot be
-            looked for.
+        RecordingError: If a package is missing, or the folder exists or cannot be
+            accessed.
     """
     check_installed()
     try:
@@ -244,13 +245,13 @@ def file_name(folder: Path) -> str:
 
 
 def find_file(folder: Path) -> Path:
-    """Return the file of a bag, also of one whose folder has been renamed.
+    """Return the file of a bag, even if its folder was renamed.
 
     Raises:
-        RecordingError: If there is none, or there are several; names recordings that
-            may be meant.
+        RecordingError: If there is no file or several; the message names recordings
+            that may be meant.
     """
-    # The file of a folder that was renamed has another name, and counts if it is alone.
+    # In a renamed folder the file has another name. It is used if it is the only one.
     expected = folder / file_name(folder)
     try:
         is_there = expected.exists()
@@ -285,16 +286,16 @@ def lock(file: IO[bytes], *, shared: bool = False) -> bool:
 
     Args:
         file: The file.
-        shared: Whether others may lock it in the same way.
+        shared: Whether other processes may hold shared locks at the same time.
 
     Returns:
-        Whether no other process has locked it; always true on systems that lock no
-        files, as Windows and some network drives.
+        Whether the file is not locked by another process. It is always True on systems
+        without file locks, such as Windows and some network drives.
     """
     try:
-        import fcntl  # noqa: PLC0415 - Windows has none
+        import fcntl  # noqa: PLC0415 - missing on Windows
 
-        # A lock ends with its process, however that ends; a file that marks would stay.
+        # The lock ends with its process even after a crash, which a lock file does not.
         kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:

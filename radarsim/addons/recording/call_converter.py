@@ -1,8 +1,9 @@
-"""From the calls of a host to the messages of a bag.
+"""Converts the calls of a host into the messages of a bag.
 
-The calls themselves become messages as well, byte for byte, on the two topics of the
-wire, so that a run can be repeated. Their times are simulated: that of the tick, and a
-nanosecond more for each call in it, so that no two are equal and their order is kept.
+Each call is also stored byte for byte as a message on ``/radarsim/wire/to_client`` or
+``to_server``, so that the run can be repeated. The time of a message is the simulated
+time of its tick. Each further call in a tick is one nanosecond later, which keeps times
+unique and calls in order.
 """
 
 from collections.abc import Iterable, Iterator
@@ -35,7 +36,7 @@ from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import Ins, ItemGeo, RobotConf, RobotGeo, decode_report
 
 TICK: Final = 10_000_000  # ns
-CLOCK_GAP: Final = 100  # ticks without a call, after which the clock has stopped
+CLOCK_GAP: Final = 100  # ticks; a longer pause between calls has no clock messages
 TO_CLIENT: Final = "/radarsim/wire/to_client"
 TO_SERVER: Final = "/radarsim/wire/to_server"
 FROM_HOST: Final = frozenset({EventType.TAKE, EventType.FINISH})
@@ -52,28 +53,25 @@ class _Connection:
 
 
 class CallConverter:
-    """Converts calls, one after the other."""
+    """Converts the calls of one run, in order."""
 
     def __init__(self, info: RecordingInfo) -> None:
-        """Begin with no clients, under the conditions of a run."""
+        """Begin without clients; ``info`` has the conditions of the run."""
         self._info = info
         self._dialect = get_dialect(info.dialect)
         self._legend = Legend()
         self._connections: dict[int, _Connection] = {}
-        self._names: dict[str, str] = {}  # of topics, by names of robots
-        self._mounts: dict[str, Fields] = {}  # by their frames
+        self._names: dict[str, str] = {}  # names in topics, by names of robots
+        self._mounts: dict[str, Fields] = {}  # by frame
         self._time = -1
-        self._clock = 0  # tick that it shows next
+        self._clock = 0  # tick of the next clock message
 
     def convert(self, event: RunEvent) -> Iterator[tuple[int, TopicMessage]]:
-        """Yield the messages of an event, those of the robot before the call itself.
-
-        Each follows its time, ns.
-        """
-        # No two events have the same time, as players sort messages by it; a thousand
-        # in a tick are still far from the next one.
+        """Yield the messages of an event with their times, ns; the call comes last."""
+        # Players sort messages by time, so each event has its own time. A thousand
+        # events of a tick are still far from the next tick.
         last, self._time = self._time, max(event.tick * TICK, self._time + 1)
-        # Before simulated time begins there is no time, and maps come later.
+        # Waits have no simulated time, and maps are added later than their time.
         if event.type not in (EventType.WAIT, EventType.MAP):
             if event.tick - self._clock > CLOCK_GAP:
                 self._clock = event.tick
@@ -99,7 +97,7 @@ class CallConverter:
             case EventType.PICTURE:
                 yield from self._picture(connection, data, time)
             case EventType.DISCONNECT:
-                # Numbers are never given twice; the dict would only grow.
+                # Client numbers are never reused, so old entries are of no use.
                 del self._connections[client]
             case EventType.TAKE | EventType.FINISH:
                 for report in connection.session.receive(data):
@@ -116,9 +114,9 @@ class CallConverter:
     def _describe(
         self, connection: _Connection, text: str, time: float
     ) -> Iterator[TopicMessage]:
-        """Begin the topics of a robot, or go on with what has changed of it."""
+        """Create the topics of a robot, or update them when its settings change."""
         name, *lines = text.split("\r\n")
-        # Another setting of the same robot keeps what its topics already know.
+        # A new setting of the same robot keeps the state of its topics.
         if connection.topics is None or connection.robot != name:
             connection.topics = RobotTopics(
                 self._topic_name(name),
@@ -143,7 +141,7 @@ class CallConverter:
         scanners = described.scanners(connection.session.scans)
         robot = None
         if geo and conf:
-            # Without what a robot needs to drive, all but its commands is converted.
+            # Only drive commands need the complete geometry of the robot.
             unit = self._info.drive_unit
             with suppress(ClientError):
                 robot = RobotInfo.from_reports(geo, conf, scanners, unit)
@@ -154,15 +152,15 @@ class CallConverter:
             yield from connection.topics.description(name, body)
 
     def _mounted(self, mounts: Iterable[Fields]) -> TopicMessage:
-        """Return the mounts of all items; some are new."""
+        """Add mounts of items, and return the mounts of all items."""
         self._mounts.update({each.child_frame_id: each for each in mounts})
-        # All of them: who subscribes later gets only the last message.
+        # Late subscribers get only the last message, so it contains all mounts.
         return transforms("/tf_static", list(self._mounts.values()), latched=True)
 
     def _picture(
         self, connection: _Connection, jpeg: bytes, time: float
     ) -> Iterator[TopicMessage]:
-        """Yield a picture of a robot's camera, after where the camera is."""
+        """Yield the mount of a robot's camera if it is new, then the picture."""
         if connection.topics is not None:
             mount, *messages = connection.topics.of_picture(time, jpeg)
             if mount.child_frame_id not in self._mounts:
@@ -170,7 +168,7 @@ class CallConverter:
             yield from messages
 
     def _topic_name(self, robot: str) -> str:
-        """Return the name of a robot in topics, which no other robot has."""
+        """Return the unique name of a robot in topics."""
         if robot not in self._names:
             has_none = same_name(robot, self._info.no_namespace)
             wanted = name = "" if has_none else topic_name(robot)
@@ -178,22 +176,21 @@ class CallConverter:
             while name in self._names.values():
                 count += 1
                 name = f"{wanted}_{count}"
-            # A robot that comes again goes on with its own topics.
+            # A robot that joins again keeps its topics.
             self._names[robot] = name
         return self._names[robot]
 
     def _commands(
         self, connection: _Connection, data: bytes, time: float
     ) -> Iterator[TopicMessage]:
-        """Yield what commands to drive ask for, of those that a host would read."""
-        # A host reads nothing after an endless line either.
+        """Yield the motion that each drive command in the bytes asks for."""
+        # A host also stops reading after a line that is too long.
         if connection.commands.overflow is not None:
             return
         for line in connection.commands.feed(data):
             if connection.topics is None:
                 continue
-            # What the host does not understand either is only among the bytes of the
-            # wire.
+            # A malformed command becomes no motion; its bytes are recorded as a call.
             with suppress(MalformedMessage):
                 command = parse_command(line, self._dialect)[0]
                 if isinstance(command, Drive):

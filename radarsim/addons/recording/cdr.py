@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as bytes: CDR, as rosbags encodes and decodes it."""
+"""Encodes and decodes ROS 2 messages in CDR, with the package rosbags."""
 
 import struct
 from functools import cache
@@ -12,7 +12,7 @@ from rosbags.typesys.stores import ros2_jazzy
 
 from radarsim.addons.recording.messages import TopicMessage
 
-# Types that are read.
+# Message types that radarsim decodes.
 Header = ros2_jazzy.std_msgs__msg__Header
 Image = ros2_jazzy.sensor_msgs__msg__Image
 LaserScan = ros2_jazzy.sensor_msgs__msg__LaserScan
@@ -25,7 +25,7 @@ TwistStamped = ros2_jazzy.geometry_msgs__msg__TwistStamped
 String = ros2_jazzy.std_msgs__msg__String
 UInt8MultiArray = ros2_jazzy.std_msgs__msg__UInt8MultiArray
 
-# Types that ROS 2 itself has not; of https://github.com/ros-perception/radar_msgs.
+# Types that are not part of ROS 2, from https://github.com/ros-perception/radar_msgs.
 _OTHER_TYPES: Final = {
     "radar_msgs/msg/RadarReturn": """
 float32 range
@@ -42,7 +42,7 @@ radar_msgs/RadarReturn[] returns
 
 
 class RosType(Protocol):
-    """A class of messages of rosbags."""
+    """A message class of rosbags."""
 
     __msgtype__: ClassVar[str]
 
@@ -52,7 +52,7 @@ _Message = TypeVar("_Message", bound=RosType)
 
 @cache
 def typestore() -> Typestore:
-    """Return the types of ROS 2, which take a quarter of a second to load."""
+    """Return the message types of ROS 2; they take 0.25 s to load and are cached."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for name, text in _OTHER_TYPES.items():
         store.register(get_types_from_msg(text, name))
@@ -60,16 +60,16 @@ def typestore() -> Typestore:
 
 
 def encode(message: TopicMessage) -> bytes:
-    """Encode a message, little-endian."""
+    """Return a message as little-endian CDR."""
     store = typestore()
     return bytes(store.serialize_cdr(message.fields, message.type, little_endian=True))
 
 
 def decode(type_: str, data: bytes, expected: type[_Message]) -> _Message:
-    """Decode a message.
+    """Decode a message from CDR.
 
     Raises:
-        ValueError: If it is of another type, or is not whole.
+        ValueError: If the message has another type, or is truncated.
     """
     if type_ != expected.__msgtype__:
         raise ValueError(f"message of {type_!r}, {expected.__msgtype__} expected")
@@ -80,15 +80,15 @@ def decode(type_: str, data: bytes, expected: type[_Message]) -> _Message:
 
 
 def definition_of(type_: str) -> str:
-    """Return the definition of a type and those within it, as ROS 2 has it."""
+    """Return the ROS 2 definition of a message type and of its nested types."""
     return typestore().generate_msgdef(type_, ros_version=2)[0]
 
 
 def type_definitions(name: str) -> list[dict[str, Any]]:
-    """Return a type and those within it, each once, as ``rosapi/TypeDef``.
+    """Return a message type and its nested types, each once, as ``rosapi/TypeDef``.
 
     Args:
-        name: Full name of the type; there is nothing of one that is not known.
+        name: Full name of the type; the list is empty if the type is unknown.
     """
     known = typestore().fielddefs
     names = [name] if name in known else []
@@ -112,10 +112,10 @@ def type_definitions(name: str) -> list[dict[str, Any]]:
 
 
 def _type_of(description: Any) -> tuple[str, int]:
-    """Return the type of a field, and the length of an array: 0 if it may change.
+    """Return the type of a field, and its array length: 0 if variable, -1 if no array.
 
     Args:
-        description: The field as rosbags describes it; -1 is the length of no array.
+        description: Description of the field by rosbags.
     """
     kind, inner = description
     if kind == Nodetype.NAME:

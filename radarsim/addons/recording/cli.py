@@ -1,4 +1,4 @@
-"""``radarsim replay``: play a recording to clients, or repeat its run.
+"""``radarsim replay``: play a recording to clients, or verify its run.
 
 ``radarsim recording`` lists the content of recordings, and repairs them.
 """
@@ -71,7 +71,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     """Simulate a run again, print whether it is the same, and return the exit code.
 
     Raises:
-        RecordingError: If there is no map, or it has changed.
+        RecordingError: If the recording has no map, or the map has changed.
     """
     from radarsim.addons.recording.bag_folder import check_map
     from radarsim.addons.recording.replay import repeat_run
@@ -87,7 +87,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
             f"{bag.folder} was recorded by a client, expected a server's recording"
         )
     name = map_ or info.map
-    # Another map would differ at the first scan, whatever the program does.
+    # With another map, the first scan would differ even if the program is the same.
     check_map(info, name)
     host = Host(load_map(name), config=info.config(), seed=info.seed)
     result = repeat_run(host, bag.calls())
@@ -109,7 +109,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
 
 
 def end_text(bag: BagReader) -> str:
-    """Return why a recording has no end, and what to do."""
+    """Return a message on why a recording has no end, and how to repair it."""
     if bag.is_being_written:
         return "it is still being recorded, and was read as far as it goes"
     return f"it is truncated; 'radarsim recording repair {bag.folder}' repairs it"

@@ -1,6 +1,6 @@
-"""Messages of ROS 2 for topics: each function returns one of a type.
+"""Creates ROS 2 messages: each function returns a message of one type.
 
-Times are simulated seconds, frames are those of REP-103 and REP-105, units SI.
+Times are simulated seconds. Frames follow REP-103 and REP-105, units are SI.
 """
 
 import math
@@ -15,13 +15,14 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.server.views import FOV_DEG
 
 NANOSECONDS: Final = 1_000_000_000
-CLOCK: Final = "/clock"  # the topic
-MAP: Final = "map"  # the frame
-LATEST: Final = 2.0**31 - 1  # s, of a time in a message
-# Of x, y, z, roll, pitch, yaw: squares of m and rad, or of m/s and rad/s. Drivers of
-# wheeled robots set such, as filters need some; large ones where wheels measure none.
+CLOCK: Final = "/clock"  # topic
+MAP: Final = "map"  # frame
+LATEST: Final = 2.0**31 - 1  # s; latest time that fits into a message
+# Covariance of x, y, z, roll, pitch, yaw, in squares of m and rad, or of m/s and rad/s.
+# Filters need values, so drivers of wheeled robots set similar ones. They are large
+# for the axes that wheels do not measure.
 ODOMETRY_COVARIANCE: Final = np.diag([1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-3]).ravel()
-# Types of ``sensor_msgs/msg/PointField`` by those of numpy.
+# Data types of ``sensor_msgs/msg/PointField``, by numpy type.
 _POINT_TYPES: Final = {"<f4": 7, "<u2": 4}
 ECHO: Final = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "intensity", "power")]
@@ -32,9 +33,9 @@ TARGET: Final = np.dtype(
 )
 
 Points: TypeAlias = NDArray[np.void]
-# By name, in the order of the type's definition: numbers, texts, arrays of numbers,
-# fields of a message in this one, or a list of such. Attributes, as the encoder of
-# rosbags reads them, so that it needs no copy (row m of the benchmarks).
+# The fields of a message, in the order of the type's definition: numbers, texts, arrays
+# of numbers, nested ``Fields``, or lists of these. They are attributes, as the encoder
+# of rosbags reads attributes and so needs no copy (row m of the benchmarks).
 Fields: TypeAlias = SimpleNamespace
 
 
@@ -44,8 +45,8 @@ class TopicMessage(NamedTuple):
     Attributes:
         topic: Name of the topic.
         type: Name of the type, such as ``sensor_msgs/msg/LaserScan``.
-        fields: Its fields; those of 32 bits are rounded to these already.
-        latched: Whether who subscribes later gets the last one.
+        fields: Fields of the message; float32 fields are rounded already.
+        latched: Whether late subscribers get the last message of the topic.
     """
 
     topic: str
@@ -70,14 +71,14 @@ def laser_scan(
     max_range: float,
     scan_time: float,
 ) -> TopicMessage:
-    """Return a scan.
+    """Return a ``LaserScan``.
 
     Args:
         topic: Name of the topic.
         time: Simulated time, s.
         frame: Frame of the scanner.
-        ranges: (N,) m, counter-clockwise from the right; a range of at least
-            ``max_range`` is a beam without return, which becomes ``inf``.
+        ranges: (N,) m, counter-clockwise from the right. Ranges of at least
+            ``max_range`` are beams without return, and become ``inf``.
         fov: Angle between the first beam and the last, rad.
         resolution: Angle between neighbouring beams, rad.
         min_range: Shortest range, m.
@@ -102,9 +103,9 @@ def laser_scan(
 
 
 def point_cloud(topic: str, time: float, frame: str, points: Points) -> TopicMessage:
-    """Return echoes or targets, rows of ``ECHO`` or ``TARGET``."""
+    """Return a ``PointCloud2`` of echoes or targets: rows of ``ECHO`` or ``TARGET``."""
     fields = points.dtype.fields
-    assert fields is not None  # they have columns
+    assert fields is not None  # the array is structured
     return _message(
         topic,
         "sensor_msgs/msg/PointCloud2",
@@ -124,7 +125,7 @@ def point_cloud(topic: str, time: float, frame: str, points: Points) -> TopicMes
 
 
 def radar_scan(topic: str, time: float, frame: str, points: Points) -> TopicMessage:
-    """Return targets, rows of ``TARGET``, as drivers of radars publish them."""
+    """Return a ``RadarScan`` of targets: rows of ``TARGET``."""
     x, y, dbm = points["x"], points["y"], points["dbm"]
     columns = np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), dbm.tolist()
     returns = [
@@ -132,7 +133,7 @@ def radar_scan(topic: str, time: float, frame: str, points: Points) -> TopicMess
             range=range_,
             azimuth=azimuth,
             elevation=0.0,
-            doppler_velocity=math.nan,  # which a radar of one sweep does not measure
+            doppler_velocity=math.nan,  # one sweep measures no velocity
             amplitude=power,
         )
         for range_, azimuth, power in zip(*columns, strict=True)
@@ -144,7 +145,7 @@ def radar_scan(topic: str, time: float, frame: str, points: Points) -> TopicMess
 def grey_image(
     topic: str, time: float, frame: str, pixels: NDArray[np.uint8]
 ) -> TopicMessage:
-    """Return a grey picture, (H, W)."""
+    """Return an ``Image`` of grey pixels, (H, W)."""
     height, width = pixels.shape
     return _message(
         topic,
@@ -160,7 +161,7 @@ def grey_image(
 
 
 def compressed_image(topic: str, time: float, frame: str, jpeg: bytes) -> TopicMessage:
-    """Return a picture that is a file of JPEG."""
+    """Return a ``CompressedImage`` with a JPEG file."""
     return _message(
         topic,
         "sensor_msgs/msg/CompressedImage",
@@ -173,9 +174,9 @@ def compressed_image(topic: str, time: float, frame: str, jpeg: bytes) -> TopicM
 def camera_info(
     topic: str, time: float, frame: str, width: int, height: int
 ) -> TopicMessage:
-    """Return the intrinsics of the camera: a pinhole without distortion."""
+    """Return a ``CameraInfo``: intrinsics of a pinhole camera without distortion."""
     focal = width / 2 / math.tan(math.radians(FOV_DEG) / 2)
-    x, y = width / 2 - 0.5, height / 2 - 0.5  # pixels have their middles at integers
+    x, y = width / 2 - 0.5, height / 2 - 0.5  # pixel centres are at integers
     k = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1]])
     region = Fields(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return _message(
@@ -203,15 +204,15 @@ def odometry(
     pose: Pose3,
     motion: tuple[float, float],
 ) -> TopicMessage:
-    """Return a pose by odometry, and the motion in the frame of the child.
+    """Return an ``Odometry``: a pose, and the motion in the child frame.
 
     Args:
         topic: Name of the topic.
         time: Simulated time, s.
-        frame: Frame of the pose.
-        child: Frame that is there.
-        pose: Where it is.
-        motion: Speed ahead, m/s, and counter-clockwise turn rate, rad/s.
+        frame: Frame in which the pose is given.
+        child: Frame that has the pose.
+        pose: Pose of the child frame.
+        motion: Forward speed, m/s, and counter-clockwise turn rate, rad/s.
     """
     return _message(
         topic,
@@ -224,7 +225,7 @@ def odometry(
 
 
 def pose_stamped(topic: str, time: float, frame: str, pose: Pose3) -> TopicMessage:
-    """Return a pose in a frame."""
+    """Return a ``PoseStamped``: a pose in a frame."""
     fields = Fields(header=header_of(time, frame), pose=pose_fields(pose))
     return TopicMessage(topic, "geometry_msgs/msg/PoseStamped", fields)
 
@@ -232,7 +233,7 @@ def pose_stamped(topic: str, time: float, frame: str, pose: Pose3) -> TopicMessa
 def twist_stamped(
     topic: str, time: float, frame: str, speed: float, turn: float
 ) -> TopicMessage:
-    """Return a forward speed, m/s, and a counter-clockwise turn rate, rad/s."""
+    """Return a ``TwistStamped``: forward speed, m/s, and left turn rate, rad/s."""
     fields = Fields(header=header_of(time, frame), twist=_twist(speed, turn))
     return TopicMessage(topic, "geometry_msgs/msg/TwistStamped", fields)
 
@@ -249,7 +250,7 @@ def transform(time: float, parent: str, child: str, pose: Pose3) -> Fields:
 def transforms(
     topic: str, each: Sequence[Fields], *, latched: bool = False
 ) -> TopicMessage:
-    """Return where frames are."""
+    """Return a ``TFMessage`` with the results of ``transform``."""
     fields = Fields(transforms=each)
     return TopicMessage(topic, "tf2_msgs/msg/TFMessage", fields, latched)
 
@@ -279,17 +280,17 @@ def occupancy_grid(
 
 
 def clock(time: float) -> TopicMessage:
-    """Return simulated time."""
+    """Return a ``Clock`` with the simulated time, s."""
     return _message(CLOCK, "rosgraph_msgs/msg/Clock", clock=_stamp(time))
 
 
 def string(topic: str, text: str) -> TopicMessage:
-    """Return a text, which who subscribes later gets as well."""
+    """Return a latched ``String``."""
     return TopicMessage(topic, "std_msgs/msg/String", Fields(data=text), latched=True)
 
 
 def octets(topic: str, label: str, data: bytes) -> TopicMessage:
-    """Return bytes, with a label on their only dimension."""
+    """Return a ``UInt8MultiArray`` with a label on its only dimension."""
     dimension = Fields(label=label, size=len(data), stride=len(data))
     return _message(
         topic,
@@ -300,19 +301,19 @@ def octets(topic: str, label: str, data: bytes) -> TopicMessage:
 
 
 def header_of(time: float, frame: str) -> Fields:
-    """Return a header."""
+    """Return a ``Header``."""
     return Fields(stamp=_stamp(time), frame_id=frame)
 
 
 def _stamp(time: float) -> Fields:
-    """Return whole seconds, and nanoseconds; 0 for a time that is not known."""
+    """Return a time as seconds and nanoseconds; 0 if it is unknown or too large."""
     total = round(time * NANOSECONDS) if 0 < time < LATEST else 0
     seconds, nanoseconds = divmod(total, NANOSECONDS)
     return Fields(sec=seconds, nanosec=nanoseconds)
 
 
 def pose_fields(pose: Pose3) -> Fields:
-    """Return a pose."""
+    """Return a ``Pose``."""
     return Fields(position=vector(pose.x, pose.y, pose.z), orientation=quaternion(pose))
 
 
@@ -321,12 +322,12 @@ def _twist(speed: float, turn: float) -> Fields:
 
 
 def vector(x: float, y: float, z: float) -> Fields:
-    """Return a vector, or a point."""
+    """Return a ``Vector3`` or a ``Point``."""
     return Fields(x=x, y=y, z=z)
 
 
 def quaternion(pose: Pose3) -> Fields:
-    """Return the rotation of a pose."""
+    """Return the rotation of a pose as a ``Quaternion``."""
     cr, sr = math.cos(pose.roll / 2), math.sin(pose.roll / 2)
     cp, sp = math.cos(pose.pitch / 2), math.sin(pose.pitch / 2)
     cy, sy = math.cos(pose.yaw / 2), math.sin(pose.yaw / 2)
@@ -339,6 +340,6 @@ def quaternion(pose: Pose3) -> Fields:
 
 
 def float32(value: float) -> float:
-    """Round a number to 32 bits."""
-    # JSON has 64 bits; its subscribers get the same number as those with 32 bits.
+    """Round a number to single precision."""
+    # JSON has double precision; its subscribers get the same numbers as those of CDR.
     return float(np.float32(value))

@@ -1,10 +1,10 @@
-"""Events of a run, recorded by observers of a host, or of connections to a server.
+"""Records the events of a run, from a host or from connections to a server.
 
-A simulation depends on nothing but its scene, configuration and seed, and on the calls
-of its host: who connects, what arrives, and when time passes. With these, and with what
-clients were given, a run can be repeated and compared byte by byte. Descriptions of
-robots are for those who read the recording; no repetition needs them. Bytes between
-clients and a server that is another program become calls as of a host.
+A simulation depends only on its scene, configuration and seed, and on the calls of its
+host: connections, received bytes and ticks. With the calls and the bytes sent to
+clients, a run can be repeated and compared byte by byte. Descriptions of robots are for
+readers of the recording, and are not needed to repeat the run. Bytes between clients
+and a server in another program are recorded as calls of a host.
 """
 
 from __future__ import annotations
@@ -47,39 +47,39 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
-# Types of items that a recording describes when their robot is spawned.
+# Item types whose geometry and configuration a recording describes.
 DESCRIBED: Final = ("Robot", "RangeScanner", "INS")
 
 
 class EventType(IntEnum):
     """Kinds of events: calls of a host, and descriptions of a run.
 
-    The data of a revolution, a map and a view are packed by ``pack``.
+    The data of TURN, MAP and VIEW is packed by ``pack``.
     """
 
     CONNECT = 1
     DISCONNECT = 2
-    RECEIVE = 3  # bytes of a client
+    RECEIVE = 3  # bytes from a client
     TAKE = 4  # bytes for a client
-    FINISH = 5  # the last bytes for a client that sends no more
+    FINISH = 5  # the last bytes for a client that has ended its input
     WAIT = 6  # ticks in which no simulated time passes; ``client`` counts them
     BEGIN = 7  # simulated time begins
     END = 8  # the recording ends
-    ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
-    TURN = 101  # a revolution of a robot's radar; see ``TurnCollector``
-    MAP = 102  # a map that is made in the run: arguments of ``occupancy_grid``
-    VIEW = 103  # what the camera on the robot of a client looks at; see ``draw_views``
-    PICTURE = 104  # a picture of that camera, as JPEG
+    ROBOT = 100  # a robot is new or has changed: its name, and its GEO and CONF lines
+    TURN = 101  # a revolution of a radar on a client's robot; see ``TurnCollector``
+    MAP = 102  # a map made during the run: arguments of ``occupancy_grid``
+    VIEW = 103  # a view of the camera on a client's robot; see ``draw_views``
+    PICTURE = 104  # a picture from that camera, as JPEG
 
 
 class RunEvent(NamedTuple):
     """A call of a host, or a description.
 
     Attributes:
-        type: What was done.
-        tick: How many ticks of simulated time had passed.
+        type: Kind of the event.
+        tick: Number of ticks of simulated time before it.
         client: Number of the client.
-        data: Bytes that were received from a client, or sent to it, or a description.
+        data: Bytes received from a client or sent to it, or a description.
     """
 
     type: EventType
@@ -89,12 +89,12 @@ class RunEvent(NamedTuple):
 
     @property
     def is_call(self) -> bool:
-        """Whether the run is repeated with it."""
+        """Whether it is a call, which is needed to repeat the run."""
         return self.type <= EventType.END
 
 
 def pack(*values: Any) -> bytes:
-    """Return values of JSON, and an array after them, as data of an event."""
+    """Return values that fit into JSON, and an array as the last value, as bytes."""
     *head, array = values
     file = io.BytesIO()
     file.write(json.dumps(head).encode() + b"\n")
@@ -103,7 +103,7 @@ def pack(*values: Any) -> bytes:
 
 
 def unpack(data: bytes) -> list[Any]:
-    """Return the values that ``pack`` was called with."""
+    """Return the arguments with which ``pack`` was called."""
     file = io.BytesIO(data)
     return [*json.loads(file.readline()), np.load(file, allow_pickle=False)]
 
@@ -112,11 +112,11 @@ class TurnCollector:
     """Collects the received power of an antenna until a revolution is complete."""
 
     def __init__(self, scanner: str, report: Callable[[bytes], None]) -> None:
-        """Wait for the beginning of a revolution.
+        """Wait for the start of a revolution.
 
         Args:
             scanner: Name of the scanner item.
-            report: Called with each complete revolution: the packed arguments of
+            report: Called with each complete revolution, as packed arguments of
                 ``RobotTopics.of_turn``.
         """
         self._scanner, self._report = scanner, report
@@ -124,12 +124,12 @@ class TurnCollector:
         self._rows: list[NDArray[np.uint8]] = []
 
     def take(self, sector: Sector, time: float) -> None:
-        """Add the received power of neighbouring azimuths, from a time on, s."""
+        """Add the received power of a sector, whose first azimuth is at ``time``, s."""
         settings = sector.spectrum.settings
         if sector.first == 0:
             self._began = time
-            self._rows.clear()  # of one that the antenna did not end
-        elif not self._rows:  # it began before anybody listened
+            self._rows.clear()  # of an unfinished revolution
+        elif not self._rows:  # the start of this revolution was missed
             return
         rows = np.arange(len(sector.spectrum.counts))
         times = np.rint(1e6 * (time + rows * settings.sweep_time))
@@ -144,7 +144,7 @@ class TurnCollector:
 
 
 class HostRecorder(HostObserver):
-    """Reports the calls of a host, and describes its robots."""
+    """Records the calls of a host, and descriptions of its robots."""
 
     def __init__(
         self,
@@ -153,11 +153,11 @@ class HostRecorder(HostObserver):
         spectra: bool = False,
         camera_interval: int = 0,
     ) -> None:
-        """Report to a function.
+        """Record to a function.
 
         Args:
             record: Called with each event; it must not raise.
-            spectra: Whether revolutions of FMCW radars are reported as well.
+            spectra: Whether revolutions of FMCW radars are recorded as well.
             camera_interval: Ticks between two views of the first robot's camera; 0 for
                 none.
         """
@@ -180,7 +180,7 @@ class HostRecorder(HostObserver):
 
     def disconnect(self, client: int) -> None:
         """See ``HostObserver.disconnect``."""
-        # Its number does not come again, but vehicles would be kept alive.
+        # Client numbers are not reused, and an entry would keep the vehicle alive.
         self._described.pop(client, None)
         self._report(EventType.DISCONNECT, client)
 
@@ -192,8 +192,8 @@ class HostRecorder(HostObserver):
         """Describe the robot of a client if it is new, or has new settings."""
         if vehicle is None:
             return
-        # A changed setting makes another configuration, so that comparing identities is
-        # enough; it is done after every packet of every client.
+        # A changed setting creates a new configuration, so comparing identities is
+        # enough. It is fast, as it happens after every packet of every client.
         known, config = self._described.get(client, (None, None))
         if known is vehicle and config is vehicle.config:
             return
@@ -207,7 +207,8 @@ class HostRecorder(HostObserver):
         dialect = vehicle.config.dialect
         lines = [report.encode(dialect) for report in reports if report is not None]
         name = f"{vehicle.robot.name}\r\n".encode()
-        # Before what the robot is sent, as messages are made by its description.
+        # The description comes before the lines to the client, which are converted
+        # into messages by it.
         self._report(EventType.ROBOT, client, name + to_bytes(lines))
 
     def step(self, *, passes: bool) -> None:
@@ -217,7 +218,7 @@ class HostRecorder(HostObserver):
             return
         self._report_wait()
         if self._camera_interval and self._tick % self._camera_interval == 0:
-            assert self._simulation is not None  # else no time passes
+            assert self._simulation is not None  # time passes after ``begin``
             self._report_view(self._simulation)
         self._tick += 1
 
@@ -230,7 +231,7 @@ class HostRecorder(HostObserver):
         self._report(EventType.FINISH, client, data)
 
     def end(self) -> None:
-        """Report that no more calls come."""
+        """Record the end of the calls."""
         self._report(EventType.END)
 
     def _report(self, type_: EventType, client: int = 0, data: bytes = b"") -> None:
@@ -238,8 +239,8 @@ class HostRecorder(HostObserver):
         self._record(RunEvent(type_, self._tick, client, data))
 
     def _report_wait(self) -> None:
-        # Idle ticks are counted, not reported one by one: a server can wait for its
-        # engine, or be paused, and a hundred times a second, for minutes.
+        # Idle ticks are counted, as a server may wait for its engine or be paused for
+        # minutes, at a hundred ticks a second.
         if self._idle_ticks:
             idle, self._idle_ticks = self._idle_ticks, 0
             self._record(RunEvent(EventType.WAIT, self._tick, idle))
@@ -253,21 +254,20 @@ class HostRecorder(HostObserver):
                 self._report(EventType.VIEW, client, data)
 
     def _observe_antennas(self, client: int, vehicle: Vehicle) -> None:
-        """Report the revolutions of the radars on a robot."""
+        """Record the revolutions of the radars on a robot."""
         report = partial(self._report, EventType.TURN, client)
-        assert self._simulation is not None  # there is a robot
+        assert self._simulation is not None  # robots exist only after ``begin``
         for antenna in antennas_of(self._simulation).of(vehicle):
             collector = TurnCollector(antenna.mounted.item.name, report)
-            # An observer, no listener: the antenna must not turn because it is
-            # recorded.
+            # An observer does not make the antenna rotate, unlike a listener.
             antenna.observers.append(collector.take)
 
 
 FIRST: Final = 1  # number of the only client of a transport
-UNNAMED: Final = "robot"  # one whose name no client has sent
+UNNAMED: Final = "robot"  # name of a robot whose client has sent none
 _DESCRIPTION: Final = re.compile(
     r"(GEO|CONF)\s*(?=.*?\{\s*Type\s+([^{}]*)\})(?=.*?\{\s*Name\s+(\S+))",
-    re.IGNORECASE,  # in either order: the robot's CONF begins with its name in udk
+    re.IGNORECASE,  # either order: in udk the robot's CONF begins with its name
 )
 _TIME: Final = re.compile(rb"\{Time (\d{1,7}(?:\.\d+)?)\}")
 
@@ -283,17 +283,17 @@ class _Connection:
 
 
 class WireRecorder:
-    """Turns bytes on connections into calls as of a host, for a recording.
+    """Records bytes on connections to a server as calls of a host.
 
-    The time of a call is the last that the server has sent. What comes before the first
-    is kept until then.
+    The time of a call is the last time that the server has sent. Calls before the first
+    time are kept until it is known.
 
     Attributes:
         time: The last time that the server has sent, s.
     """
 
     def __init__(self, record: Callable[[RunEvent], None]) -> None:
-        """Begin with no connections.
+        """Begin without connections.
 
         Args:
             record: Called with each event; it must not raise.
@@ -309,7 +309,7 @@ class WireRecorder:
         return round(100 * self.time)
 
     def begin(self, number: int, robot: str) -> None:
-        """Record that a client connects, whose robot is known.
+        """Record the connection of a client whose robot is known.
 
         Args:
             number: Number of the connection.
@@ -318,27 +318,26 @@ class WireRecorder:
         self._describe(number, self._connection(number, robot))
 
     def end_one(self, number: int) -> None:
-        """Record that a connection is closed."""
+        """Record the end of a connection."""
         if self._connections.pop(number, None) is not None:
             self._report(EventType.DISCONNECT, number)
 
     def sent(self, number: int, data: bytes) -> None:
-        """Record what a client sends on a connection."""
+        """Record bytes that a client sends on a connection."""
         connection = self._connection(number)
         self._report(EventType.RECEIVE, number, data)
-        # The bytes are recorded nevertheless; only what they say is not read any more.
+        # After a line that is too long, bytes are recorded, but not parsed any more.
         if connection.sent.overflow is not None:
             return
         for line in connection.sent.feed(data):
             if spawned := spawned_robot(line):
                 connection.robot = spawned[0] or spawned[1]
-                # Another robot takes the place of the one before; nothing known of that
-                # holds.
+                # The new robot replaces the old one, whose descriptions do not apply.
                 connection.descriptions.clear()
                 self._describe(number, connection)
 
     def received(self, number: int, data: bytes) -> None:
-        """Record what a client is sent on a connection."""
+        """Record bytes that the server sends on a connection."""
         connection = self._connection(number)
         self._note_time(data)
         self._report(EventType.TAKE, number, data)
@@ -350,13 +349,13 @@ class WireRecorder:
             for line in lines
             if (match := _DESCRIPTION.match(line))
         ]
-        # Servers repeat these answers whenever anybody asks; only news are recorded.
+        # Servers repeat these answers on request; only changes are recorded.
         if not connection.descriptions.items() >= set(found):
             connection.descriptions.update(found)
             self._describe(number, connection)
 
     def end(self) -> None:
-        """Record that no more comes."""
+        """Record the end of all connections."""
         self._note_time(None)
         for number in self._connections:
             self._report(EventType.DISCONNECT, number)
@@ -373,13 +372,13 @@ class WireRecorder:
         self._report(EventType.ROBOT, number, "\r\n".join(lines).encode())
 
     def _note_time(self, data: bytes | None) -> None:
-        """Read the last time in what the server sends; None for its end."""
+        """Store the last time in bytes of the server; None at the end of recording."""
         found = _TIME.findall(data) if data is not None else []
         if found:
-            # Robots report in turn, and a line may be older than the one before it.
+            # Robots report one after the other, so times may go back between lines.
             self.time = max(self.time, float(found[-1]))
-        # What came before the first time belongs to that one: at 0 s it would be hours
-        # before the rest, if the server has been running for long.
+        # Events before the first time get that time. With 0 s, they would be hours
+        # before the rest if the server has been running for long.
         if self._early is not None and (found or data is None):
             early, self._early = self._early, None
             for event in early:
@@ -394,16 +393,16 @@ class WireRecorder:
 
 
 class WatchRecorder(WireRecorder):
-    """Turns the reports of a server to its watchers into calls as of a host.
+    """Records the reports of a watched server as calls of a host.
 
-    Each robot is a client that is sent its lines.
+    Each robot is recorded as a client to which its lines are sent.
 
     Attributes:
-        numbers: Numbers of the clients, by the names of robots that are there.
+        numbers: Client numbers of the present robots, by name.
     """
 
     def __init__(self, record: Callable[[RunEvent], None]) -> None:
-        """Begin with no robots; see ``WireRecorder``."""
+        """Begin without robots; see ``WireRecorder``."""
         super().__init__(record)
         self.numbers: dict[str, int] = {}
         self._last_number = 0
@@ -412,20 +411,20 @@ class WatchRecorder(WireRecorder):
         """Record a report about a robot.
 
         Returns:
-            Questions about a robot that is new: its own client need not ask them, and a
-            recording cannot be read without the answers.
+            Queries to send about a new robot. A recording cannot be read without the
+            answers, and the robot's own client may not send the queries.
         """
         asked = b""
         match report:
             case RobotJoined(robot, class_name):
                 asked = self._join(robot)
-                # No other event has its class.
+                # A spawn command is recorded, as no other event contains the class.
                 spawn = questions.spawn(class_name, name=robot)
                 self.sent(self.numbers[robot], spawn.data)
             case RobotLeft(robot):
                 self._leave(robot)
             case WatchedLine(robot, line):
-                if robot not in self.numbers:  # not every news has come
+                if robot not in self.numbers:  # its join was not reported
                     asked = self._join(robot)
                 data = f"{line}\r\n".encode("latin-1", "replace")
                 self.received(self.numbers[robot], data)
@@ -434,7 +433,7 @@ class WatchRecorder(WireRecorder):
         return asked
 
     def _join(self, robot: str) -> bytes:
-        self._leave(robot)  # one of the same name, whose leaving was not reported
+        self._leave(robot)  # ends a robot of that name that was not reported to leave
         self._last_number += 1
         self.numbers[robot] = self._last_number
         self.begin(self._last_number, robot)
@@ -452,15 +451,15 @@ class WatchRecorder(WireRecorder):
 
 
 class RecordedTransport(SocketTransport):
-    """A TCP connection that records what passes; see ``Transport``."""
+    """A TCP connection that records all bytes; see ``Transport``."""
 
     def __init__(self, host: str, port: int, recorder: WireRecorder) -> None:
         """Connect.
 
         Args:
-            host: Name or address.
+            host: Host name or address.
             port: TCP port.
-            recorder: Records it; of no other connection.
+            recorder: Recorder that is used for this connection only.
         """
         super().__init__(host, port)
         self._recorder = recorder
@@ -478,10 +477,10 @@ class RecordedTransport(SocketTransport):
 
 
 def spawned_robot(line: str) -> tuple[str, str] | None:
-    """Return the name and the class in a command to spawn a robot, each may be empty.
+    """Return name and class of a robot from an INIT command; either may be empty.
 
     Args:
-        line: A line of a client; None is returned for any other command.
+        line: A line of a client; the result is None for any other command.
     """
     with suppress(MalformedMessage):
         message = decode_message(line, keeps_closed=True)

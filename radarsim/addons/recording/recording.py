@@ -1,6 +1,6 @@
-"""Recordings as arrays.
+"""Loads recordings as numpy arrays.
 
-Imports no package of the extra ``record`` before a recording is read.
+The packages of the extra ``record`` are imported when a recording is read.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ class ScanSeries:
 
     Attributes:
         times: (T,) simulated times, s.
-        ranges: (T, N) float32, m; inf where nothing came back.
-        angles: (N,) directions of the beams from the scanner's forward axis, rad,
+        ranges: (T, N) float32, m; inf for beams without return.
+        angles: (N,) angles of the beams from the scanner's forward axis, rad,
             counter-clockwise.
         range_min: Minimum range, m, as last reported by the server.
-        range_max: Maximum range, m, likewise.
+        range_max: Maximum range, m, as last reported by the server.
         frame: Frame of the scanner.
     """
 
@@ -60,10 +60,10 @@ class ScanSeries:
 
     @classmethod
     def of(cls, messages: Sequence[LaserScan]) -> Self:
-        """Collect messages with the same beams."""
+        """Create a series from messages with the same beams."""
         last = messages[-1]
         ranges = np.array([message.ranges for message in messages])
-        # Clients may ask for the limits only after the first scans.
+        # The first scans may lack the limits, as clients may ask for them later.
         ranges[ranges >= last.range_max] = np.inf
         return cls(
             times_of(message.header for message in messages),
@@ -77,12 +77,12 @@ class ScanSeries:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class PoseSeries:
-    """The poses of a robot by one of its sensors.
+    """The poses of a robot from one of its sensors.
 
     Attributes:
         times: (T,) simulated times, s.
         poses: (T, 6) x, y, z, m, and roll, pitch, yaw, rad.
-        frame: Frame that the poses are in.
+        frame: Frame in which the poses are given.
     """
 
     times: Floats
@@ -94,7 +94,7 @@ class PoseSeries:
 
     @classmethod
     def of(cls, messages: Sequence[tuple[Header, Pose]]) -> Self:
-        """Collect what messages say."""
+        """Create a series from the headers and poses of messages."""
         headers, poses = zip(*messages, strict=True)
         places = [[getattr(each.position, axis) for axis in "xyz"] for each in poses]
         xyzw = [[getattr(each.orientation, axis) for axis in "xyzw"] for each in poses]
@@ -105,14 +105,14 @@ class PoseSeries:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class EchoSeries:
-    """The echoes of a scanner as columns, a row each: scan by scan.
+    """The echoes of a scanner as columns, one row for each echo, in order of scans.
 
     Attributes:
         times: (E,) simulated times of the scans, s.
         beams: (E,) number of the beam, counted from the right.
         points: (E, 3) float32, x, y, z in the frame of the scanner, m.
-        strengths: (E,) float32, share of what a rough wall sends back, 0 to 1.
-        power: (E,) float32, penetration power that is left.
+        strengths: (E,) float32, strength relative to a rough wall, 0 to 1.
+        power: (E,) float32, remaining penetration power.
         kinds: (E,) str: ``enter``, ``hit`` and so on, as in ``Echoes``.
         objects: (E,) str, names of the objects.
         materials: (E,) str, names of their materials.
@@ -143,15 +143,15 @@ class EchoSeries:
 
     @classmethod
     def of(cls, messages: Sequence[PointCloud2], legend: str) -> Self:
-        """Collect messages of echoes.
+        """Create a series from point clouds of echoes.
 
         Args:
             messages: The messages.
-            legend: The last text of the topic ``/radarsim/legend``.
+            legend: The last message of the topic ``/radarsim/legend``.
         """
         clouds = [np.frombuffer(message.data, ECHO) for message in messages]
-        # The numbers in points are places in the legend, which only grows: the last one
-        # explains all.
+        # The numbers in points are indices into the lists of the legend. The legend
+        # only grows, so its last message is valid for all points.
         rows = np.concatenate(clouds)
         names = json.loads(legend)
         kinds, objects, materials = (
@@ -173,7 +173,7 @@ class EchoSeries:
 
 
 def times_of(headers: Iterable[Header]) -> Floats:
-    """Return the times in headers of messages, (T,) s."""
+    """Return the times in the headers of messages, (T,) s."""
     stamps = [header.stamp for header in headers]
     return np.array([stamp.sec + stamp.nanosec / 1e9 for stamp in stamps])
 
@@ -184,18 +184,18 @@ POSE: Final = ("x", "y", "z", "roll", "pitch", "yaw")
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Recording:
-    """What the robots of a run sensed.
+    """The sensor readings of all robots of a run.
 
     The keys are topics without the first slash, and without ``/scan`` or ``/echoes``.
-    Scans of one scanner that has got other beams meanwhile are under its name with
-    ``_2``, ``_3`` and so on.
+    If a scanner changes its beams during the run, its further scans are under its name
+    with ``_2``, ``_3`` and so on.
 
     Attributes:
         folder: Folder of the recording.
         info: The conditions of the run.
-        is_complete: Whether the file has its end.
+        is_complete: Whether the file is complete, and not cut off.
         scans: The scans of each scanner, such as ``R1/lms200``.
-        poses: The poses by each sensor, such as ``R1/ground_truth``.
+        poses: The poses from each sensor, such as ``R1/ground_truth``.
         echoes: The echoes of each scanner.
     """
 
@@ -213,7 +213,7 @@ class Recording:
     def turns(self, scanner: str) -> Iterator[RadarTurn]:
         """Yield the revolutions of an FMCW radar, if they were recorded.
 
-        They are read one after the other, as each has a megabyte or more.
+        They are read one at a time, as each has a megabyte or more.
 
         Args:
             scanner: The scanner, such as ``R1/Navtech``.
@@ -227,7 +227,7 @@ class Recording:
         layout: dict[str, float] = {}
         try:
             for found, type_, data, _, _ in open_bag(self.folder).messages():
-                # It is latched, and written before the first revolution.
+                # The layout is written once, before the first revolution.
                 if found == f"{topic}/layout":
                     layout = json.loads(decode(type_, data, String).data)
                 elif found == topic:
@@ -239,11 +239,11 @@ class Recording:
             raise _not_ours(self.folder, error) from error
 
     def to_xarray(self) -> xarray.DataTree:
-        """Return all as a tree of datasets.
+        """Return the recording as a tree of xarray datasets.
 
-        A scanner has ``scan`` with ``ranges`` by ``time`` and ``angle``, and
-        ``echoes`` by ``echo``; each pose has ``x`` to ``yaw`` by ``time``. So
-        ``tree["R1/lms200/scan"].ranges`` are the ranges of a scanner.
+        A scanner has the group ``scan`` with ``ranges`` by ``time`` and ``angle``, and
+        the group ``echoes`` by ``echo``. A pose sensor has ``x`` to ``yaw`` by
+        ``time``. For example, ``tree["R1/lms200/scan"].ranges`` are ranges of a laser.
 
         Raises:
             MissingPackage: If xarray is not installed.
@@ -289,14 +289,14 @@ class Recording:
 
 
 def load_recording(folder: Path | str) -> Recording:
-    """Read a recording, also one that breaks off, as far as it goes.
+    """Load a recording; an incomplete recording is loaded as far as it can be read.
 
     Args:
         folder: Folder of the recording.
 
     Raises:
-        RecordingError: If it is no recording of radarsim, or cannot be read; or if a
-            package is missing, and then it names the extra.
+        RecordingError: If the folder has no recording of radarsim, it cannot be read,
+            or a package is missing; then the message names the extra.
     """
     bag = open_bag(Path(folder))
     from radarsim.addons.recording.cdr import (  # noqa: PLC0415

@@ -1,9 +1,9 @@
-"""Recording in a process of its own, so that it holds up no tick of a server.
+"""Records in a separate process, so that recording does not delay the server's ticks.
 
-The server only packs events. A thread writes all of them to a pipe a few times a
-second: each time it wakes up, it may hold up the server. The process at the other end
-converts and writes them. It outlives a server that is killed: at the end of the
-pipe it completes the recording.
+The server only packs events. A thread writes them to a pipe at intervals, as each
+write may delay the server. The process at the other end converts the events and writes
+the files. If the server is killed, the process reads the pipe to its end and completes
+the recording.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("radarsim.addons.recording")
 
-NICENESS: Final = 10  # ticks of the server go first
-MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
+NICENESS: Final = 10  # the server has priority
+MAX_WAITING: Final = 256 * 2**20  # bytes that may wait for the process
 WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
-PAUSE: Final = 0.01  # s between checks of a process that is behind
-END_TIMEOUT: Final = 60.0  # s that it has to write the rest
-FRAME: Final = struct.Struct("<BQQQ")  # type, tick, client, bytes that follow
-# The modules are found where this process has found them.
+PAUSE: Final = 0.01  # s between checks while ``add`` waits for the process
+END_TIMEOUT: Final = 60.0  # s; timeout for the process to write the rest
+FRAME: Final = struct.Struct("<BQQQ")  # type, tick, client, number of bytes that follow
+# The child process gets the module search path of this process.
 PROGRAM: Final = (
     "import sys; sys.path[:] = sys.argv[1:];"
     "from radarsim.addons.recording.recording_process import write_run; write_run()"
@@ -51,11 +51,12 @@ PROGRAM: Final = (
 
 
 class RecordingProcess:
-    """Records a run.
+    """Records a run in a child process.
 
     Attributes:
         folder: Folder of the recording.
-        has_ended: Whether nothing more is recorded, as when the disk is full.
+        has_ended: Whether the recording has ended, also by an error such as a full
+            disk.
     """
 
     def __init__(
@@ -66,12 +67,12 @@ class RecordingProcess:
         Args:
             folder: Folder to create.
             info: The conditions of the run.
-            is_patient: Whether ``add`` waits for a process that is far behind, instead
-                of ending the recording.
+            is_patient: Whether ``add`` waits if more than ``MAX_WAITING`` bytes wait
+                for the process, instead of ending the recording.
 
         Raises:
-            RecordingError: If it cannot be started, a package is missing, or the folder
-                exists.
+            RecordingError: If the process cannot be started, a package is missing, or
+                the folder exists.
         """
         create_folder(folder)
         self.folder = folder
@@ -82,12 +83,12 @@ class RecordingProcess:
         self._recorder: HostRecorder | None = None
         self._is_patient = is_patient
         try:
-            # No fork of a server with threads, and no multiprocessing, whose child
-            # would import the main module of whoever uses this.
+            # Forking a server with threads is unsafe, and multiprocessing would import
+            # the main module of the calling program in the child.
             self._process = subprocess.Popen(
                 [sys.executable, "-c", PROGRAM, *sys.path],
                 stdin=subprocess.PIPE,
-                start_new_session=True,  # Ctrl-C in a terminal is not for it
+                start_new_session=True,  # so that Ctrl-C does not interrupt it
             )
         except OSError as error:
             text = f"cannot start recording: {describe_os_error(error)}"
@@ -106,12 +107,12 @@ class RecordingProcess:
         host.add_observer(self._recorder)
 
     def add(self, event: RunEvent) -> None:
-        """Record an event; never raises, and waits only if that was asked for."""
+        """Record an event; it never raises, and waits only if ``is_patient`` is set."""
         if self.has_ended:
             return
         frame = frame_of(event)
-        # Appending to a deque needs no lock, so that no tick waits for the thread. Two
-        # counters, as one that both change would need a lock.
+        # Appending to a deque needs no lock, so no tick waits for the thread. There are
+        # two counters, as a single one that both threads change would need a lock.
         self._frames.append(frame)
         self._queued += len(frame)
         while self._is_patient and self._is_behind() and not self.has_ended:
@@ -124,7 +125,7 @@ class RecordingProcess:
             )
 
     def close(self) -> bool:
-        """Complete the recording; return whether all of it is written."""
+        """Complete the recording; return whether all events were written."""
         if self._recorder is not None:
             self._recorder.end()
         is_whole = not self.has_ended
@@ -133,7 +134,7 @@ class RecordingProcess:
         try:
             self._process.wait(END_TIMEOUT)
         except subprocess.TimeoutExpired:
-            # A disk may hang for ever; the server must not.
+            # A disk that hangs must not block the server.
             self._process.kill()
             self._process.wait()
             log.warning("%s: not complete after %g s", self.folder, END_TIMEOUT)
@@ -146,7 +147,7 @@ class RecordingProcess:
         """Write frames to the pipe until the recording is closed."""
         pipe = self._process.stdin
         assert pipe is not None
-        with suppress(OSError):  # the process has ended, and said why
+        with suppress(OSError):  # the process has ended, and printed why
             while not self._is_closing.wait(WRITE_INTERVAL):
                 self._write_frames(pipe)
             self._write_frames(pipe)
@@ -155,7 +156,7 @@ class RecordingProcess:
             pipe.close()
 
     def _write_frames(self, pipe: IO[bytes]) -> None:
-        # Only as many as there are now: the server may add them as fast as they go.
+        # Only the frames that are queued now: the server may add more endlessly.
         frames = [self._frames.popleft() for _ in range(len(self._frames))]
         pipe.write(b"".join(frames))
         pipe.flush()
@@ -168,12 +169,12 @@ def record_host(
     """Record the calls of a host from now on.
 
     Args:
-        host: The host; nothing has been done to it yet.
-        map_: Name of its map, or path of its file; None for a scene of the program's
-            own, whose run cannot be repeated from the recording.
-        seed: Its seed.
+        host: The host, before its first call.
+        map_: Name or path of the map; None for a scene that was not loaded from a
+            file. Its run cannot be repeated from the recording.
+        seed: Seed of the host.
         folder: Folder to create.
-        spectra: Whether to record what FMCW radars receive as well.
+        spectra: Whether to record the received power of FMCW radars as well.
 
     Returns:
         A function that completes the recording.
@@ -193,22 +194,22 @@ def record_host(
 
 
 def opening_of(folder: Path, info: RecordingInfo) -> bytes:
-    """Return what the process reads first: a line of JSON."""
+    """Return the line of JSON that the process reads first: folder and conditions."""
     opening = str(folder.resolve()), info.model_dump(mode="json")
     return json.dumps(opening).encode() + b"\n"
 
 
 def frame_of(event: RunEvent) -> bytes:
-    """Return an event as the process reads it."""
+    """Return an event as bytes: a header as in ``FRAME``, then the data."""
     return FRAME.pack(*event[:3], len(event.data)) + event.data
 
 
 def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
-    """Yield events up to the end of the pipe, or to one that is not whole."""
+    """Yield events up to the end of the pipe, or up to a truncated event."""
     while len(head := pipe.read(FRAME.size)) == FRAME.size:
         type_, tick, client, size = FRAME.unpack(head)
         data = pipe.read(size)
-        # The server was killed while it wrote: the event before was the last.
+        # A truncated event means that the server was killed while it wrote.
         if len(data) < size:
             return
         yield RunEvent(EventType(type_), tick, client, data)
@@ -226,12 +227,12 @@ def write_recording(
         folder: Folder of the recording, which exists; see ``create_folder``.
         info: The conditions of the run.
         events: The events, in order.
-        scene: The map, to be shown; None for none.
+        scene: The map, for topics that show it; None for none.
 
     Raises:
         OSError: If a file cannot be written.
     """
-    # They import much, which only the process that writes needs.
+    # Only the process that writes needs these slow imports.
     from radarsim.addons.recording.bag import BagMessage, BagWriter  # noqa: PLC0415
     from radarsim.addons.recording.call_converter import CallConverter  # noqa: PLC0415
     from radarsim.addons.recording.cdr import encode  # noqa: PLC0415
@@ -259,12 +260,12 @@ def write_recording(
 
 
 def write_run() -> None:
-    """Record the events that come by standard input: the program of the process."""
-    if sys.platform != "win32":  # which has no such call
+    """Record the events from standard input; the child process runs this function."""
+    if sys.platform != "win32":  # Windows has no ``nice``
         os.nice(NICENESS)
     pipe = sys.stdin.buffer
     opening = pipe.readline()
-    if not opening.endswith(b"\n"):  # the server was killed before
+    if not opening.endswith(b"\n"):  # the server was killed
         return
     folder, conditions = json.loads(opening)
     info = RecordingInfo.model_validate(conditions)

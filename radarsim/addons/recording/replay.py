@@ -1,4 +1,4 @@
-"""Play a recorded run to clients, or repeat it and compare it byte by byte."""
+"""Plays a recorded run to clients, or simulates it again and compares the bytes."""
 
 import asyncio
 import logging
@@ -15,17 +15,17 @@ from radarsim.simulation.clock import seconds
 
 log = logging.getLogger("radarsim.addons.recording")
 
-SHOWN = 60  # characters of a line that differs
+SHOWN = 60  # characters of a differing line that a message quotes
 
 
 class Repetition(NamedTuple):
-    """How a run was repeated.
+    """The result of repeating a run.
 
     Attributes:
         ticks: Ticks of simulated time.
         clients: Number of clients.
-        bytes: Number of bytes that were equal.
-        difference: The first difference: its place, what came and what was recorded;
+        bytes: Number of equal bytes.
+        difference: Position, repeated text and recorded text of the first difference;
             empty if there is none.
     """
 
@@ -39,13 +39,13 @@ def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
     """Repeat a run up to the first difference.
 
     Args:
-        host: A host of the recorded conditions, which has had no clients.
+        host: A host with the recorded conditions, which has had no clients yet.
         calls: The recorded calls, in order.
     """
     tick = clients = equal = 0
     lines: Counter[int] = Counter()
     for call in calls:
-        # Calls have the ticks before them, so that time passes as it did.
+        # Each call has the number of ticks before it, so time passes as it did.
         while tick < call.tick:
             host.step()
             tick += 1
@@ -63,7 +63,7 @@ def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
 
 
 def _repeat(host: Host, call: RunEvent) -> bytes | None:
-    """Repeat one call; return what the client is sent, None if it is sent nothing."""
+    """Repeat one call; return the bytes for the client, None if it sends none."""
     match call.type:
         case EventType.TAKE:
             return host.take(call.client)
@@ -76,7 +76,7 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
         case EventType.DISCONNECT:
             host.disconnect(call.client)
         case EventType.WAIT:
-            for _ in range(call.client):  # ticks, no number of a client
+            for _ in range(call.client):  # here a number of ticks
                 host.step(passes=False)
         case _:
             pass
@@ -84,11 +84,11 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
 
 
 def _difference(call: RunEvent, sent: bytes, lines_before: int) -> str:
-    """Describe the first byte that differs."""
+    """Return a description of the first byte that differs."""
     shorter = min(len(sent), len(call.data))
     equal = next((i for i in range(shorter) if sent[i] != call.data[i]), shorter)
     start = call.data.rfind(b"\n", 0, equal) + 1
-    # Lines of scans have thousands of characters: only the part around it is shown.
+    # Scan lines have thousands of characters, so only the part around it is quoted.
     shown = max(start, equal - SHOWN // 2)
     recorded, repeated = (
         data[shown : shown + SHOWN].split(b"\r")[0].decode("latin-1")
@@ -105,11 +105,11 @@ Writes: TypeAlias = list[tuple[float, bytes]]
 
 
 def writes_of(calls: Iterable[RunEvent], client: int | None) -> Writes:
-    """Return what a client was sent.
+    """Return the writes to a client.
 
     Args:
         calls: The recorded calls, in order.
-        client: Number of the client; None for that which was sent most.
+        client: Number of the client; None for the client that was sent most bytes.
 
     Raises:
         RecordingError: If there is no such client.
@@ -125,7 +125,7 @@ def writes_of(calls: Iterable[RunEvent], client: int | None) -> Writes:
     if not writes:
         raise RecordingError("no client in the recording, expected at least one")
     if client is None:
-        # Of clients that were sent as much, the first.
+        # Of clients with equal numbers of bytes, the first is chosen.
         client = max(writes, key=lambda n: (sum(len(d) for _, d in writes[n]), -n))
     elif client not in writes:
         numbers = ", ".join(map(str, sorted(writes)))
@@ -141,10 +141,10 @@ async def serve_replay(
     *,
     speed: float = 1.0,
 ) -> int:
-    """Play the writes to one client to each that connects, until a signal comes.
+    """Play the recorded writes to each client that connects, until a signal.
 
-    Bytes of clients are read and ignored. A client that reads too slowly gets all of it
-    later, as nothing is left out.
+    Bytes from clients are read and ignored. A client that reads slowly gets the bytes
+    later, but gets all of them.
 
     Args:
         writes: The writes of the client that is played.
@@ -157,24 +157,24 @@ async def serve_replay(
         The exit code of the signal.
 
     Raises:
-        ServerError: If it cannot listen.
+        ServerError: If the address or the port cannot be used.
     """
 
     async def play(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         peer = peer_name(writer.transport)
         log.info("%s: connected", peer)
-        # A client whose commands nobody reads would block once the buffers are full.
+        # A client would block if its commands were not read and the buffers were full.
         ignoring = asyncio.ensure_future(_ignore(reader))
         loop = asyncio.get_running_loop()
         start = loop.time()
         with suppress(OSError):
             for time, data in writes:
-                # From the start, not from the last write: delays do not add up.
+                # Times count from the start, so that delays do not add up.
                 await asyncio.sleep(start + time / speed - loop.time())
                 if writer.is_closing():
                     break
                 writer.write(data)
-                # Waits for a client that reads slowly: nothing is left out for it.
+                # Waiting for slow clients keeps the write buffer small.
                 await writer.drain()
         ignoring.cancel()
         writer.close()
@@ -193,7 +193,7 @@ async def serve_replay(
 
 
 async def _ignore(reader: asyncio.StreamReader) -> None:
-    """Read what a client sends."""
+    """Read and discard all bytes from a client."""
     with suppress(OSError):
         while await reader.read(65536):
             pass

@@ -1,7 +1,7 @@
-"""The model of a robot for viewers: URDF, the robot descriptions of ROS.
+"""The URDF description of a robot, for viewers such as RViz.
 
-Its links have the names of the frames in ``/tf`` and ``/tf_static``, so that it needs
-no joint states: wheels are part of ``base_link``.
+Its links have the names of the frames in ``/tf`` and ``/tf_static``. Wheels are part of
+``base_link``, so no joint states are needed.
 """
 
 import math
@@ -18,7 +18,7 @@ from radarsim.plotting.palette import MARKER, ROBOT
 from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.protocol.reports import RobotGeo
 
-TYRE: Final = 0.09  # m, width of a wheel
+TYRE: Final = 0.09  # m; width of a wheel
 SCANNER_RADIUS, SCANNER_HEIGHT = 0.05, 0.08  # m
 LEAST_BODY: Final = 0.05  # m, height
 
@@ -26,12 +26,12 @@ LEAST_BODY: Final = 0.05  # m, height
 def body_of(
     robot: RobotInfo, geo: RobotGeo, classes: Iterable[RobotModel]
 ) -> RobotModel:
-    """Return the class of a robot, or one with the dimensions that the server reports.
+    """Return the class of a robot, or a P3AT with the dimensions from the server.
 
     Args:
         robot: The robot.
-        geo: Its geometry, as the server reports it.
-        classes: Robot classes besides those that are shipped.
+        geo: Geometry of the robot, as the server reports it.
+        classes: Robot classes in addition to the shipped classes.
     """
     for each in classes:
         if same_name(each.name, geo.name):
@@ -63,9 +63,10 @@ def robot_description(
 
     Args:
         name: Name of the robot.
-        body: Its class, or another one with its dimensions.
-        scanners: Its scanners, which stand on the body.
-        frame: Returns the name of a frame in ``/tf``, such as that of ``base_link``.
+        body: Class of the robot, or another class with its dimensions.
+        scanners: Scanners of the robot, which stand on its body.
+        frame: Function that returns the full name in ``/tf`` of a frame, such as
+            ``base_link``.
     """
     robot = ET.Element("robot", name=name)
     for material, colour in (("hull", ROBOT), ("black", MARKER)):
@@ -75,7 +76,7 @@ def robot_description(
         )
     base = ET.SubElement(robot, "link", name=frame("base_link"))
     radius = 0.0 if body.flight else body.wheel_radius
-    # A box from half the height of the axles up to what the scanners stand on.
+    # The hull is a box from half the axle height up to the lowest scanner.
     bottom = radius / 2 - body.origin_height
     tops = [each.mount.z - SCANNER_HEIGHT / 2 for each in scanners]
     top = min([body.height - body.origin_height, *tops])

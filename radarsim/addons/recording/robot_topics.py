@@ -1,9 +1,9 @@
-"""From the lines between one robot and its client to topics of ROS 2.
+"""Converts the lines between one robot and its client into ROS 2 topics.
 
-Points of echoes have numbers for the names of what they come from, which a ``Legend``
-lists. Frames are those of REP-105: the parent of a robot's ``base_link`` is its
-``odom``, in which it moves without jumps; the parent of that is ``map``, which corrects
-what odometry has lost.
+The points of echoes refer to objects and materials by number; a ``Legend`` lists their
+names. Frames follow REP-105: the parent of ``base_link`` is ``odom``, in which a robot
+moves without jumps. The parent of ``odom`` is ``map``; the transform between them
+corrects the drift of odometry.
 """
 
 import io
@@ -55,17 +55,17 @@ from radarsim.protocol.reports import (
 )
 from radarsim.server.views import MOUNT
 
-SOURCES = (Odometry, Ins, GroundTruth)  # of the pose in ``odom``, best first
-REFERENCES = (GroundTruth, Ins)  # of the pose in ``map``, best first
-# Times the top speed: who is faster has been put there, as by a reset of odometry.
+SOURCES = (Odometry, Ins, GroundTruth)  # sensors for the pose in ``odom``, best first
+REFERENCES = (GroundTruth, Ins)  # sensors for the pose in ``map``, best first
+# Multiple of the top speed. A faster motion is a jump, such as a reset of odometry.
 JUMP = 2.0
 OPTICAL_FRAME: Final = "camera_optical"
-# Its z axis looks ahead, x to the right and y down (REP-103).
+# The z axis points ahead, x to the right and y down (REP-103).
 OPTICAL_MOUNT: Final = MOUNT.compose(Pose3(0, 0, 0, -math.pi / 2, 0, -math.pi / 2))
 
 
 class Legend:
-    """Numbers names in the order in which they occur, from 0."""
+    """Assigns numbers to names in the order in which they occur, from 0."""
 
     def __init__(self) -> None:
         keys = ("kind", "object", "material")
@@ -73,12 +73,12 @@ class Legend:
         self._published = -1  # number of names
 
     def number(self, field: Literal["kind", "object", "material"], name: str) -> int:
-        """Return the number of a name in a field of points."""
+        """Return the number of a name; ``field`` is a field of points."""
         names = self._names[field]
         return names.setdefault(name, len(names))
 
     def news(self) -> Iterator[TopicMessage]:
-        """Yield all names as JSON, a list for each field of points, if some are new."""
+        """Yield the names as JSON, a list for each field of points, if any are new."""
         count = sum(map(len, self._names.values()))
         if count != self._published:
             self._published = count
@@ -87,15 +87,16 @@ class Legend:
 
 
 class RobotFrames:
-    """The odometry and the frames of one robot."""
+    """Computes the odometry and the frames of one robot from its pose sensors."""
 
     def __init__(self, name: str, *, own_localization: bool) -> None:
         """Begin without readings.
 
         Args:
-            name: Name of the robot, which its frames and topics begin with; empty for
-                none.
-            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
+            name: Name of the robot, the prefix of its frames and topics; empty for
+                no prefix.
+            own_localization: Whether the transform from ``map`` to ``odom`` is left
+                out.
         """
         odom = below(name, "odom")
         self._topic = f"/{odom}"
@@ -107,17 +108,18 @@ class RobotFrames:
     def observe(
         self, kind: type, time: float, pose: Pose3, robot: RobotInfo | None
     ) -> Iterator[TopicMessage]:
-        """Yield the odometry and the frames that a reading leads to.
+        """Process a reading of a pose sensor; yield odometry and transforms.
 
         Args:
-            kind: Which sensor has read it: one of ``SOURCES``.
+            kind: Report type of the sensor: one of ``SOURCES``.
             time: Simulated time, s.
-            pose: Pose of the robot: in ``odom`` if by odometry, else in ``map``.
+            pose: Pose of the robot, from odometry in ``odom``, else in ``map``.
             robot: The robot, if it is known.
         """
         before = self._readings.get(kind)
         self._readings[kind] = time, pose
-        # A sensor that has nothing better than it must not be taken for the only one.
+        # Once a sensor has reported twice, all sensors have reported. Before that, a
+        # better source may still follow.
         self._knows_all |= before is not None and time > before[0]
         source = next(each for each in SOURCES if each in self._readings)
         if kind is not source or not self._knows_all:
@@ -131,25 +133,27 @@ class RobotFrames:
         yield odometry(self._topic, time, self._odom, self._base, pose, motion)
         reference = next((r for r in REFERENCES if r in self._readings), None)
         if reference is not None and not self._own_localization:
-            # Of the same tick: odometry comes after INS, and that after the truth.
+            # Both poses are of the same tick: odometry is sent after INS, and INS after
+            # ground truth.
             place = self._readings[reference][1].compose(pose.inverse())
             frames.append(transform(time, MAP, self._odom, place))
         yield transforms("/tf", frames)
 
 
 class RobotTopics:
-    """The topics of one robot, below its name."""
+    """Converts the reports and commands of one robot into topics under its name."""
 
     def __init__(
         self, name: str, legend: Legend, *, own_localization: bool = False
     ) -> None:
-        """Begin with a robot of this name.
+        """Create the topics of a robot that is not described yet.
 
         Args:
-            name: Name of the robot as part of topics; see ``topic_name``. Empty for
-                topics and frames that begin with no name.
-            legend: The names of what echoes come from, for all robots.
-            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
+            name: Name of the robot in topics; see ``topic_name``. Empty for topics and
+                frames without a prefix.
+            legend: Numbers of objects, materials and kinds of echoes, for all robots.
+            own_localization: Whether the transform from ``map`` to ``odom`` is left
+                out.
         """
         self._name = name
         self._legend = legend
@@ -157,9 +161,9 @@ class RobotTopics:
         self._robot: RobotInfo | None = None
         self._ins_mounts: Mapping[str, Pose3] = {}
         self._frames = RobotFrames(name, own_localization=own_localization)
-        self._scan_times: dict[str, float] = {}  # of the latest, by scanner
+        self._scan_times: dict[str, float] = {}  # of the last scan, by scanner
         self._lines: dict[tuple[type[Report], str], list[Any]] = {}
-        self._announced_spectra: set[str] = set()  # scanners
+        self._announced_spectra: set[str] = set()  # by scanner
         self._description = ""
 
     def describe(
@@ -169,7 +173,7 @@ class RobotTopics:
         ins_mounts: Mapping[str, Pose3],
         time: float,
     ) -> list[Fields]:
-        """Use this description from now on; return the mounts of the scanners."""
+        """Set the description of the robot; return the mounts of its scanners."""
         self._robot, self._scanners = robot, tuple(scanners)
         self._ins_mounts = ins_mounts
         base = self._frame("base_link")
@@ -179,14 +183,14 @@ class RobotTopics:
         ]
 
     def description(self, name: str, body: RobotModel) -> Iterator[TopicMessage]:
-        """Yield the description of a robot of this name, if it has changed."""
+        """Yield the URDF of the robot, if it has changed; ``name`` is its full name."""
         text = robot_description(name, body, self._scanners, self._frame)
         if text != self._description:
             self._description = text
             yield string(self._topic("robot_description"), text)
 
     def of_report(self, report: Report) -> Iterator[TopicMessage]:
-        """Yield the messages that a report of the robot becomes; many become none."""
+        """Yield the messages for a report of the robot; many reports have none."""
         match report:
             case RangeScan():
                 yield self._scan(report)
@@ -199,7 +203,7 @@ class RobotTopics:
                 yield pose_stamped(self._topic("ground_truth"), time, MAP, pose)
                 yield from self._frames.observe(GroundTruth, time, pose, self._robot)
             case Ins(time, name, pose):
-                # An INS reads its own pose, and not that of the robot.
+                # An INS reports its own pose, not the pose of the robot.
                 if name in self._ins_mounts:
                     pose = pose.compose(self._ins_mounts[name].inverse())
                 yield pose_stamped(self._topic("ins"), time, MAP, pose)
@@ -208,13 +212,13 @@ class RobotTopics:
                 pass
 
     def of_drive(self, command: Drive, time: float) -> TopicMessage | None:
-        """Return the motion that a command asks for; None if it asks for none."""
+        """Return the ``cmd_vel`` of a drive command; None without wheel speeds."""
         robot = self._robot
         speeds = command.left, command.right
         if robot is None or speeds[0] is None or speeds[1] is None:
             return None
         if command.normalized:
-            # Normalized commands are percent of the highest wheel speed.
+            # Normalized commands are in percent of the highest wheel speed.
             top = robot.max_wheel_speed / 100
         else:
             top = robot.wheel_radius / robot.drive_scale
@@ -226,17 +230,17 @@ class RobotTopics:
     def of_turn(
         self, scanner: str, time: float, bin_size: float, rows: NDArray[np.uint8]
     ) -> Iterator[TopicMessage]:
-        """Yield a revolution of a radar as a picture; its layout before the first.
+        """Yield a revolution of a radar as an image; the first follows its layout.
 
         Args:
             scanner: Name of the scanner item.
-            time: When it began, s.
+            time: Start of the revolution, s.
             bin_size: Distance between range bins, m.
-            rows: (A, 11 + B), a row for each direction as images of Oxford's data set
-                have them: 11 bytes of time, encoder and validity, and the counts.
+            rows: (A, 11 + B), one row for each azimuth, as in the Oxford Radar RobotCar
+                data set: 11 bytes of time, encoder and validity, and B counts.
         """
         names = topic_name(scanner), "spectrum"
-        # Readers need it to place the bins; whoever subscribes later gets it as well.
+        # Readers need the layout for the ranges of bins; it is latched.
         if scanner not in self._announced_spectra:
             self._announced_spectra.add(scanner)
             layout = {"bin_size": bin_size, "metadata_bytes": METADATA_BYTES}
@@ -246,14 +250,14 @@ class RobotTopics:
     def of_picture(
         self, time: float, jpeg: bytes
     ) -> tuple[Fields, TopicMessage, TopicMessage]:
-        """Return where the camera is, its picture, and its intrinsics.
+        """Return the mount of the camera, a picture from it, and its intrinsics.
 
         Args:
             time: Simulated time, s.
             jpeg: The picture.
 
         Raises:
-            OSError: If it is no picture.
+            OSError: If the data is no JPEG picture.
         """
         frame, base = self._frame(OPTICAL_FRAME), self._frame("base_link")
         topic = self._topic("camera", "camera_info")
@@ -274,8 +278,8 @@ class RobotTopics:
             self._frame(scan.name),
             scan.ranges,
             fov=scan.fov,
-            # The resolution is rounded on the wire, which adds up over hundreds of
-            # beams.
+            # The resolution is rounded in the line; the error would add up over
+            # hundreds of beams.
             resolution=scan.fov / gaps if gaps else scan.resolution,
             min_range=known.min_range if known else 0.0,
             max_range=known.max_range if known else math.inf,
@@ -283,17 +287,17 @@ class RobotTopics:
         )
 
     def _cloud(self, line: EchoLine | RadarTargets) -> Iterator[TopicMessage]:
-        """Yield the points of a scan once its last line has come."""
+        """Yield the points of a scan once its last line has arrived."""
         lines, scanner = self._lines_until(line), self._scanner(line.name)
         if not lines or scanner is None:
             return
-        # A scan without echoes is a message too: an empty cloud.
+        # A scan without echoes becomes an empty cloud.
         cloud = np.concatenate([self._points(each, scanner) for each in lines])
         name, frame = topic_name(line.name), self._frame(line.name)
         last = "targets"
         if isinstance(line, EchoLine):
             last = "echoes"
-            yield from self._legend.news()  # before the points that have its numbers
+            yield from self._legend.news()  # names come before their points
         else:
             topic = self._topic(name, "radar_scan")
             yield radar_scan(topic, line.time, frame, cloud)
@@ -317,15 +321,15 @@ class RobotTopics:
             points["material"] = number("material", echoes.material)
         gaps = scanner.beams - 1
         step = scanner.fov / gaps if gaps else 0.0
-        angles = beams * step - scanner.fov / 2  # from straight ahead
+        angles = beams * step - scanner.fov / 2  # from the forward axis
         points["beam"] = beams
         points["x"], points["y"] = ranges * np.cos(angles), ranges * np.sin(angles)
         return points
 
     def _lines_until(self, line: EchoLine | RadarTargets) -> list[Any]:
-        """Return all lines of a scan with its last one; nothing before that."""
+        """Return all lines of a scan when its last line arrives, else an empty list."""
         key = type(line), line.name.casefold()
-        if line.line <= 1:  # the end of the scan before was dropped on its way
+        if line.line <= 1:  # the end of the last scan was lost
             self._lines[key] = []
         lines = self._lines.setdefault(key, [])
         lines.append(line)
@@ -354,7 +358,7 @@ def below(robot: str, *names: str) -> str:
 def _motion(
     before: tuple[float, Pose3], time: float, pose: Pose3
 ) -> tuple[float, float]:
-    """Return speed ahead, m/s, and turn rate, rad/s, of an arc between two poses."""
+    """Return forward speed, m/s, and turn rate, rad/s, on an arc between two poses."""
     began, start = before
     turned = wrap_angle(pose.yaw - start.yaw)
     heading = start.yaw + turned / 2
@@ -382,9 +386,10 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
 def sensed_map(
     grid: OccupancyGrid,
 ) -> tuple[tuple[float, float], float, NDArray[np.int8]]:
-    """Return the sensed part of a map that has cells, for ``occupancy_grid``.
+    """Return the sensed part of a map: corner, m, resolution, m, and cells, (R, C).
 
-    Foliage is occupied: robots drive into it.
+    They are arguments of ``occupancy_grid``. The map has cells. Foliage is occupied, as
+    robots collide with it.
     """
     levels = np.full(len(CellClass), FREE, np.int8)
     levels[CellClass.UNKNOWN] = UNKNOWN

@@ -1,4 +1,4 @@
-"""``--record`` of commands that serve, drive a robot, or follow one."""
+"""The option ``--record`` of commands that serve, drive a robot or follow a robot."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from radarsim.client import Client
     from radarsim.server.host import Host
 
-MAP_INTERVAL: Final = 1.0  # s between messages of a map
+MAP_INTERVAL: Final = 1.0  # s between two recorded maps
 
 
 @dataclass(frozen=True, slots=True)
 class RecordOptions:
-    """Options of ``radarsim serve``.
+    """Options of ``radarsim serve`` for recordings.
 
     Attributes:
         record: Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'
@@ -67,10 +67,10 @@ class RecordOptions:
 
 
 class ServeRecording(ServeExtension):
-    """The recording of the calls of a server's host."""
+    """Records the calls of a server's host."""
 
     def __init__(self, options: RecordOptions, folder: Path, served: ServedMap) -> None:
-        """Plan a recording; see ``RecordOptions``."""
+        """Store the options; ``attach`` starts the recording."""
         self._options = options
         self._folder = folder
         self._served = served
@@ -83,7 +83,7 @@ class ServeRecording(ServeExtension):
         check_new(self._folder)
 
     def attach(self, host: Host) -> None:
-        """Record from now on."""
+        """Record the calls of a host from now on."""
         from radarsim.addons.recording.bag_folder import RecordingInfo
         from radarsim.addons.recording.recording_process import RecordingProcess
 
@@ -104,30 +104,30 @@ class ServeRecording(ServeExtension):
         )
 
     def close(self) -> None:
-        """Complete the recording, if it has begun."""
+        """Complete the recording, if it has started."""
         if self._process is not None and self._process.close():
             print_message(f"recorded in {self._folder}")
 
 
 class RunRecording(Recording):
-    """The recording of one run.
+    """Records one run: the calls of a host in this process, or bytes on connections.
 
-    The run is that of a host in this process, whose recording can be verified, or what
-    passes between clients and a server that is another program. The folder is created
-    when the recording is entered.
+    A recording of a host can be verified. With a server in another program, the bytes
+    between its clients and the server are recorded. The folder is created when the
+    context manager is entered.
     """
 
     def __init__(
         self, folder: Path, drive_unit: DriveUnit, *, robots_map: bool
     ) -> None:
-        """Check that it can be recorded; see ``make_recording``."""
+        """Check that the folder can be created; see ``make_recording``."""
         from radarsim.addons.recording.bag_folder import check_new
 
         self._folder, self._drive_unit = folder, drive_unit
         self._robots_map = robots_map
         self._hosted: tuple[str, Host, int] | None = None  # map, host and seed
         self._process: RecordingProcess
-        self._wire: WireRecorder | None = None  # of a server that is another program
+        self._wire: WireRecorder | None = None  # for a server in another program
         self._map_due = -math.inf
         check_new(folder)
 
@@ -140,7 +140,7 @@ class RunRecording(Recording):
         from radarsim.addons.recording.recorders import RecordedTransport
         from radarsim.client import Client
 
-        assert self._wire is not None  # nobody connects to a host in this process
+        assert self._wire is not None  # a host in this process has no connections
         return Client(RecordedTransport(host, port, self._wire))
 
     def follow(self, robot: str) -> DataCallback:
@@ -161,8 +161,8 @@ class RunRecording(Recording):
         if mapper is None or not mapper.scans:
             return
         time = mapper.trajectory.times[-1]
-        # A map at each scan would be most of a recording; the last one counts in any
-        # case.
+        # A map with each scan would take most of a recording. The last map is always
+        # recorded.
         if time < self._map_due and not last:
             return
         from radarsim.addons.recording.recorders import EventType, RunEvent, pack
@@ -173,7 +173,7 @@ class RunRecording(Recording):
         self._process.add(RunEvent(EventType.MAP, round(100 * time), 0, data))
 
     def __enter__(self) -> Self:
-        """Create the folder, and begin to record."""
+        """Create the folder, and start to record."""
         from radarsim.addons.recording.bag_folder import RecordingInfo
         from radarsim.addons.recording.recorders import WireRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
@@ -184,7 +184,7 @@ class RunRecording(Recording):
             self._wire = WireRecorder(self._process.add)
         else:
             info = RecordingInfo.of_host(*self._hosted, robots_map=self._robots_map)
-            # Simulated time waits for it as well.
+            # Simulated time waits if the process cannot keep up.
             self._process = RecordingProcess(self._folder, info, is_patient=True)
             self._process.record(self._hosted[1])
         return self

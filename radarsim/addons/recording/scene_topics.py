@@ -1,4 +1,4 @@
-"""A map as topics: what stands in it, the true occupancy grid, and pictures of it."""
+"""Topics of a map: its surfaces, its true occupancy grid, and camera pictures."""
 
 import io
 import math
@@ -32,14 +32,14 @@ from radarsim.scene.scene import Part, Scene
 from radarsim.server.views import View
 
 SCENE: Final = "/scene"
-# Twelve megabytes of a message; more than some viewers draw fluently.
+# A message of 12 MB; some viewers cannot draw more triangles fluently.
 MOST_TRIANGLES: Final = 170_000
 SMALL_PART: Final = 1000  # triangles; such a part is never thinned
-RESOLUTION: Final = 0.05  # m, side of a cell
-MOST_CELLS: Final = 4_000_000  # of the true map; beyond it the cells are larger
-SEEN_THROUGH, SMOKE = 0.5, 0.3  # opacities of what beams enter, and robots as well
+RESOLUTION: Final = 0.05  # m; side of a cell
+MOST_CELLS: Final = 4_000_000  # of the true map; larger maps get larger cells
+SEEN_THROUGH, SMOKE = 0.5, 0.3  # opacities of foliage, and of smoke
 WIDTH, HEIGHT = 320, 240  # pixels of recorded pictures
-QUALITY: Final = 75  # percent, of JPEG
+QUALITY: Final = 75  # percent; JPEG quality of pictures
 _TRIANGLE_LIST: Final = 11  # of ``visualization_msgs/msg/Marker``
 
 
@@ -48,7 +48,7 @@ def scene_topics(scene: Scene, *, with_map: bool = True) -> Iterator[TopicMessag
 
     Args:
         scene: The map.
-        with_map: Whether its true occupancy grid is published; not if a robot's is.
+        with_map: Whether to publish the true occupancy grid, instead of a robot's map.
     """
     yield scene_markers(scene)
     if with_map and scene.parts:
@@ -56,7 +56,7 @@ def scene_topics(scene: Scene, *, with_map: bool = True) -> Iterator[TopicMessag
 
 
 def scene_markers(scene: Scene) -> TopicMessage:
-    """Return the surfaces of a scene: a list of triangles for each part."""
+    """Return the surfaces of a scene as markers, a triangle list for each part."""
     every = math.ceil(scene.triangles / MOST_TRIANGLES)
     markers = [_marker(number, part, every) for number, part in enumerate(scene.parts)]
     type_, fields = "visualization_msgs/msg/MarkerArray", Fields(markers=markers)
@@ -71,7 +71,7 @@ def opacity_of(material: Material) -> float:
 
 
 def _marker(number: int, part: Part, every: int) -> Fields:
-    """Return the triangles of a part, or of a large one each so many-th of them."""
+    """Return the marker of a part; a large part keeps each ``every``-th triangle."""
     faces = part.faces if len(part.faces) <= SMALL_PART else part.faces[::every]
     red, green, blue = (float32(each) for each in to_rgb(colour_of(part.material)))
     corners: Floats = part.vertices[faces.ravel()]
@@ -81,7 +81,7 @@ def _marker(number: int, part: Part, every: int) -> Fields:
         ns=part.object_name,
         id=number,
         type=_TRIANGLE_LIST,
-        action=0,  # it is added
+        action=0,  # add the marker
         pose=pose_fields(Pose3(0.0, 0.0, 0.0)),
         scale=vector(1.0, 1.0, 1.0),
         color=Fields(r=red, g=green, b=blue, a=float32(opacity_of(part.material))),
@@ -100,7 +100,7 @@ def _marker(number: int, part: Part, every: int) -> Fields:
 
 
 def true_map(scene: Scene) -> TopicMessage:
-    """Return where robots cannot drive at the height of a P3AT's scanner.
+    """Return the true occupancy grid at the height of a P3AT's scanner.
 
     Foliage is occupied, as on the maps that robots make, and smoke is free. No cell is
     unknown.
@@ -109,7 +109,7 @@ def true_map(scene: Scene) -> TopicMessage:
     area, size = math.prod(np.subtract(high, low).tolist()), RESOLUTION
     while area > MOST_CELLS * size**2:
         size *= 2
-    # The cells of ``GridFrame`` come in steps of many; those beyond the scene are cut.
+    # ``GridFrame`` grows in large blocks, so cells outside the scene are cut off.
     frame = GridFrame(size).extended_to((low[0], low[1]), (high[0], high[1]))
     floor = Pose3(0.0, 0.0, scene.floor_at(0.0, 0.0))
     truth = Truth(scene, frame, load_robot("P3AT").scanner_pose(floor).z)
@@ -125,7 +125,7 @@ def true_map(scene: Scene) -> TopicMessage:
 
 
 def draw_views(scene: Scene, events: Iterable[RunEvent]) -> Iterator[RunEvent]:
-    """Yield events, each view replaced by its picture."""
+    """Yield events; replace each view of a camera by its picture, as JPEG."""
     renderer = None
     for event in events:
         if event.type is not EventType.VIEW:

@@ -1,1 +1,1 @@
-"""Bridges to ROS 2: topics of the robots of a server, live."""
+"""Bridges to ROS 2, which publish the robots of a running server as topics."""

@@ -1,7 +1,7 @@
-"""Topics for clients of WebSockets, without I/O: what the protocols have in common.
+"""The common part of the WebSocket protocols for ROS clients, without I/O.
 
-A board has the topics for all clients. Each protocol is a class of clients, which ask
-for topics and send velocity commands.
+A ``Board`` holds the topics for all clients. Each protocol is a subclass of
+``BoardClient``, whose objects subscribe to topics and receive velocity commands.
 """
 
 import json
@@ -14,12 +14,12 @@ from radarsim.addons.recording.messages import CLOCK, Fields, TopicMessage
 from radarsim.addons.ros.bridge import DriveCallback
 from radarsim.errors import expected_one_of
 
-Json: TypeAlias = dict[str, Any]  # an object of a client
+Json: TypeAlias = dict[str, Any]  # a JSON object from a client
 
-MOST_WAITING: Final = 20  # messages of a topic for a client; beyond it the oldest go
-MOST_ENTRIES: Final = 1000  # subscriptions, or topics, of a client
+MOST_WAITING: Final = 20  # queued messages per topic; beyond it the oldest are dropped
+MOST_ENTRIES: Final = 1000  # subscriptions of a client, or topics that it advertises
 LONGEST_NAME: Final = 256  # characters
-# Thousands of brackets in each other are a RecursionError.
+# Errors of malformed messages; deeply nested JSON raises RecursionError.
 WRONG: Final = (
     *(KeyError, ValueError, TypeError, OverflowError, RecursionError),
     struct.error,
@@ -27,13 +27,13 @@ WRONG: Final = (
 
 
 class Board:
-    """The topics there are.
+    """All topics of a bridge.
 
     Attributes:
-        protocol: Class of its clients.
+        protocol: Class of the clients.
         types: Types of topics, by name.
-        drivers: Where velocity commands go, by topic.
-        now: Simulated time, in the fields of ROS 2; 0 before ``/clock``.
+        drivers: Functions that execute velocity commands, by topic.
+        now: Simulated time, in the fields of ROS 2; 0 before the first ``/clock``.
     """
 
     def __init__(self, protocol: "type[BoardClient]") -> None:
@@ -43,10 +43,10 @@ class Board:
         self.drivers: dict[str, DriveCallback] = {}
         self.now = Fields(sec=0, nanosec=0)
         self._latched: dict[str, TopicMessage] = {}
-        self._encoded: dict[str, Any] = {}  # latched messages, once they are wanted
+        self._encoded: dict[str, Any] = {}  # latched messages, encoded on demand
 
     def add(self, message: TopicMessage, wanted: bool) -> Any:
-        """Note a message; return it encoded if somebody wants it."""
+        """Store a message; return it encoded if ``wanted``, else None."""
         topic = message.topic
         self.types[topic] = message.type
         if topic == CLOCK:
@@ -54,7 +54,7 @@ class Board:
         if message.latched:
             self._latched[topic] = message
             self._encoded.pop(topic, None)
-        # Once for all clients, as arrays of scans take long to write.
+        # It is encoded once for all clients, as encoding the arrays of scans is slow.
         return self.protocol.encode(message) if wanted else None
 
     def latched(self, topic: str) -> Any:
@@ -64,10 +64,10 @@ class Board:
         return self._encoded.get(topic)
 
     def driver(self, topic: str) -> DriveCallback:
-        """Return what follows the velocity commands on a topic.
+        """Return the function that executes the velocity commands on a topic.
 
         Raises:
-            ValueError: If nothing does.
+            ValueError: If no robot follows this topic.
         """
         if topic not in self.drivers:
             known = ", ".join(self.drivers) or "none, see --robot"
@@ -79,8 +79,8 @@ class BoardClient:
     """One client: its subscriptions, and the messages that wait for it.
 
     Attributes:
-        name: Name of the protocol, for people.
-        subprotocols: Names of WebSocket subprotocols; clients ask for one of them.
+        name: Name of the protocol, for display.
+        subprotocols: WebSocket subprotocols of the protocol.
         waiting: Texts or bytes to send, oldest first.
         handlers: Functions that execute messages of the client, by ``op``.
     """
@@ -93,38 +93,38 @@ class BoardClient:
         self.waiting: deque[Any] = deque()
         self.handlers: Mapping[str, Callable[[Json], object]] = {}
         self._board = board
-        # Shortest intervals, s, by topic and by what the client calls a subscription.
+        # Shortest intervals between messages, s, by topic and id of the subscription.
         self._subscriptions: dict[str, dict[str | int, float]] = {}
 
     @staticmethod
     def encode(message: TopicMessage) -> Any:
-        """Return a message as clients are sent it."""
+        """Return a message in the encoding of the protocol."""
         raise NotImplementedError
 
     @classmethod
     def trusts(cls, origin: str) -> bool:  # noqa: ARG003
-        """Return whether a program of this origin may connect, in lower case."""
+        """Return whether a page of this origin, in lower case, may connect."""
         return False
 
     def wants(self, topic: str) -> bool:
-        """Return whether it is to be offered the messages of a topic."""
+        """Return whether the client subscribes to a topic."""
         return topic in self._subscriptions
 
     def offer(self, topic: str, data: Any, now: float) -> None:
-        """Queue a message of a topic that it wants; the oldest go if too many wait.
+        """Queue a message of a subscribed topic; drop the oldest if too many wait.
 
         Args:
             topic: Name of the topic.
-            data: The message as the board has encoded it.
-            now: Time of the loop, s.
+            data: The message, encoded by the board.
+            now: Time of the event loop, s.
         """
         raise NotImplementedError
 
     def announce(self, topic: str) -> None:
-        """Queue the news that there is a topic."""
+        """Queue a message that announces a new topic."""
 
     def receive(self, data: str | bytes) -> None:
-        """Execute a message; errors are answered by a status."""
+        """Execute a message of the client; answer an error by a status."""
         try:
             self._take(data)
         except WRONG as error:
@@ -137,7 +137,7 @@ class BoardClient:
 
     def _add_subscription(self, topic: str, key: str | int, interval: float) -> Any:
         """Subscribe, and return the last message of a latched topic, encoded."""
-        # All that a client can make this keep is limited.
+        # The limit protects the memory from clients that subscribe endlessly.
         if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
             raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
         self._subscriptions.setdefault(topic, {})[key] = interval
@@ -152,7 +152,7 @@ class BoardClient:
 
 
 def full_name(name: str) -> str:
-    """Return the name of a type as ROS 2 has it.
+    """Return the ROS 2 name of a message type, which contains ``msg``.
 
     >>> full_name("std_msgs/Header"), full_name("std_msgs/msg/Header")
     ('std_msgs/msg/Header', 'std_msgs/msg/Header')
@@ -165,7 +165,7 @@ def velocity_of(message: object) -> tuple[float, float]:
     """Return forward speed, m/s, and turn rate, rad/s, of a Twist or TwistStamped.
 
     Raises:
-        ValueError: If it is neither.
+        ValueError: If the message is of another type.
     """
     try:
         twist: Any = message

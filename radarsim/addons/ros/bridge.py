@@ -1,9 +1,9 @@
-"""Connects the robots of a server with a side of ROS, until the end.
+"""Connects the robots of a server with ROS, until the connection is lost.
 
-A watcher of the server gets the lines of robots, which become the topics of
-``LiveTopics``. A robot of the bridge follows velocity commands, and stops when none
-come any more (``Driver``). One robot may be mapped in a thread while it drives
-(``publish_map``). Where topics go, and commands come from, is a ``RosSide``.
+A watcher of the server receives the lines of all robots, which ``LiveTopics`` converts
+into topics. The bridge can spawn a robot that follows velocity commands, and stops when
+no more arrive (``Driver``). It can map one robot in a thread (``publish_map``). A
+``RosSide`` publishes the topics and receives the commands.
 """
 
 import asyncio
@@ -46,37 +46,37 @@ from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.images import ImageType
 from radarsim.protocol.reports import ClockTick, CommandError, Report
 
-# The bytes of the wire are for recordings, as nobody else can repeat a run; the server
-# reports the time even in ticks without other reports.
+# Recorded bytes serve only to repeat a recorded run. The clock of the converter is not
+# published, as the server reports the time in every tick.
 UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
-TWIST: Final = "geometry_msgs/msg/Twist"  # of ``cmd_vel``
-MAP_INTERVAL: Final = 1.0  # s of simulated time between messages of a map
-MAP_RESOLUTION: Final = 0.05  # m, side of a cell
-DEAD_MAN: Final = 0.5  # s after the last command
-CHECK_INTERVAL: Final = 0.05  # s
+TWIST: Final = "geometry_msgs/msg/Twist"  # type of ``cmd_vel``
+MAP_INTERVAL: Final = 1.0  # s of simulated time between two maps
+MAP_RESOLUTION: Final = 0.05  # m; side of a cell
+DEAD_MAN: Final = 0.5  # s after the last command, when the robot stops
+CHECK_INTERVAL: Final = 0.05  # s between two checks for a new command
 SPAWN_TIMEOUT: Final = 120.0  # s; the server may be busy
 LARGEST_PICTURE: Final = 2**26  # bytes
-QUALITY: Final = 75  # percent, of JPEG
+QUALITY: Final = 75  # percent; JPEG quality of pictures
 
 # Called with a forward speed, m/s, and a turn rate, rad/s.
 DriveCallback: TypeAlias = Callable[[float, float], None]
 
 
 class RosSide(Protocol):
-    """Where topics go, and commands come from."""
+    """Publishes topics to ROS programs, and receives their velocity commands."""
 
     def publish(self, message: TopicMessage) -> None:
-        """Publish a message; never waits."""
+        """Publish a message without waiting."""
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
         """Pass the velocity commands on a topic to a function."""
 
     async def run(self) -> None:
-        """Work until it is cancelled."""
+        """Serve ROS programs until cancelled."""
 
 
 class LiveTopics:
-    """The topics of all robots of a server, the same as those of a recording."""
+    """Publishes all robots of a server as topics, with the names of a recording."""
 
     def __init__(
         self,
@@ -84,12 +84,12 @@ class LiveTopics:
         drive_unit: DriveUnit,
         options: TopicOptions,
     ) -> None:
-        """Begin with no robots.
+        """Begin without robots.
 
         Args:
             publish: Called with each message.
-            drive_unit: Unit of the commands to drive.
-            options: Which topics there are.
+            drive_unit: Unit of wheel speeds in drive commands.
+            options: The topics to publish, and their names.
         """
         self._publish = publish
         info = RecordingInfo(
@@ -102,7 +102,7 @@ class LiveTopics:
         self._robots = WatchRecorder(self._convert)
 
     def take(self, reports: Iterable[Report]) -> bytes:
-        """Publish reports of a watcher; return questions for the server."""
+        """Publish reports of a watcher; return queries to send to the server."""
         asked = b""
         for report in reports:
             if isinstance(report, ClockTick):
@@ -129,13 +129,13 @@ async def publish_map(
     *,
     echoes: bool,
 ) -> None:
-    """Map a robot of radarsim with its first scanner, and begin again if it leaves.
+    """Map a robot of radarsim with its first scanner; start again if it leaves.
 
     Args:
         server: Host and port of the server.
-        robot: Name of the robot; it may come later.
+        robot: Name of the robot, which may join later.
         publish: Called with each message, in the thread of this coroutine.
-        echoes: Whether its scanners shall list their echoes.
+        echoes: Whether its scanners send their echoes.
 
     Raises:
         ClientError: If the connection is lost.
@@ -144,37 +144,37 @@ async def publish_map(
     loop = asyncio.get_running_loop()
     plan = ExplorationPlan(resolution=MAP_RESOLUTION, echoes=echoes)
     while True:
-        # A robot that comes again can stand anywhere: it gets a new map.
+        # A robot that joins again may be anywhere, so it gets a new map.
         follower = WatchMapper(plan)
         due = -math.inf
 
         def publish_now(follower: WatchMapper = follower) -> None:
             nonlocal due
             mapper = follower.mapper
-            assert mapper is not None  # it has taken in a scan
+            assert mapper is not None  # a scan was mapped
             time = mapper.trajectory.times[-1]
             if time >= due:
                 due = time + MAP_INTERVAL
-                # A map is made in a thread of its own, and topics belong to the loop.
+                # This runs in the thread of the map, and topics belong to the loop.
                 message = occupancy_grid(time, *sensed_map(mapper.grid))
                 loop.call_soon_threadsafe(publish, message)
 
         follower.on_scan = publish_now
         watcher = RobotWatcher(server, robot, echoes=echoes)
-        # Whatever is mapped when the bridge ends, its end does not wait for the thread.
+        # The bridge can end without waiting for a daemon thread.
         if await in_daemon_thread(follower.watch, watcher):
             raise ClientError(follower.error)
 
 
 class Driver:
-    """The robot of a bridge, which follows velocity commands."""
+    """Drives the robot of a bridge by velocity commands."""
 
     def __init__(self, client: AsyncClient, robot: RobotInfo) -> None:
-        """Take over a robot.
+        """Take over a robot that is spawned.
 
         Args:
             client: The client of the robot.
-            robot: Its properties.
+            robot: Properties of the robot.
         """
         self._client = client
         self._robot = robot
@@ -183,39 +183,40 @@ class Driver:
         self._last = -math.inf  # time of the last command
 
     def take(self, speed: float, turn: float) -> None:
-        """Drive.
+        """Set the velocity; numbers that are not finite count as 0.
 
         Args:
-            speed: Forward speed, m/s; 0 if it is not finite.
-            turn: Counter-clockwise turn rate, rad/s; likewise.
+            speed: Forward speed, m/s.
+            turn: Counter-clockwise turn rate, rad/s.
         """
         speed, turn = (v if math.isfinite(v) else 0.0 for v in (speed, turn))
         self._wanted = speed, turn
         self._last = asyncio.get_running_loop().time()
 
     async def run(self) -> None:
-        """Drive until the connection is lost.
+        """Send the commands until the connection is lost.
 
         Raises:
-            ClientError: When it is lost.
+            ClientError: When the connection is lost.
         """
         await first_of(self._read(), self._drive())
 
     async def _drive(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
-            # Who has lost the connection sends no stop: silence is one.
+            # A program that loses its connection cannot send a stop, so the robot stops
+            # without commands.
             if self._moves and loop.time() - self._last > DEAD_MAN:
                 self._wanted = 0.0, 0.0
             if self._wanted is not None:
                 speed, turn = self._wanted
-                # Commands come faster than robots can use them: the newest is sent.
+                # Commands may arrive faster than this loop; the newest is sent.
                 self._wanted, self._moves = None, (speed, turn) != (0.0, 0.0)
                 await self._client.drive(*self._robot.wheel_speeds(speed, turn))
             await asyncio.sleep(CHECK_INTERVAL)
 
     async def _read(self) -> None:
-        """Read the reports of the robot, which its watcher publishes."""
+        """Read and discard the robot's reports, which the watcher publishes."""
         while True:
             await self._client.read(math.inf)
 
@@ -224,11 +225,11 @@ def as_jpeg(image_type: int, data: bytes) -> bytes:
     """Return a picture of an image server as JPEG.
 
     Args:
-        image_type: Its type on the wire.
-        data: Its data.
+        image_type: Type of the picture, as in ``ImageType``.
+        data: Data of the picture.
 
     Raises:
-        ValueError: If it is not as long as its size asks for.
+        ValueError: If the length of raw data does not match the size of the picture.
     """
     if image_type != ImageType.RAW:
         return data
@@ -247,7 +248,7 @@ def as_jpeg(image_type: int, data: bytes) -> bytes:
 async def read_pictures(
     server: tuple[str, int], interval: float, take: Callable[[bytes], None]
 ) -> None:
-    """Ask an image server for pictures until the connection is lost.
+    """Request pictures from an image server until the connection is lost.
 
     Args:
         server: Host and port of the image server.
@@ -255,8 +256,8 @@ async def read_pictures(
         take: Called with each picture, as JPEG.
 
     Raises:
-        ClientError: If it cannot be reached, closes the connection, or sends something
-            else.
+        ClientError: If the server cannot be reached, closes the connection, or sends
+            no pictures.
     """
     place = f"image port {server[0]}:{server[1]}"
     loop = asyncio.get_running_loop()
@@ -282,14 +283,14 @@ async def read_pictures(
 
 
 def load_shown(options: TopicOptions) -> list[TopicMessage]:
-    """Return the messages about the map that is to be drawn.
+    """Return the messages that show the map of ``--draw``.
 
     Raises:
         MapError: If the map is wrong.
     """
     if options.draw is None:
         return []
-    # They import much, which others do not need.
+    # These imports are slow, and only needed to draw a map.
     from radarsim.addons.recording.scene_topics import scene_topics  # noqa: PLC0415
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
@@ -306,19 +307,19 @@ async def run_bridge(
     start: str | None = None,
     drive_unit: DriveUnit = "rad_per_s",
 ) -> None:
-    """Bridge until the connection to the server is lost.
+    """Publish topics and execute commands until the connection to the server is lost.
 
     Args:
         server: Host and port of the server.
-        side: Where topics go, and commands come from.
-        options: Which topics there are.
-        robot_class: Class of the robot to spawn; None for none, which only watches.
-        robot_name: Its name.
-        start: Name of its start pose; None for the first free one.
+        side: Publishes topics, and receives commands.
+        options: The topics to publish, and their names.
+        robot_class: Class of the robot to spawn; None to spawn none.
+        robot_name: Name of the robot to spawn.
+        start: Name of its start pose; None for the first free start.
         drive_unit: Unit in which the server takes wheel speeds.
 
     Raises:
-        ClientError: When it is lost, or the robot cannot be spawned.
+        ClientError: If the connection is lost, or the robot cannot be spawned.
         MapError: If the map to draw is wrong.
     """
     shown = load_shown(options)
@@ -327,7 +328,7 @@ async def run_bridge(
         await stack.enter_async_context(watcher)
         watcher.session.reads_copies = False  # the converter reads them
         await watcher.greeting()
-        # Echoes take several times as many bytes as scans: only if somebody wants them.
+        # Echoes are optional, as they take several times as many bytes as scans.
         await watcher.watch(echoes=options.echoes, clock=True)
         driving = []
         if robot_class is not None:
@@ -355,7 +356,7 @@ async def run_bridge(
             images = server[0], options.image_port
             interval = 1 / options.image_rate
             working.append(read_pictures(images, interval, topics.take_picture))
-        # Each has to end before the connections that it uses are closed.
+        # All coroutines have to end before the exit stack closes their connections.
         await first_of(*working)
 
 

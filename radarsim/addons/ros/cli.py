@@ -1,4 +1,4 @@
-"""``radarsim ros``: the robots of a server as topics of ROS 2."""
+"""``radarsim ros``: publish the robots of a server as ROS 2 topics, and drive one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from radarsim.addons.ros.bridge import RosSide
 
 
-PORTS: Final = {"rosbridge": 9090, "foxglove": 8765}  # as their programs expect them
+PORTS: Final = {"rosbridge": 9090, "foxglove": 8765}  # default ports of these protocols
 CLIENTS: Final = {
     "rosbridge": "radarsim.addons.ros.rosbridge:RosbridgeClient",
     "foxglove": "radarsim.addons.ros.foxglove:FoxgloveClient",
@@ -30,7 +30,7 @@ CLIENTS: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BridgeOptions:
-    """How programs of ROS reach the bridge.
+    """Options for the protocol and address on which ROS programs reach the bridge.
 
     Attributes:
         bridge: JSON over a WebSocket, for roslibpy and roslib (JavaScript); the
@@ -57,7 +57,7 @@ class BridgeOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicOptions:
-    """Which topics there are, and how they are named.
+    """Options that select the topics, and set their names.
 
     Attributes:
         map: Map this robot, and publish the map each second.
@@ -116,7 +116,7 @@ def ros(
     from radarsim.listening import exit_code_of_signal, first_of
 
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
-    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # limits what peers can log
     side = _make_side(options)
 
     async def run() -> int:
@@ -139,14 +139,14 @@ def ros(
 
 
 def _make_side(options: BridgeOptions) -> RosSide:
-    """Return the side of ROS: a member of a DDS domain, or a server of rosbridge.
+    """Return a participant of a DDS domain, or a server for rosbridge or Foxglove.
 
     Raises:
-        MissingPackage: If a package is missing; it names the extra.
-        ServerError: If it cannot join the domain.
+        MissingPackage: If a package is missing; the message names the extra.
+        ServerError: If the DDS domain cannot be joined.
     """
     if options.bridge == "dds":
-        # Looked for first, so that the message names the extra instead of a module.
+        # This check comes first, so that the error names the extra, not a module.
         for package in ("cyclonedds.domain", "rosbags.typesys"):
             import_optional(package, "dds")
         from radarsim.addons.ros.dds import DdsParticipant
@@ -167,5 +167,5 @@ def _make_side(options: BridgeOptions) -> RosSide:
 
 
 def announce(name: str, address: tuple[str, int]) -> None:
-    """Print for programs that clients of a protocol can connect."""
+    """Print the address of the WebSocket server on one line, for other programs."""
     print_now(f"radarsim: {name} on ws://{join_address(*address)}")

@@ -1,8 +1,8 @@
-"""The side of DDS: topics as ROS 2 itself has them, without ROS.
+"""Publishes topics over DDS, like a ROS 2 node, without ROS installed.
 
-The types are those of ROS, with names as its middleware has them: the topic ``/tf`` is
-``rt/tf``, and ``tf2_msgs/msg/TFMessage`` is ``tf2_msgs::msg::dds_::TFMessage_``.
-Imports the packages of the extra ``dds``.
+Topics and types have the names of the ROS 2 middleware: the topic ``/tf`` is ``rt/tf``
+in DDS, and ``tf2_msgs/msg/TFMessage`` is ``tf2_msgs::msg::dds_::TFMessage_``. This
+module imports the packages of the extra ``dds``.
 """
 
 import asyncio
@@ -25,8 +25,8 @@ from radarsim.addons.ros.bridge import TWIST, DriveCallback
 from radarsim.errors import ServerError
 
 LOOPBACK: Final = "lo"
-POLL: Final = 0.02  # s between looks for commands
-DEPTH: Final = 10  # messages that are kept, as the default of ROS
+POLL: Final = 0.02  # s between two checks for commands
+DEPTH: Final = 10  # messages in the history, the default of ROS
 _CONFIG: Final = """<CycloneDDS><Domain>
 <General>
 <Interfaces><NetworkInterface name={interface}/></Interfaces>
@@ -34,7 +34,7 @@ _CONFIG: Final = """<CycloneDDS><Domain>
 </General>
 <Discovery>{discovery}</Discovery>
 </Domain></CycloneDDS>"""
-# Loopback has no multicast: participants are found at their ports.
+# Loopback has no multicast, so participants are found by unicast at their ports.
 _LOCAL: Final = (
     "<ParticipantIndex>auto</ParticipantIndex>"
     '<Peers><Peer address="127.0.0.1"/></Peers>'
@@ -49,10 +49,10 @@ class DdsParticipant:
 
         Args:
             domain: Number of the domain, as ``ROS_DOMAIN_ID``.
-            interface: Network interface; no other one is used.
+            interface: The only network interface that is used.
 
         Raises:
-            ServerError: If it cannot join, as there is no such interface.
+            ServerError: If the domain cannot be joined on this interface.
         """
         is_local = interface == LOOPBACK
         config = _CONFIG.format(
@@ -61,7 +61,7 @@ class DdsParticipant:
             discovery=_LOCAL if is_local else "",
         )
         try:
-            self._domain = Domain(domain, config)  # it lasts as long as this object
+            self._domain = Domain(domain, config)  # lives as long as this object
             self._participant = DomainParticipant(domain)
         except core.DDSException as error:
             text = f"no DDS on interface {interface!r} in domain {domain}"
@@ -76,7 +76,7 @@ class DdsParticipant:
             place = Topic(self._participant, f"rt{topic}", type_)
             quality = _quality(latched=message.latched)
             self._writers[topic] = DataWriter(self._participant, place, quality)
-        # Not by its constructor, which asks for all fields; nobody reads them.
+        # The constructor would require all fields, but only the encoded bytes are read.
         sample = type_.__new__(type_)
         sample.encoded = encode(message)
         self._writers[topic].write(sample)
@@ -91,26 +91,26 @@ class DdsParticipant:
         """See ``RosSide.run``."""
         while True:
             for reader, take in self._readers:
-                # Polled, as a listener of cyclonedds would run in a thread of its own.
+                # Readers are polled, as listeners of cyclonedds run in another thread.
                 for twist in reader.take(DEPTH):
-                    if hasattr(twist, "linear"):  # else one that writes has left
+                    if hasattr(twist, "linear"):  # otherwise a writer has left
                         take(twist.linear.x, twist.angular.z)
             await asyncio.sleep(POLL)
 
 
 @cache
-def _struct_of(type_: str) -> Any:  # a class, whose objects get other attributes
-    """Return the class of cyclonedds for a type of messages."""
+def _struct_of(type_: str) -> Any:  # a class whose objects get other attributes
+    """Return the cyclonedds class of a message type."""
     package, _, name = type_.partition("/msg/")
     fields = {name: _annotation(desc) for name, desc in typestore().fielddefs[type_][1]}
     struct = make_idl_struct(f"{name}_", f"{package}::msg::dds_::{name}_", fields)
-    # One encoder for bags and for DDS: cyclonedds only passes the bytes on.
+    # Messages are encoded as for bags; cyclonedds only sends the bytes.
     struct.serialize = lambda sample, **_: sample.encoded  # type: ignore[method-assign]
     return struct
 
 
-def _annotation(described: FieldDesc) -> Any:  # a class, or one of its own arrays
-    """Return the type of a field for cyclonedds, by that of rosbags."""
+def _annotation(described: FieldDesc) -> Any:  # a class, or an array of cyclonedds
+    """Return the cyclonedds type of a field that rosbags describes."""
     match described:
         case Nodetype.NAME, str(name):
             return _struct_of(name)
@@ -130,7 +130,7 @@ def _quality(*, latched: bool) -> qos.Qos:
     policy = qos.Policy
     kept = policy.Durability.TransientLocal if latched else policy.Durability.Volatile
     return qos.Qos(
-        policy.Reliability.Reliable(0),  # a slow reader holds up nobody
+        policy.Reliability.Reliable(0),  # writing never waits for a slow reader
         policy.History.KeepLast(1 if latched else DEPTH),
         kept,
         policy.DataRepresentation(use_cdrv0_representation=True),

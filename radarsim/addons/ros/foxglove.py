@@ -1,8 +1,8 @@
-"""The protocol of Foxglove's WebSockets, version 1: clients of a bridge, without I/O.
+"""The Foxglove WebSocket protocol, version 1, for a client of a bridge, without I/O.
 
-Messages of ROS 2 are CDR, as in recordings. A client may drive the robot of the bridge.
-Source: the specification ws-protocol of Foxglove. Its own package is not used: it lets
-pages of any site connect.
+ROS 2 messages are encoded in CDR, as in recordings. A client may drive the robot of the
+bridge. Source: the ws-protocol specification of Foxglove. The package of Foxglove is
+not used, as it accepts pages of any site.
 """
 
 import json
@@ -38,13 +38,13 @@ _INFO: Final = {
     "name": "radarsim",
     "capabilities": ["clientPublish", "time"],
     "supportedEncodings": ["cdr", "json"],
-    # Clients that do not know it publish no messages of ROS.
+    # Clients publish ROS messages only if they know the distribution.
     "metadata": {"ROS_DISTRO": "jazzy"},
 }
 
 
 class FoxgloveClient(BoardClient):
-    """One client; see ``BoardClient``."""
+    """One Foxglove client; see ``BoardClient``."""
 
     name = "Foxglove"
     subprotocols = ("foxglove.sdk.v1", "foxglove.websocket.v1")
@@ -53,7 +53,7 @@ class FoxgloveClient(BoardClient):
     def __init__(self, board: Board) -> None:
         super().__init__(board)
         self.waiting.append(json.dumps(_INFO))
-        # Topics that it writes, with their encodings and types.
+        # Topic, encoding and type of each channel that the client advertises.
         self._own: dict[int, tuple[str, str, str]] = {}
         self.handlers = {
             "subscribe": self._subscribe,
@@ -65,9 +65,9 @@ class FoxgloveClient(BoardClient):
 
     @classmethod
     def trusts(cls, origin: str) -> bool:
-        """Return whether a program of an origin may connect: Foxglove, on any desktop.
+        """Return whether an origin is the Foxglove site or a desktop program.
 
-        Only pages of sites have http or https, and those that hide their site, null.
+        Pages of other sites have origins with http or https, or the origin "null".
         """
         scheme, has_scheme, _ = origin.partition("://")
         return origin == APP or bool(has_scheme and scheme not in ("http", "https"))
@@ -79,7 +79,7 @@ class FoxgloveClient(BoardClient):
         return now
 
     def wants(self, topic: str) -> bool:
-        """See ``BoardClient.wants``; all clients get the clock."""
+        """See ``BoardClient.wants``; all clients are sent the clock."""
         return topic == CLOCK or bool(self._subscriptions.get(topic))
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
@@ -106,7 +106,7 @@ class FoxgloveClient(BoardClient):
 
     def _announce(self, topics: list[str]) -> None:
         types = self._board.types
-        # The number of a topic is its place.
+        # The id of a topic is its position in the list of types, from 1.
         channels = [
             {
                 "id": 1 + list(types).index(topic),
@@ -121,7 +121,7 @@ class FoxgloveClient(BoardClient):
         self.waiting.append(json.dumps({"op": "advertise", "channels": channels}))
 
     def _queue(self, data: bytes) -> None:
-        """Queue binary data, which may be lost; texts may not."""
+        """Queue binary data; if too much waits, drop the oldest data, but no texts."""
         self.waiting.append(data)
         if len(self.waiting) > MOST_WAITING * (1 + len(self._subscriptions)):
             oldest = next(
@@ -146,7 +146,8 @@ class FoxgloveClient(BoardClient):
             self._subscriptions[topic] = {n: 0.0 for n in numbers if n not in gone}
 
     def _advertise(self, message: Json) -> None:
-        # Also topics that nobody listens to: panels announce what they may publish.
+        # Topics without a driver are accepted, as panels advertise all that they may
+        # publish.
         for each in message["channels"]:
             if len(self._own) >= MOST_ENTRIES:
                 raise ValueError(f"expected at most {MOST_ENTRIES} topics")
@@ -159,7 +160,7 @@ class FoxgloveClient(BoardClient):
             self._own.pop(int(each), None)
 
     def _take_message(self, data: bytes) -> None:
-        """Drive as a message of the client asks for."""
+        """Execute a velocity command, which is a binary message of the client."""
         operation, number = _CLIENT_HEAD.unpack_from(data)
         if operation != MESSAGE:
             raise ValueError(f"operation {operation}, expected {MESSAGE}")

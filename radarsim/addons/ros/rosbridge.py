@@ -1,7 +1,7 @@
-"""The protocol of rosbridge, version 2: one client of a bridge, without I/O.
+"""The rosbridge protocol, version 2, for one client of a bridge, without I/O.
 
-Source: ROSBRIDGE_PROTOCOL.md of rosbridge_suite; of the services those of rosapi that
-roslibpy and roslib call. Messages of ROS are JSON as rosbridge writes it.
+ROS messages are encoded in the JSON of rosbridge. The services are the part of rosapi
+that roslibpy and roslib call. Source: ROSBRIDGE_PROTOCOL.md of rosbridge_suite.
 """
 
 import base64
@@ -28,7 +28,7 @@ from radarsim.errors import MissingPackage, import_optional
 
 
 def message_json(message: TopicMessage) -> str:
-    """Return a message as JSON; octets are in base64, and NaN and infinity are null."""
+    """Return a message as JSON: uint8 arrays as base64, NaN and infinity as null."""
 
     def plain(value: object) -> object:
         match value:
@@ -41,7 +41,7 @@ def message_json(message: TopicMessage) -> str:
             case np.ndarray() if value.dtype == np.uint8:
                 return base64.b64encode(value.tobytes()).decode()
             case np.ndarray():
-                # Whole arrays at once, which is much faster, unless some is no number.
+                # ``tolist`` is much faster, but works only if all numbers are finite.
                 is_whole = value.dtype.kind != "f" or bool(np.isfinite(value).all())
                 return value.tolist() if is_whole else plain(value.tolist())
             case _:
@@ -51,7 +51,7 @@ def message_json(message: TopicMessage) -> str:
 
 
 def _id_of(message: Json) -> str:
-    """Return the id of a subscription as JSON, which keeps 1 and "1" apart."""
+    """Return the id of a subscription as JSON text, which distinguishes 1 and "1"."""
     text = json.dumps(message.get("id"))
     if len(text) > LONGEST_NAME:
         raise ValueError(f"an id of {len(text)} characters, expected {LONGEST_NAME}")
@@ -59,19 +59,19 @@ def _id_of(message: Json) -> str:
 
 
 def _cdr() -> ModuleType:
-    """Return the module that knows the definitions of types.
+    """Return the module with the definitions of message types.
 
     Raises:
         MissingPackage: If rosbags is not installed.
     """
     import_optional("rosbags.typesys", "record")
-    from radarsim.addons.recording import cdr  # noqa: PLC0415 - its package
+    from radarsim.addons.recording import cdr  # noqa: PLC0415 - needs extra
 
     return cdr
 
 
 class RosbridgeClient(BoardClient):
-    """One client; see ``BoardClient``."""
+    """One rosbridge client; see ``BoardClient``."""
 
     name = "rosbridge"
     encode = staticmethod(message_json)
@@ -84,10 +84,10 @@ class RosbridgeClient(BoardClient):
             "unsubscribe": self._unsubscribe,
             "publish": self._publish,
             "call_service": self._call,
-            # Topics need no announcement here.
+            # Clients may publish without advertising their topics.
             **dict.fromkeys(("advertise", "unadvertise", "set_level"), lambda _: None),
         }
-        # Some clients put a slash in front.
+        # Some clients prefix these names with a slash, which ``_call`` removes.
         self._services: dict[str, Callable[[Json], Json]] = {
             "rosapi/topics": self._topics,
             "rosapi/topics_and_raw_types": self._topics_and_raw_types,
@@ -99,7 +99,7 @@ class RosbridgeClient(BoardClient):
             "rosapi/nodes": lambda _: {"nodes": ["/radarsim"]},
             "rosapi/services": lambda _: {"services": []},
             "rosapi/get_param_names": lambda _: {"names": []},
-            # By two names, as in the versions of rosapi.
+            # The versions of rosapi have two names for this service.
             **dict.fromkeys(
                 ("rosapi/time", "rosapi/get_time"), lambda _: {"time": self._time}
             ),
@@ -107,17 +107,17 @@ class RosbridgeClient(BoardClient):
 
     @property
     def _all_types(self) -> dict[str, str]:
-        """Types of topics, also of those that are only listened to."""
+        """Types of published topics and of topics for velocity commands, by name."""
         return dict.fromkeys(self._board.drivers, TWIST) | self._board.types
 
     @property
     def _time(self) -> Json:
-        """Simulated time in the fields of ROS 2, and of ROS 1, which roslibpy reads."""
+        """Simulated time with the field names of ROS 2 and, for roslibpy, of ROS 1."""
         sec, nanosec = self._board.now.sec, self._board.now.nanosec
         return {"sec": sec, "nanosec": nanosec, "secs": sec, "nsecs": nanosec}
 
     def offer(self, topic: str, data: Any, now: float) -> None:
-        """See ``BoardClient.offer``; no more often than its throttle rate."""
+        """See ``BoardClient.offer``; messages within the throttle rate are skipped."""
         interval = min(self._subscriptions[topic].values())
         if now - self._last.get(topic, -math.inf) < interval:
             return
@@ -128,7 +128,7 @@ class RosbridgeClient(BoardClient):
         self.waiting.append(
             f'{{"op": "publish", "topic": {json.dumps(topic)}, "msg": {text}}}'
         )
-        # All topics share a queue, as clients expect messages in the order of time.
+        # All topics share a queue, as clients expect messages in order of time.
         while len(self.waiting) > MOST_WAITING * max(1, len(self._subscriptions)):
             self.waiting.popleft()
 
@@ -136,17 +136,17 @@ class RosbridgeClient(BoardClient):
         topic = str(message["topic"])
         if len(topic) > LONGEST_NAME:
             raise ValueError(f"a topic of {len(topic)} characters, expected a name")
-        # In ms, as the protocol has it; clients send null for none.
+        # The throttle rate is in ms; some clients send null for 0.
         interval = float(message.get("throttle_rate") or 0) / 1000
         latched = self._add_subscription(topic, _id_of(message), interval)
-        if latched:  # whatever the throttle rate: there may be no other for long
+        if latched:  # the throttle rate does not apply to the first message
             self._queue(topic, latched)
 
     def _unsubscribe(self, message: Json) -> None:
         topic, own = str(message["topic"]), _id_of(message)
         left = self._subscriptions.get(topic, {})
         left.pop(own, None)
-        # Without an id all subscriptions of the topic end.
+        # Without an id, all subscriptions to the topic end.
         if own == "null" or not left:
             self._subscriptions.pop(topic, None)
 
@@ -162,7 +162,7 @@ class RosbridgeClient(BoardClient):
         try:
             values = serve and serve(arguments if isinstance(arguments, dict) else {})
             answer |= {"values": values or {}, "result": serve is not None}
-        except MissingPackage as error:  # of the definitions of types
+        except MissingPackage as error:  # raised by ``_cdr``
             answer |= {"values": str(error), "result": False}
         if "id" in message:
             answer["id"] = message["id"]

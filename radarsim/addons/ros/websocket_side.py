@@ -1,4 +1,4 @@
-"""A server of rosbridge, or for Foxglove: a WebSocket for each client."""
+"""A WebSocket server for the clients of rosbridge or Foxglove."""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -15,8 +15,8 @@ from radarsim.addons.ros.bridge import DriveCallback
 from radarsim.listening import bind, first_of
 from radarsim.server.web_server import AllowedHosts, WebServer
 
-LONGEST_MESSAGE: Final = 65536  # bytes of what a client sends
-MOST_ANSWERS: Final = 1000  # that wait for a client which does not read
+LONGEST_MESSAGE: Final = 65536  # bytes of a message from a client
+MOST_ANSWERS: Final = 1000  # that may wait for a client
 
 
 class WebSocketSide:
@@ -38,7 +38,7 @@ class WebSocketSide:
             port: Port to listen on; 0 for a free one.
             announce: Called with the name of the protocol and the address as soon as
                 clients can connect.
-            origins: Sites whose pages may connect.
+            origins: Origins of sites whose pages may connect.
         """
         self._board = board
         self._address, self._port = address, port
@@ -68,7 +68,7 @@ class WebSocketSide:
         """See ``RosSide.run``.
 
         Raises:
-            ServerError: If it cannot listen.
+            ServerError: If the address or the port cannot be used.
         """
         with bind(self._address, self._port) as listening:
             place = listening.getsockname()[:2]
@@ -81,14 +81,15 @@ class WebSocketSide:
             )
             serving = asyncio.ensure_future(server.serve([listening]))
             try:
-                # Shielded: it is asked to exit below, and then closes its connections.
+                # Cancellation must not reach the server, which closes its connections
+                # after it is asked to exit below.
                 await asyncio.shield(serving)
             finally:
                 server.should_exit = True
                 await asyncio.wait({serving})
 
     async def _serve(self, socket: WebSocket) -> None:
-        # A page of another site may connect only if its site is named.
+        # A page of another site may connect only if its origin is listed or trusted.
         origin = socket.headers.get("origin", "").lower()
         is_named = origin in self._origins or self._board.protocol.trusts(origin)
         if not is_named and not self._allowed.admit(socket.headers, needs_origin=False):
@@ -102,8 +103,8 @@ class WebSocketSide:
         news.set()
 
         async def hear() -> None:
-            # Topics are limited in the queue; answers to calls are not, but end the
-            # connection.
+            # The queue drops old messages of topics, but no answers to calls. If too
+            # many answers wait, the connection ends.
             while len(client.waiting) < MOST_ANSWERS:
                 message = await socket.receive()
                 if message["type"] == "websocket.disconnect":
@@ -112,14 +113,14 @@ class WebSocketSide:
                 news.set()
 
         try:
-            with suppress(RuntimeError, WebSocketDisconnect):  # it is gone
+            with suppress(RuntimeError, WebSocketDisconnect):  # the client is gone
                 await first_of(hear(), _send(socket, client, news))
         finally:
             del self._clients[client]
 
 
 async def _send(socket: WebSocket, client: BoardClient, news: asyncio.Event) -> None:
-    """Send what waits for a client."""
+    """Send the queued messages of a client until cancelled."""
     while True:
         await news.wait()
         news.clear()

@@ -1,9 +1,9 @@
-"""Fixtures for the test suites of USARSim clients, which pytest loads by itself.
+"""Pytest fixtures to test USARSim clients; pytest loads them as a plugin.
 
-``usarsim_server`` is a server that runs while one test does, on a free port of
-127.0.0.1, in a thread and an event loop of its own: blocking clients can talk to it,
-and asynchronous ones from the test's loop. ``usarsim_client`` is a blocking client
-that is connected to it.
+``usarsim_server`` is a server that runs during one test, on a free port of 127.0.0.1.
+It has its own thread and event loop, so both blocking clients and asynchronous clients
+in the test's event loop can use it. ``usarsim_client`` is a blocking client that is
+connected to it.
 
     def test_my_client_reads_the_level(usarsim_server):
         with MyClient(usarsim_server.host, usarsim_server.port) as client:
@@ -15,15 +15,15 @@ that is connected to it.
         line = usarsim_client.read_until("SEN", "{Type RangeScanner}")
         assert line.count(",") == 180
 
-A suite chooses its map for all tests by a ``usarsim_map`` fixture of its own, and with
-the marker ``usarsim`` for a module, a class or a test: ``map``, ``seed``, ``dialect``,
-``speed`` as the options of ``radarsim serve``, and ``settings`` as its ``--set``, such
-as ``settings={"lms200": {"max_range": 20}}``. Of each, the mark nearest a test counts.
+To choose the map of all tests, override the fixture ``usarsim_map``. The marker
+``usarsim`` sets options for a module, a class or a test: ``map``, ``seed``, ``dialect``
+and ``speed`` as in ``radarsim serve``, and ``settings`` as in its ``--set``, such as
+``settings={"lms200": {"max_range": 20}}``. The mark closest to a test has priority.
 
-A server that cannot start fails the test's set-up; what goes wrong inside a running one
-closes its connections and fails the test's teardown. What it logs is in ``caplog``.
+If the server cannot start, the setup of the test fails. An error in a running server
+closes its connections and fails the teardown of the test. Its log is in ``caplog``.
 
-Nothing else of radarsim is imported before a test asks for a server.
+The rest of radarsim is imported only when a test uses a server.
 """
 
 import socket
@@ -63,7 +63,7 @@ class UsarsimServer:
 
     Attributes:
         host: Always 127.0.0.1.
-        port: Port that the server listens on.
+        port: Port on which the server listens.
     """
 
     host: str
@@ -71,21 +71,21 @@ class UsarsimServer:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port, as ``socket.create_connection`` takes them."""
+        """Host and port, as an argument of ``socket.create_connection``."""
         return self.host, self.port
 
 
 class UsarsimClient:
-    """A blocking client: lines out, lines in, nothing interpreted and nothing skipped.
+    """A blocking client that sends and receives lines without interpreting them.
 
-    The first line read is the greeting, ``NFO {Gametype ...} {Level ...}``.
+    The first line to read is the greeting, ``NFO {Gametype ...} {Level ...}``.
     """
 
     def __init__(self, address: tuple[str, int]) -> None:
-        """Connect.
+        """Connect to a server.
 
         Raises:
-            OSError: If there is no server.
+            OSError: If no server listens at the address.
         """
         self._socket = socket.create_connection(address, TIMEOUT)
         self._unread = b""
@@ -98,13 +98,13 @@ class UsarsimClient:
         self._socket.sendall(line.encode("latin-1") + b"\r\n")
 
     def read_line(self, timeout: float = TIMEOUT) -> str:
-        """Wait for the next line, and return it without its end.
+        """Wait for the next line, and return it without CRLF.
 
         Args:
             timeout: Longest wait, s of the wall clock.
 
         Raises:
-            TimeoutError: If no complete line comes by then; an incomplete one is kept.
+            TimeoutError: If no whole line arrives in time; a partial line is kept.
             ConnectionError: If the server has closed the connection.
         """
         deadline = time.monotonic() + timeout
@@ -122,15 +122,15 @@ class UsarsimClient:
         return line.decode("latin-1")
 
     def read_until(self, verb: str, *parts: str, timeout: float = TIMEOUT) -> str:
-        """Skip lines up to one of a kind, and return it.
+        """Read lines until one matches, and return it.
 
         Args:
             verb: Start of the line.
             parts: Texts that the line contains, such as ``"{Type RangeScanner}"``.
-            timeout: Longest wait for it, s of the wall clock.
+            timeout: Longest wait for the line, s of the wall clock.
 
         Raises:
-            TimeoutError: If none comes by then; names the last line.
+            TimeoutError: If no line matches in time; the message has the last line.
             ConnectionError: If the server has closed the connection.
         """
         deadline = time.monotonic() + timeout
@@ -146,18 +146,18 @@ class UsarsimClient:
         )
 
     def close(self) -> None:
-        """Close the connection, which removes the robot."""
+        """Close the connection, upon which the server removes the robot."""
         self._socket.close()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker."""
+    """Register the marker ``usarsim``."""
     config.addinivalue_line("markers", MARKER)
 
 
 @pytest.fixture
 def usarsim_map() -> str | Path:
-    """The map of tests without a mark: a shipped map's name, or a map file's path."""
+    """Default map of all tests: name of a shipped map, or path of a map file."""
     return "empty_room"
 
 
@@ -165,7 +165,7 @@ def usarsim_map() -> str | Path:
 def usarsim_server(
     request: pytest.FixtureRequest, usarsim_map: str | Path
 ) -> Iterator[UsarsimServer]:
-    """A USARSim server that runs while the test does, on a free port of 127.0.0.1."""
+    """A USARSim server that runs during the test, on a free port of 127.0.0.1."""
     try:
         thread = make_thread(_options(request.node, usarsim_map))
     except (RadarsimError, ValueError) as error:
@@ -177,13 +177,13 @@ def usarsim_server(
 
 @pytest.fixture
 def usarsim_client(usarsim_server: UsarsimServer) -> Iterator[UsarsimClient]:
-    """A blocking client, connected to the test's ``usarsim_server``."""
+    """A blocking client that is connected to the ``usarsim_server`` of the test."""
     with closing(UsarsimClient(usarsim_server.address)) as client:
         yield client
 
 
 def _options(item: pytest.Item, map_: str | Path) -> dict[str, Any]:
-    """Return the options of a test; of several marks the nearest counts."""
+    """Return the options of a test; the mark closest to the test has priority."""
     options: dict[str, Any] = {"map": map_}
     for mark in reversed(list(item.iter_markers("usarsim"))):
         if mark.args:
@@ -197,10 +197,10 @@ def make_thread(options: dict[str, Any]) -> "ServerThread":
 
     Raises:
         RadarsimError: If the map or the settings are wrong.
-        ValueError: If another option is, or is of another type.
+        ValueError: If another option is wrong or unknown, or has another type.
     """
-    # Imported here, so that pytest starts fast where no test uses a server: they import
-    # the engine, Embree and shapely.
+    # These imports load the engine, Embree and shapely. They are here so that pytest
+    # starts fast if no test uses a server.
     from annotated_types import Ge, Gt  # noqa: PLC0415
     from pydantic import (  # noqa: PLC0415
         BaseModel,

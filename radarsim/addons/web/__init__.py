@@ -1,12 +1,11 @@
-"""The commander: a web page to see robots, drive them and explain what they sense.
+"""The commander: a web page to see robots, drive them and explain their readings.
 
-It is a client of a USARSim server over TCP, as any other, and serves its page by HTTP.
+The commander is an ordinary TCP client of a USARSim server, and serves a page by HTTP.
 
-How messages flow: what a page asks for is received by ``program``, checked by
-``requests`` and acted upon by ``commander``, which hands it to ``robots``, to
-``activities`` (tasks and maps, done with ``algorithms``) or to ``recording``. Reports
-of the server come to ``robots`` from two sides: from ``server_link``, which watches all
-of them, and from the connections of the commander's own (``own_robot``). Each becomes
-part of a ``robot_view``. Changes are sent by ``viewers``: texts at once, and
-all that moves by the next frame.
+Requests of a page are received by ``program``, checked by ``requests`` and executed by
+``commander``, which passes them to ``robots``, to ``activities`` (tasks and maps, run
+by ``algorithms``) or to ``recording``. Reports of the server reach ``robots`` over the
+connection that watches all robots (``server_link``), and over the connection of each
+robot that the commander spawned (``own_robot``). They update a ``robot_view``. Changes
+are sent by ``viewers``: text messages at once, and moving objects with the next frame.
 """

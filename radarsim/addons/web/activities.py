@@ -1,8 +1,8 @@
-"""Tasks of robots, and the maps that are made of them.
+"""Starts and ends the tasks of robots, and the maps made from their scans.
 
-Tasks and makers of maps run in threads, as their calls block. They are in
-``algorithms``, which takes a second to import: the program imports it in a thread, for
-which an earlier request waits.
+Tasks and map makers run in threads, as their calls block. They are defined in
+``algorithms``, which takes a second to import. The program imports it in a thread; a
+request that comes earlier waits for the import.
 """
 
 import asyncio
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
 
 log = logging.getLogger("radarsim.addons.web")
-MOST_TASKS: Final = 20  # at a time
-MOST_MAPS: Final = 10  # that are made at a time
+MOST_TASKS: Final = 20  # that may run at a time
+MOST_MAPS: Final = 10  # that may be made at a time
 DEFAULT_COLOURS: Final[Colours] = "usarcommander"
 
 
@@ -44,21 +44,21 @@ class Activities:
     A robot has at most one task.
 
     Attributes:
-        scene: The map; None if it is not known.
-        clock: By which tasks wait, in simulated time.
+        scene: The messages of the map; None if it is not known.
+        clock: Clock of all tasks, in simulated time.
         running: Tasks that run, by the names of their robots.
-        newest: What a new browser has to know, as JSON; by kind and robot.
+        newest: The newest message of each kind and robot, as JSON, for new browsers.
     """
 
     def __init__(
         self, robots: Robots, viewers: Viewers, on_change: Callable[[], None]
     ) -> None:
-        """Begin without any; to be called in the event loop.
+        """Begin without tasks and maps; call it in the event loop.
 
         Args:
             robots: The robots.
-            viewers: The browsers, which get the messages.
-            on_change: Called when others are at work or are mapped than before.
+            viewers: The browsers, which are sent the messages.
+            on_change: Called when a task or a map of a robot begins or ends.
         """
         self.scene: SceneMessages | None = None
         self._robots = robots
@@ -66,8 +66,8 @@ class Activities:
         self._on_change = on_change
         self.clock = TaskClock()
         self.running: dict[str, RobotClient] = {}
-        self._threads = 0  # also of cancelled tasks, until they notice
-        self._count = 0  # of tasks so far
+        self._threads = 0  # cancelled tasks count until their thread ends
+        self._count = 0  # number of tasks so far
         self._loop = asyncio.get_running_loop()
         self._makers: dict[str, MapMaker] = {}
         self._colours: dict[str, Colours] = {}
@@ -75,14 +75,14 @@ class Activities:
 
     @property
     def mapped(self) -> Set[str]:
-        """Names of the robots that are mapped."""
+        """Names of the robots whose scans are being mapped."""
         return self._makers.keys()
 
     def go(self, request: Goto) -> None:
-        """Drive to a goal.
+        """Begin to drive a robot to a goal.
 
         Raises:
-            BadRequest: If that is not possible.
+            BadRequest: If the robot cannot, or the goal is too close to an obstacle.
         """
         from radarsim.addons.web.algorithms import drive_to_goal  # noqa: PLC0415
 
@@ -92,21 +92,21 @@ class Activities:
         self._begin("goto", request.robot, work, str(request))
 
     def explore(self, request: Explore) -> None:
-        """Explore, and show the map that is made for that.
+        """Begin to explore with a robot, and show the map that the explorer makes.
 
         Raises:
-            BadRequest: If that is not possible.
+            BadRequest: If the robot cannot explore.
         """
         from radarsim.addons.web.algorithms import explore  # noqa: PLC0415
 
         name = request.robot
         colours = self._colours.get(name, DEFAULT_COLOURS)
         self._begin("explore", name, partial(explore, request, colours))
-        # Only now, as a task that is refused leaves the map as it was.
-        self._stop_map(name)  # the explorer's own is shown
+        # The old map ends after this, as a refused task leaves it unchanged.
+        self._stop_map(name)
 
     def cancel(self, request: Cancel) -> None:
-        """Cancel a task; one that has ended stays as it is."""
+        """Cancel a task; do nothing if it has ended."""
         for robot, task in [*self.running.items()]:
             if task.number == request.task:
                 self.stop(robot)
@@ -116,15 +116,16 @@ class Activities:
         task = self.running.pop(robot, None)
         if task is not None:
             task.cancel()
-            # Servers hold the last speeds, and the thread of the task may notice late.
+            # The server keeps the last wheel speeds until the task's thread ends.
             task.robot.set_wheels(0.0, 0.0)
             self._send_state(task, "cancelled")
 
     def switch_map(self, request: Map) -> None:
-        """Make a map of a robot, or no more, or in other colours.
+        """Start or end the map of a robot, or change the map's colours.
 
         Raises:
-            BadRequest: If that is not possible.
+            BadRequest: If the robot or its scans are missing, or there are too many
+                maps.
         """
         view = self._robots.find(request.robot)
         name = view.name
@@ -144,7 +145,7 @@ class Activities:
             self._on_change()
 
     def forget(self, robot: str) -> None:
-        """End what goes on with a robot that is gone."""
+        """End the task and the map of a robot that was removed."""
         self.stop(robot)
         self._stop_map(robot)
         self._colours.pop(robot, None)
@@ -152,28 +153,28 @@ class Activities:
             del self.newest[key]
 
     def close(self) -> None:
-        """End everything."""
+        """End all tasks and maps."""
         for robot in {*self._makers, *self._robots.own}:
             self.forget(robot)
 
     def safety_distance(self, robot: OwnRobot) -> float | None:
-        """Return the distance that a robot keeps on its way, m; None if it has none."""
-        with suppress(NavigationError):  # which a drive reports as well
+        """Return the safety distance of a robot, m; None if none is possible."""
+        with suppress(NavigationError):  # a drive reports the same error
             return safety_distance_for(robot.info, self._wanted_distance, 0.0)
         return None
 
     @property
     def _wanted_distance(self) -> float | None:
-        """Distance for which the map is designed, m; None for the least that suits."""
+        """Safety distance of the map, m; None for the least that suits the robot."""
         return None if self.scene is None else self.scene.safety_distance
 
     def _check_goal(self, robot: OwnRobot, goal: tuple[float, float]) -> None:
-        """Refuse a goal that would be given up there.
+        """Check that a goal is far enough from obstacles to be reached.
 
         Raises:
-            BadRequest: If it is one.
+            BadRequest: If the goal is too close to an obstacle.
         """
-        assert self.scene is not None  # it is known
+        assert self.scene is not None  # ``go`` has checked it
         least = self.safety_distance(robot)
         distance, name = self.scene.nearest_obstacle(*goal)
         if least is not None and distance < least_clearance(least):
@@ -184,22 +185,22 @@ class Activities:
             )
 
     def _begin(self, kind: str, robot: str, work: Work, text: str = "") -> None:
-        """Begin a task, instead of the one that the robot is at.
+        """Begin a task, and cancel the task that the robot has, if any.
 
         Args:
-            kind: Of the task, such as ``goto``.
+            kind: Kind of the task, such as ``goto``.
             robot: Name of the robot.
-            work: What the task does.
-            text: What the task is, in words.
+            work: Function that the thread of the task calls.
+            text: Description of the task.
 
         Raises:
-            BadRequest: If the robot cannot, or there are too many tasks.
+            BadRequest: If the robot cannot drive by itself, or too many tasks run.
         """
         own = self._robots.find_own(robot)
         if own.refusal is not None:
             raise BadRequest(f"{robot!r} cannot drive by itself: {own.refusal}")
         self.stop(robot)
-        # Those of cancelled tasks count: they compute until they next read or drive.
+        # Threads of cancelled tasks count: they run until they next read or drive.
         if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, which is the limit")
         self._count += 1
@@ -213,7 +214,7 @@ class Activities:
         self._call(self._send, message)
 
     def _send_state(self, task: RobotClient, state: str, text: str = "") -> None:
-        """Send the state of a task; ``text`` is its goal, or how it ended."""
+        """Send the state of a task; ``text`` is its goal or its result."""
         self._send(
             {
                 "op": "task",
@@ -226,7 +227,7 @@ class Activities:
         )
 
     def _run(self, task: RobotClient, work: Work) -> None:
-        """Do the work, in its thread."""
+        """Run a task in its own thread, and report how it ended."""
         state, text = "failed", "an error of the program"
         try:
             text = work(task, self._send_threadsafe)
@@ -255,12 +256,12 @@ class Activities:
             self._on_change()
 
     def _send(self, message: dict[str, Any]) -> None:
-        """Send a message to all browsers, and to those that come later."""
+        """Send a message to all browsers, and keep it for browsers that join later."""
         op, robot = message["op"], message["robot"]
-        if op == "task":  # frames say who drives
+        if op == "task":  # frames contain the driver
             self._on_change()
         text = encode_json(message)
-        # A thread may send a message about a robot that is gone by now.
+        # A thread may send a message about a robot that was removed meanwhile.
         if robot in self._robots.views:
             self.newest[op, robot] = text
         self._viewers.broadcast(text, (op, robot, message.get("id")))

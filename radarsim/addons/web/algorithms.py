@@ -1,6 +1,6 @@
-"""What robots do by themselves: drive to a goal, explore, and map what they sense.
+"""The tasks of robots, to drive to a goal or to explore, and maps of their scans.
 
-All of it blocks, and so runs in threads; it reports progress as messages.
+The functions block, so they run in threads. They report progress as messages.
 """
 
 import base64
@@ -41,15 +41,15 @@ from radarsim.protocol.reports import Report
 from radarsim.rng import generator_for
 
 log = logging.getLogger("radarsim.addons.web")
-PATH_INTERVAL: Final = 0.5  # s between two messages
-MAP_INTERVAL: Final = 1.0  # s between two pictures
+PATH_INTERVAL: Final = 0.5  # s between two messages with a path
+MAP_INTERVAL: Final = 1.0  # s between two messages with a map
 MOST_POINTS: Final = 1000  # of a path in a message
-MOST_WAITING: Final = 2000  # reports for a map; beyond it new ones are lost
-HERE: Final = Pose2(0.0, 0.0)  # the robot is spawned; this is not looked at
+MOST_WAITING: Final = 2000  # reports that wait to be mapped; others are dropped
+HERE: Final = Pose2(0.0, 0.0)  # not used, as the robot is spawned already
 
 
 def _every(interval: float) -> Callable[[], bool]:
-    """Return what says whether an interval, s, has passed since it last said so."""
+    """Return a function that returns True at most once in each interval, s."""
     due = -math.inf
 
     def is_due() -> bool:
@@ -66,16 +66,16 @@ def _every(interval: float) -> Callable[[], bool]:
 def drive_to_goal(
     request: Goto, safety_distance: float | None, client: RobotClient, send: Send
 ) -> str:
-    """Drive to a goal, and send the path meanwhile.
+    """Drive to a goal, and send the path while the robot drives.
 
     Args:
         request: Algorithm and goal.
-        safety_distance: m; None for the least one that suits the robot.
+        safety_distance: m; None for the least distance that suits the robot.
         client: The client of the robot.
         send: Called with messages.
 
     Returns:
-        How it went, in words.
+        The goal, the time and the length of the path, as a text.
 
     Raises:
         RadarsimError: If the goal is not reached.
@@ -104,7 +104,7 @@ def drive_to_goal(
     try:
         result = run_mission(client, mission, observe)
     finally:
-        # Where a drive that failed has ended is of interest as well.
+        # The last path is also sent if the drive fails.
         send_path()
     if result.outcome != "reached":
         no_path = result.outcome == "no_path"
@@ -113,7 +113,7 @@ def drive_to_goal(
 
 
 def explore(request: Explore, colours: Colours, client: RobotClient, send: Send) -> str:
-    """Explore, and send path and map meanwhile.
+    """Explore, and send the path and the map while the robot drives.
 
     Args:
         request: The strategy.
@@ -122,10 +122,10 @@ def explore(request: Explore, colours: Colours, client: RobotClient, send: Send)
         send: Called with messages.
 
     Returns:
-        How it went, in words.
+        The time and the length of the path, as a text.
 
     Raises:
-        RadarsimError: If the area is not explored.
+        RadarsimError: If the exploration ends before the area is explored.
     """
     plan = ExplorationPlan(strategy=request.strategy, pose=HERE)
     exploration = Exploration(plan, generator_for(0, request.robot))
@@ -151,14 +151,14 @@ def explore(request: Explore, colours: Colours, client: RobotClient, send: Send)
 
 
 def describe_path(robot: str, path: Floats) -> dict[str, Any]:
-    """Return the message ``path``; of a long one, points that are evenly spread.
+    """Return the message ``path``; a long path is thinned to evenly spread points.
 
     Args:
         robot: Name of the robot.
-        path: (N, 2) or more columns; x and y in m, map frame.
+        path: Points, (N, 2) or more columns; x and y in m, map frame.
     """
     step = max(1, math.ceil(len(path) / MOST_POINTS))
-    # The last point is where the robot is now, whatever the step leaves out.
+    # The last point is always kept, as it is the position of the robot.
     last = path[-1:] if len(path) and (len(path) - 1) % step else path[:0]
     points = np.concatenate([path[::step], last])[:, :2]
     return {
@@ -173,15 +173,15 @@ def describe_path(robot: str, path: Floats) -> dict[str, Any]:
 
 
 def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str, Any]:
-    """Return the message ``map``: a picture of the sensed part, and its place.
+    """Return the message ``map``: a PNG of the sensed part of a map, and its position.
 
     The first row of the picture is the northernmost; ``origin`` is the south-western
-    corner, m, map frame. ``legend`` has each colour in it with what it means.
+    corner, m, map frame. ``legend`` has the meaning of each colour in the picture.
 
     Args:
-        robot: Name of the robot that it is a map of.
-        grid: The map, which has taken in a scan.
-        colours: Those of UsarCommander, or those of the materials.
+        robot: Name of the robot that made the map.
+        grid: The map, which contains at least one scan.
+        colours: Either the colours of UsarCommander, or the colours of the materials.
     """
     rows, columns = sensed_window(grid)
     x, y = grid.frame.origin
@@ -193,7 +193,7 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
         pixels = SHADES[grid.classes()[rows, columns]]
         legend = [[*each] for each in CELLS.values()]
     data = io.BytesIO()
-    # Rows of pictures go down, those of maps north.
+    # The first row of a picture is its top, the first row of a map its south.
     Image.fromarray(np.flip(pixels, axis=0)).save(data, "png")
     height, width = pixels.shape[:2]
     return {
@@ -215,7 +215,7 @@ def _is_in(colour: str, pixels: NDArray[np.uint8]) -> bool:
 
 
 class MapMaker:
-    """Makes a map of what one scanner of a robot senses, whoever drives it.
+    """Makes a map from the scans of one scanner of any robot.
 
     Attributes:
         colours: Colours of the pictures.
@@ -224,16 +224,16 @@ class MapMaker:
     def __init__(
         self, robot: RobotView, request: Map, send: Send, *, has_echoes: bool
     ) -> None:
-        """Start.
+        """Start to map in a thread.
 
         Args:
-            robot: The robot, whose reports it takes until it is stopped.
+            robot: The robot, whose reports are mapped until ``stop``.
             request: The scanner to map with, and the colours.
-            send: Called with messages, in the maker's thread.
+            send: Called with messages, in the thread.
             has_echoes: Whether the server sends the echoes of the scanner.
 
         Raises:
-            BadRequest: If it has no such scanner, or it has not scanned yet.
+            BadRequest: If the robot has no such scanner, or has not scanned yet.
         """
         self.colours = request.colours
         self._robot = robot
@@ -244,13 +244,13 @@ class MapMaker:
             robot_radius=min(robot.size) / 2,
             clock=time.monotonic,
         )
-        # None ends it. Reports may come faster than a thread maps them.
+        # None ends the thread. Reports may arrive faster than it maps them.
         self._reports: queue.Queue[Report | None] = queue.Queue()
         robot.listeners.append(self._take)
         threading.Thread(target=self._run, daemon=True).start()
 
     def stop(self) -> None:
-        """End the map."""
+        """Stop mapping."""
         if self._take in self._robot.listeners:
             self._robot.listeners.remove(self._take)
         self._reports.put(None)
@@ -273,7 +273,7 @@ class MapMaker:
 
 
 def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
-    """Return the scanner of a name; without one the first radar, or else the first."""
+    """Return the scanner of a name, or else the first radar, or the first scanner."""
     seen = [each.scan for each in robot.scans.values()]
     if name is not None:
         seen = [scan for scan in seen if same_name(scan.name, name)]

@@ -1,6 +1,6 @@
 """``radarsim commander``: see, drive and explain robots in a browser.
 
-``serve --web`` runs it in a second process, which ends with the server.
+``radarsim serve --web`` runs the same command in a child process of the server.
 """
 
 from __future__ import annotations
@@ -43,9 +43,10 @@ if TYPE_CHECKING:
     from radarsim.server.tcp_server import Pace
     from radarsim.simulation.config import SimulationConfig
 
-END_TIMEOUT: Final = 5.0  # s that it has to end by itself
-ANY_ADDRESS: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to reach them
-# The modules are found where this process has found them.
+END_TIMEOUT: Final = 5.0  # s; the process is killed if it takes longer to end
+# Loopback addresses for servers that listen on all addresses.
+ANY_ADDRESS: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}
+# The child process gets the module search path of this process.
 PROGRAM: Final = (
     "import sys; end = sys.argv.index('commander');"
     "sys.path[:] = sys.argv[1:end]; sys.argv[1:end] = [];"
@@ -89,7 +90,7 @@ class ShownServer(ServerOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageOptions:
-    """The page.
+    """Options of the web page.
 
     Attributes:
         web: Port of the web page; 0 takes a free one.
@@ -104,7 +105,7 @@ class PageOptions:
     record_to: Annotated[Path, Option(metavar="DIR", is_rare=True)] = Path()
 
     def words(self) -> list[str]:
-        """Return them as words of a command line."""
+        """Return the options as arguments of a command line."""
         words = ["--web", str(self.web), "--web-host", self.web_host]
         return [*words, "--record-to", str(self.record_to)]
 
@@ -153,7 +154,7 @@ def commander(
         config, drawn = conditions_of(server.recording, drawn)
     shown = _read_address() if child else server.connect or server.recording
     assert shown is not None  # one of them is required
-    if not child:  # else the parent reports errors in them, and ends
+    if not child:  # a parent reports errors in the settings itself
         check_item_settings(config)
     if page.web_host not in LOOPBACK:
         print_message(
@@ -183,9 +184,9 @@ def commander(
 
 
 def _read_address() -> tuple[str, int]:
-    """Return where the server listens; its process writes that when it does."""
+    """Read host and port from stdin; the parent writes them when it listens."""
     host, _, port = sys.stdin.readline().strip().rpartition(" ")
-    if not host:  # it has ended instead, and said why
+    if not host:  # the parent has ended, and printed the reason
         raise click.exceptions.Exit(1)
     return host, int(port)
 
@@ -193,14 +194,14 @@ def _read_address() -> tuple[str, int]:
 def conditions_of(
     folder: Path, drawn: str | None
 ) -> tuple[SimulationConfig, str | None]:
-    """Return how the server of a recording was started, and which map to draw.
+    """Return the configuration of a recorded server, and the map to draw.
 
     Args:
         folder: Folder of the recording.
-        drawn: The map that the user wants; None for the recorded one, if that is there.
+        drawn: Map that the user wants; None for the recorded map, if it is unchanged.
 
     Raises:
-        RecordingError: If there is none.
+        RecordingError: If there is no recording in the folder.
     """
     from radarsim.addons.recording.bag_folder import check_map, open_bag
 
@@ -216,9 +217,9 @@ def conditions_of(
 
 
 def announce_commander(address: tuple[str, int], token: str) -> None:
-    """Print the address for a browser on one line."""
+    """Print the address of the page with its token, on one line."""
     set_exit_code_of_sigterm(0)
-    fragment = urlencode({"token": token})  # those of base64 have a plus, a blank else
+    fragment = urlencode({"token": token})  # a plus in base64 would be read as a blank
     print_now(f"radarsim: commander on http://{join_address(*address)}/#{fragment}")
 
 
@@ -243,10 +244,10 @@ class WebOptions:
 
 
 class CommanderExtension(ServeExtension):
-    """A commander of the server that it shows, in a second process."""
+    """Runs a commander in a child process of the server."""
 
     def __init__(self, page: PageOptions, served: ServedMap) -> None:
-        """Plan a commander."""
+        """Prepare the command line; ``open`` starts the process."""
         self.ports = {OPTION: page.web}
         self.address = page.web_host
         self._words = [served.map, *page.words(), *served.options.words()]
@@ -256,19 +257,19 @@ class CommanderExtension(ServeExtension):
         self._is_stopping = False
 
     def open(self) -> None:
-        """Start it: it can import what it needs while the map is read.
+        """Start the process, which imports its modules while the map is loaded.
 
         Raises:
-            ServerError: If it cannot be started.
+            ServerError: If the process cannot be started.
         """
         command = [sys.executable, "-c", PROGRAM, *sys.path]
         try:
             self._process = subprocess.Popen(
                 [*command, "commander", "--child", *self._words],
-                stdin=subprocess.PIPE,  # closed when this process ends, however it ends
+                stdin=subprocess.PIPE,  # it closes whenever this process ends
                 stdout=subprocess.PIPE,
                 text=True,
-                start_new_session=True,  # Ctrl-C in a terminal is not for it
+                start_new_session=True,  # so that Ctrl-C does not interrupt it
             )
         except OSError as error:
             text = f"cannot start the commander: {describe_os_error(error)}"
@@ -276,20 +277,20 @@ class CommanderExtension(ServeExtension):
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
 
     def follow_pace(self, pace: Pace) -> None:
-        """Let browsers change the pace, and send them changes."""
+        """Let browsers change the speed of the simulation, and send them changes."""
         self._pace = pace
         pace.observers.append(self._send_pace)
 
     async def start(self, address: str) -> None:  # noqa: ARG002
-        """Note in which event loop the server runs."""
+        """Store the event loop of the server."""
         self._loop = asyncio.get_running_loop()
 
     async def stop(self) -> None:
-        """End it before the server, which it would look for."""
+        """End the process before the server, so that it does not try to reconnect."""
         await asyncio.to_thread(self.close)
 
     def announce(self, address: tuple[str, int]) -> None:
-        """Send it the address of the server."""
+        """Send the address of the server to the process."""
         host, port = address
         self._send(f"{ANY_ADDRESS.get(host, host)} {port}")
         self._send_pace()
@@ -301,22 +302,22 @@ class CommanderExtension(ServeExtension):
 
     def _send(self, line: str) -> None:
         if self._process is not None and self._process.stdin is not None:
-            with suppress(OSError, ValueError):  # it has ended, and said why
+            with suppress(OSError, ValueError):  # it has ended, and printed why
                 self._process.stdin.write(f"{line}\n")
                 self._process.stdin.flush()
 
     def _change_pace(self, request: str) -> None:
-        """Do what a browser asks for, in the event loop of the server."""
-        assert self._pace is not None  # the server is there before its page
+        """Change the speed, as a browser asks; call it in the server's event loop."""
+        assert self._pace is not None  # the server starts before its page
         self._pace.change(**json.loads(request))
 
     def close(self) -> None:
-        """End it."""
+        """End the process; kill it after a timeout."""
         process, self._is_stopping = self._process, True
         if process is None or process.stdin is None:
             return
         with suppress(OSError):
-            # It ends in order when its input ends.
+            # The process ends when its stdin is closed.
             process.stdin.close()
         try:
             process.wait(END_TIMEOUT)
@@ -325,14 +326,14 @@ class CommanderExtension(ServeExtension):
             process.wait()
 
     def _watch(self, process: subprocess.Popen[str]) -> None:
-        """Pass on its output and its requests, and print when it ends by itself.
+        """Forward the output and the requests of the process, and report its end.
 
-        Robots are served on without it.
+        The server continues without it.
         """
         assert process.stdout is not None
         for line in process.stdout:
             if not line.startswith("{"):
-                with suppress(OSError):  # who has read stdout is gone
+                with suppress(OSError):  # the reader of stdout is gone
                     print_now(line.rstrip("\n"))
             elif self._loop is not None:
                 with suppress(RuntimeError):  # the server has ended

@@ -1,6 +1,6 @@
-"""The commander: executes the requests of browsers, and sends them the state.
+"""The commander executes the requests of browsers, and sends them the state.
 
-Everything runs in one event loop, and long work, such as spawning, in tasks.
+It runs in one event loop; long operations, such as spawning, are asyncio tasks.
 """
 
 import asyncio
@@ -32,11 +32,11 @@ from radarsim.simulation.config import SimulationConfig
 if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
 
-LINGER: Final = 2.0  # s that lines still come when nobody looks, as during a reload
+LINGER: Final = 2.0  # s of watching after the last page is hidden, such as by a reload
 
 
 class Commander:
-    """Robots, browsers, and the server between them."""
+    """Connects browsers with the robots of a server or of a recording."""
 
     def __init__(
         self,
@@ -46,13 +46,13 @@ class Commander:
         *,
         map_: str | None = None,
     ) -> None:
-        """Create a commander that is not connected; to be called in the event loop.
+        """Create a commander that is not connected; call it in the event loop.
 
         Args:
-            link: To the server, or to the recording that is played.
+            link: Link to the server, or to the recording that is played.
             config: How the server was started, as far as it is known.
-            record_to: Folder in which each recording gets one of its own.
-            map_: The map that is shown, if one is known.
+            record_to: Folder in which each recording creates a subfolder.
+            map_: Name or path of the map that is shown; None if it is not known.
         """
         self._config = config
         self._is_lost = True
@@ -88,7 +88,7 @@ class Commander:
         }
 
     async def run(self) -> None:
-        """Stay connected for ever; the commander's robots are removed at the end."""
+        """Stay connected until cancelled, then remove the commander's robots."""
         try:
             await self._link.run()
         finally:
@@ -96,7 +96,7 @@ class Commander:
             await asyncio.gather(self._robots.close(), self._recording.close())
 
     def show_scene(self, scene: "SceneMessages") -> None:
-        """Show the map that the server serves."""
+        """Send the map of the server to all browsers."""
         self._activities.scene = scene
         for viewer in self._viewers:
             self._greet(viewer)
@@ -114,36 +114,36 @@ class Commander:
         self._send_server(viewer)
         for text in self._activities.newest.values():
             viewer.send(text)
-        # Also the first one is acknowledged, upon which others follow.
+        # The browser acknowledges this frame and is sent the next ones then.
         self._viewers.send_frame(viewer)
         return viewer
 
     def leave(self, viewer: Viewer) -> None:
-        """Remove a browser, and stop what it drives."""
+        """Remove a browser, and stop the robots that it drives."""
         self._viewers.remove(viewer)
         self._watch()
-        # Nobody is left who would say that it drives on.
+        # No browser repeats the drive command any more.
         for robot in self._robots.own.values():
             if robot.driver == viewer.name:
                 robot.release()
 
     def act(self, viewer: Viewer, request: Request) -> None:
-        """Do what a browser asks for.
+        """Execute a request of a browser.
 
         Raises:
-            RadarsimError: If that is not possible; the message is for the browser.
+            RadarsimError: If that is not possible; the browser is sent its message.
         """
         if request.op not in self._handlers:
             raise BadRequest(f"{request.op} is not possible here")
         self._handlers[request.op](viewer, request)
 
-    # What browsers ask for
+    # Handlers of requests
 
     def _drive(self, viewer: Viewer, request: Drive) -> None:
         robot = self._robots.find_own(request.robot)
         if robot.driver not in (None, viewer.name):
             raise BadRequest(f"{robot.driver} drives {robot.name!r}")
-        if request.v or request.w:  # who drives takes over
+        if request.v or request.w:  # driving ends the robot's task
             self._activities.stop(robot.name)
         robot.drive(viewer.name, request.v, request.w)
 
@@ -166,7 +166,7 @@ class Commander:
 
     def _set(self, _: Viewer, request: Setting) -> None:
         robot = self._robots.find_own(request.robot)
-        # Only radarsim can be watched, and only radarsim has settings.
+        # Only radarsim servers can be watched, and only they have settings.
         if not self._link.state.watches:
             raise BadRequest("this server changes no settings")
         scanner, value = self._robots.find(robot.name).change_setting(request)
@@ -181,7 +181,7 @@ class Commander:
     # Messages to browsers
 
     def _greet(self, viewer: Viewer) -> None:
-        """Send the state of the server, and the choices of the program."""
+        """Send the state of the server, and the lists of classes and settings."""
         state, scene = self._link.state, self._activities.scene
         greeting = {
             "op": "hello",
@@ -211,15 +211,15 @@ class Commander:
 
     def _show_reports(self, reports: Sequence[Report]) -> None:
         self._robots.watch(reports)
-        if self._link.address is None:  # its time is shown, also without any report
+        if self._link.address is None:  # the time of a recording moves without reports
             self._viewers.update()
 
     def _robots_changed(self) -> None:
-        self._watch()  # echoes of robots that were selected before they came
+        self._watch()  # a selected robot may only have joined now
         self._viewers.update()
 
     def _watch(self) -> None:
-        """Ask the server for the robots and echoes that are needed now."""
+        """Ask the server for the robots and echoes that pages and maps need now."""
         looking = [viewer for viewer in self._viewers if viewer.is_looking]
         mapped = self._activities.mapped
         if looking or mapped:
@@ -243,12 +243,12 @@ class Commander:
         for viewer in self._viewers:
             self._greet(viewer)
             self._send_server(viewer)
-        # After the greetings, so that a page has them when it is shown again.
+        # It follows the greetings, as the page is shown again when it arrives.
         if was_lost:
             self._viewers.broadcast({"op": "found"}, "server")
 
     def _send_server(self, viewer: Viewer) -> None:
-        """Send a browser why the server is lost or shows no robots of others."""
+        """Send a browser the reason if the server is lost, or refuses to be watched."""
         state = self._link.state
         if state.problem:
             viewer.send({"op": "lost", "text": state.problem}, "server")

@@ -1,11 +1,12 @@
-"""A robot that the commander spawned, on a connection of its own.
+"""A robot that the commander spawned, and its connection to the server.
 
-Whoever drives it says so again and again. When nothing is heard for a while, as when a
-browser is closed, a key is stuck in a hidden tab or the network is down, it stops.
+A browser that drives the robot repeats its command. The robot stops if no command
+arrives for ``DEAD_MAN`` seconds, such as when the browser is closed, a key is stuck in
+a hidden tab or the network is down.
 
-Navigators and explorers are written for a blocking ``Client``, and run in threads.
-``RobotClient`` is one: it is handed the reports of a robot that is there already, and
-passes commands to its connection.
+Navigators and explorers expect a blocking ``Client``, and run in threads.
+``RobotClient`` is such a client for a robot that is spawned already: it receives the
+robot's reports, and passes commands to the robot's connection.
 """
 
 import asyncio
@@ -23,18 +24,18 @@ from radarsim.errors import ClientError
 from radarsim.listening import first_of
 from radarsim.protocol.reports import Report
 
-DEAD_MAN: Final = 0.4  # s after the last command to drive
-SENSORS: Final = ("SEN ",)  # how lines of sensors begin
-MOST_WAITING: Final = 1000  # times that reports arrive; beyond it the oldest are lost
+DEAD_MAN: Final = 0.4  # s after the last drive command, when the robot stops
+SENSORS: Final = ("SEN ",)  # start of sensor lines
+MOST_WAITING: Final = 1000  # batches of reports; beyond it the oldest are dropped
 
 
 class OwnRobot:
     """One robot and its connection.
 
     Attributes:
-        name: Name that was asked for.
+        name: Name under which it was spawned.
         info: Dimensions, limits and scanners.
-        refusal: Why it can do nothing by itself; None if it can.
+        refusal: Why it cannot drive to a goal or explore; None if it can.
         driver: Name of the viewer that drives it; None for none.
     """
 
@@ -46,15 +47,15 @@ class OwnRobot:
         on_driver: Callable[["OwnRobot"], None],
         on_reports: Callable[["OwnRobot", Sequence[Report]], None],
     ) -> None:
-        """Take a connection whose robot is spawned.
+        """Take over a connection whose robot is spawned.
 
         Args:
-            client: The connection, which the robot closes.
+            client: The connection; ``close`` closes it.
             name: Name of the robot.
-            info: Its properties.
-            on_driver: Called when another viewer drives it than before, or none.
-            on_reports: Called with the reports that arrive, at once; those of sensors
-                may be left out, see ``leave_sensors``.
+            info: Properties of the robot.
+            on_driver: Called when ``driver`` has changed.
+            on_reports: Called with reports as soon as they arrive. It gets no sensor
+                reports after ``leave_sensors(True)``.
         """
         self.name = name
         self.info = info
@@ -74,19 +75,20 @@ class OwnRobot:
         """Pass on reports, and send commands, until the connection ends.
 
         Raises:
-            ClientError: If the server ends it, or reads no more.
+            ClientError: If the server closes the connection, or stops reading.
         """
-        # Who sends notices a server that reads no more, who reads one that is gone.
+        # Sending fails if the server stops reading, reading fails if it is gone.
         await first_of(self._read(), self._send())
 
     def leave_sensors(self, on: bool) -> None:
-        """Read no sensors, since all robots are watched, while it is read by nobody."""
-        # To read each line twice would take most of the time of the commander.
+        """Ignore sensor lines while no task reads them, if ``on``; else read all."""
+        # While all robots are watched, each line arrives twice; parsing both copies
+        # would take most of the commander's time.
         self._are_sensors_left = on
         self._choose_lines()
 
     def read_by(self, take: Callable[[Sequence[Report]], None] | None) -> None:
-        """Pass all reports to a function, also those of sensors; None to end that."""
+        """Pass all reports, including sensor reports, to a function; None ends it."""
         self._reader = take
         self._choose_lines()
 
@@ -95,7 +97,7 @@ class OwnRobot:
         self._client.session.ignored = SENSORS if leaves else ()
 
     async def close(self) -> None:
-        """Stop the robot and close the connection, upon which the server removes it."""
+        """Stop the robot and close the connection; the server removes the robot."""
         self._cancel_dead_man()
         self.set_wheels(0.0, 0.0)
         await self._client.close()
@@ -112,7 +114,7 @@ class OwnRobot:
             self.release()
             return
         self._cancel_dead_man()
-        # The page repeats what it asks for; without a word the robot stops.
+        # The page repeats its command; if the repetitions end, the robot stops.
         self._dead_man = self._loop.call_later(DEAD_MAN, self.release)
         top = self.info.max_wheel_speed
         turn = 2 * top / self.info.wheel_separation
@@ -120,26 +122,26 @@ class OwnRobot:
         self._set_driver(driver)
 
     def release(self) -> None:
-        """End driving, and stop."""
+        """Stop the robot; no viewer drives it any more."""
         self._cancel_dead_man()
         self.set_wheels(0.0, 0.0)
         self._set_driver(None)
 
     def set_wheels(self, left: float, right: float) -> None:
-        """Set wheel speeds in the server's unit; sent if they differ, or are 0."""
-        # A stop is sent whatever is believed to be set: a robot must not drive on.
+        """Set wheel speeds in the server's unit; send them if they change, or are 0."""
+        # For safety, a stop is sent even if the speeds are 0 already.
         if (left, right) != self._wheels or not (left or right):
             self._wheels = (left, right)
             self._post("wheels", lambda: self._client.drive(left, right))
 
     def change_setting(self, scanner: str, key: str, value: object) -> None:
         """Change a setting of a scanner from its next scan on."""
-        # Without waiting: what the server has against it comes with the reports.
+        # It does not wait for an answer: a refusal arrives with the reports.
         data = questions.change_settings(scanner, {key: value})
         self._post((scanner, key), lambda: self._client.send(data))
 
     def switch_echoes(self, scanner: str, on: bool) -> None:
-        """Ask for the echoes of a scanner on this connection, or no more."""
+        """Switch the echo lines of a scanner on this connection on or off."""
         self._post((scanner, ""), lambda: self._client.echoes(scanner, on))
 
     def _cancel_dead_man(self) -> None:
@@ -153,8 +155,8 @@ class OwnRobot:
             self._on_driver(self)
 
     def _post(self, subject: object, send: Callable[[], Awaitable[None]]) -> None:
-        """Send a command soon; one of the same subject that still waits is dropped."""
-        # A server that is slow to read gets the newest command, and nothing old.
+        """Queue a command; it replaces one of the same subject that still waits."""
+        # A server that reads slowly gets the newest command, and no outdated ones.
         self._outbox.pop(subject, None)
         self._outbox[subject] = send
         self._wake.set()
@@ -178,7 +180,7 @@ def find_refusal(robot: RobotInfo) -> str | None:
     """Return why a robot cannot drive to a goal or explore; None if it can.
 
     Args:
-        robot: Its properties; it steers by its first scanner.
+        robot: Properties of the robot, which navigates by its first scanner.
     """
     try:
         scanner = robot.scanner()
@@ -191,15 +193,15 @@ def find_refusal(robot: RobotInfo) -> str | None:
 
 
 class TaskClock:
-    """The clock of what robots do by themselves.
+    """The clock of tasks, in simulated time.
 
-    It follows simulated time, so that nothing that waits for a scan gives up while the
-    simulation is paused. Threads may read it at any time.
+    It stops while the simulation is paused, so that waiting for a scan does not time
+    out then. It is safe to read it from any thread.
     """
 
     def __init__(self) -> None:
-        """Begin at 0 s."""
-        self._since = (time.monotonic(), 0.0, 1.0)  # s of the wall, own time, and rate
+        """Start at 0 s, at the rate of the wall clock."""
+        self._since = (time.monotonic(), 0.0, 1.0)  # wall clock s, own time s, rate
 
     def time(self) -> float:
         """Return the time, s."""
@@ -207,33 +209,33 @@ class TaskClock:
         return began + rate * (time.monotonic() - wall)
 
     def set_rate(self, rate: float) -> None:
-        """Change how many seconds pass in one of the wall clock."""
+        """Set the number of seconds that pass in one second of the wall clock."""
         self._since = (time.monotonic(), self.time(), rate)
 
 
 class RobotClient(Client):
-    """A client for the thread of a task, whose robot is spawned; it can be cancelled.
+    """A blocking client for the thread of a task, which can be cancelled.
 
-    Only the methods that algorithms use exist.
+    It has only the methods of ``Client`` that algorithms use.
 
     Attributes:
-        robot: The robot.
-        kind: Of the task: ``goto`` or ``explore``.
-        number: Of the task.
+        robot: The robot, which is spawned already.
+        kind: Kind of the task: ``goto`` or ``explore``.
+        number: Number of the task.
     """
 
     def __init__(
         self, robot: OwnRobot, kind: str, number: int, clock: TaskClock
     ) -> None:
-        """Listen to a robot; to be called in the event loop.
+        """Receive the reports of a robot from now on; call it in the event loop.
 
         Args:
             robot: The robot.
-            kind: As above.
-            number: As above.
-            clock: By which it waits.
+            kind: Kind of the task.
+            number: Number of the task.
+            clock: Clock for timeouts.
         """
-        # Of a connection, only its clock is used.
+        # ``Client`` uses only the clock of its connection here.
         super().__init__(clock)  # type: ignore[arg-type]
         self.robot, self.kind, self.number = robot, kind, number
         self._loop = asyncio.get_running_loop()
@@ -242,13 +244,13 @@ class RobotClient(Client):
         robot.read_by(self._take)
 
     def cancel(self) -> None:
-        """Let every call raise, also one that waits; in the event loop."""
+        """Make every call raise, even one that waits; call it in the event loop."""
         self._is_cancelled = True
         self._reports.put(())  # wakes up the thread
         self.robot.read_by(None)
 
     def spawn(self, *_: object, **__: object) -> None:
-        """Take the robot that is there, where it is."""
+        """Do nothing: the robot is spawned already."""
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:  # noqa: ARG002
         """Return the properties of the robot."""
@@ -264,8 +266,8 @@ class RobotClient(Client):
         self._call(self._set_wheels, left, right)
 
     def stop(self) -> bool:
-        """See ``Client.stop``; who has cancelled it has stopped the robot as well."""
-        # Without a check: an algorithm that is cancelled calls it on its way out.
+        """See ``Client.stop``; a cancelled client does nothing."""
+        # It does not raise: a cancelled algorithm calls it while it ends.
         self._call(self._set_wheels, 0.0, 0.0)
         return True
 
@@ -283,14 +285,14 @@ class RobotClient(Client):
 
     def _take(self, reports: Sequence[Report]) -> None:
         if self._reports.qsize() >= MOST_WAITING:
-            # Who is behind steers by the newest reports, and can do without old ones.
+            # A slow algorithm needs only the newest reports, so the oldest are dropped.
             self._reports.get()
         self._reports.put(reports)
 
     def _set_wheels(self, left: float, right: float) -> None:
-        """Set speeds in the event loop, unless it was cancelled meanwhile."""
+        """Set wheel speeds, unless the task is cancelled; runs in the event loop."""
         if not self._is_cancelled:
-            # It is checked here as well: the call has waited while a viewer took over.
+            # A viewer may have taken over while this call waited in the event loop.
             self.robot.set_wheels(left, right)
 
     def _check(self) -> None:
@@ -301,6 +303,6 @@ class RobotClient(Client):
         self._loop.call_soon_threadsafe(function, *arguments)
 
 
-Send: TypeAlias = Callable[[dict[str, Any]], None]  # browsers, with a message
-# What a robot does by itself: returns how it went, in words, or raises why it did not.
+Send: TypeAlias = Callable[[dict[str, Any]], None]  # sends a message to all browsers
+# The function of a task returns its result as a text, and raises an error if it fails.
 Work: TypeAlias = Callable[[RobotClient, Send], str]

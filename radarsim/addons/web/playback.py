@@ -1,9 +1,9 @@
 """Plays a recording to the commander, in place of a server.
 
-A bag has an index of its chunks, so that any second of it is read without the others.
-Robots are reported as by a watched server: that they join and leave, and the lines that
-their clients were sent. After a jump back all robots leave, and those of that time join
-again, with the lines of the second before.
+A bag has an index of its chunks, so that any second is read without the rest. Reports
+are those of a watched server: robots that join and leave, and the lines that were sent
+to their clients. After a jump back in time, all robots are reported to leave. The
+robots of the new time then join, with the lines of the last second before it.
 """
 
 import asyncio
@@ -43,11 +43,11 @@ from radarsim.simulation.clock import seconds
 
 SECOND: Final = 1_000_000_000  # ns
 INTERVAL: Final = 0.05  # s between two checks for lines that are due
-BEFORE: Final = 1.0  # s of lines that show the state at a time
-FIRST_LOOK: Final = 0.2  # s after the first robot, when it has scanned
+BEFORE: Final = 1.0  # s of lines before a time that restore the state at that time
+FIRST_LOOK: Final = 0.2  # s after the first spawn, when the robot has scanned
 
 
-# A line that the client of a robot was sent, and when, s.
+# The time, s, at which a line was sent to the client of a robot, and the line.
 TimedLine: TypeAlias = tuple[float, WatchedLine]
 
 
@@ -57,9 +57,9 @@ class RecordedRobot(NamedTuple):
     Attributes:
         client: Number of its client.
         name: Name that no other robot of the recording has.
-        class_name: Its class, as its client spelled it; empty if that was not recorded.
-        joined: When it was spawned, s.
-        left: When its client left, or spawned another one, s.
+        class_name: Class, as its client spelled it; empty if it was not recorded.
+        joined: Time at which it was spawned, s.
+        left: Time at which its client left, or spawned another robot, s.
     """
 
     client: int
@@ -70,24 +70,24 @@ class RecordedRobot(NamedTuple):
 
 
 class RecordedLines:
-    """A recording that is open.
+    """The robots of an open recording, and the lines sent to their clients.
 
     Attributes:
         info: The conditions of the run.
-        start: Time of its beginning, s of the simulation.
-        end: Time of its end, s.
+        start: Start of the recording, s of simulated time.
+        end: End of the recording, s of simulated time.
         robots: The robots, in the order in which they were spawned.
     """
 
     def __init__(self, file: IO[bytes], info: RecordingInfo) -> None:
-        """Read which robots there are.
+        """Read the index, and find the robots.
 
         Args:
             file: The file of the bag.
             info: The conditions of the run.
 
         Raises:
-            RecordingError: If it has no index, or nothing in it.
+            RecordingError: If the file has no index, or nothing was sent to a client.
         """
         self.info = info
         self._path = Path(file.name)
@@ -109,12 +109,13 @@ class RecordedLines:
         self.start = seconds(first.tick)
 
     def read(self, second: int) -> list[TimedLine]:
-        """Return the lines from a second on up to the next one, in order.
+        """Return the lines of one second of simulated time, in order.
 
-        Each is under the name of its robot, and follows its time, s.
+        Args:
+            second: Start of the second, s.
 
         Raises:
-            RecordingError: If the file is damaged there.
+            RecordingError: If that part of the file is damaged.
         """
         lines: list[TimedLine] = []
         buffers: dict[int, LineBuffer] = {}
@@ -124,13 +125,13 @@ class RecordedLines:
                 continue
             buffer = buffers.setdefault(call.client, LineBuffer())
             for text in buffer.feed(call.data):
-                with suppress(MalformedMessage):  # the rest of one that was cut
+                with suppress(MalformedMessage):  # the rest of a line that was cut
                     line = WatchedLine(robot.name, text, decode_report(text))
                     lines.append((seconds(call.tick), line))
         return lines
 
     def _robot_of(self, call: RunEvent) -> RecordedRobot | None:
-        """Return the robot that a client has when it is sent something."""
+        """Return the robot of the client of a call, at the time of the call."""
         time = seconds(call.tick)
         for robot in reversed(self.robots):
             if robot.client == call.client and robot.joined <= time <= robot.left:
@@ -140,7 +141,7 @@ class RecordedLines:
     def _calls(
         self, topic: str, start: int | None, end: int | None
     ) -> Iterator[RunEvent]:
-        """Yield the calls of a topic from a time on up to another one, ns."""
+        """Yield the calls of a topic from ``start`` up to ``end``, ns."""
         found = self._reader.iter_messages(
             [topic], starting_at=start, ending_before=end
         )
@@ -156,9 +157,9 @@ class RecordedLines:
 
 
 def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
-    """Find robots by the commands that spawned them."""
+    """Find robots by the commands that spawned them; the run ends at ``end``, s."""
     robots: list[RecordedRobot] = []
-    current: dict[int, int] = {}  # place of a client's newest robot
+    current: dict[int, int] = {}  # index of a client's newest robot
     taken: set[str] = set()
 
     def leave(client: int, time: float) -> None:
@@ -180,7 +181,7 @@ def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
 
 
 def _unique(name: str, taken: set[str]) -> str:
-    """Return a name that no other robot has, and add it to the names."""
+    """Return a name that is not in ``taken``, and add it there."""
     wanted, count = name, 1
     while name.casefold() in taken:
         count += 1
@@ -190,24 +191,24 @@ def _unique(name: str, taken: set[str]) -> str:
 
 
 class Playback(Link):
-    """A link to a recording, whose time is controlled."""
+    """A link to a recording; browsers control its time."""
 
     refusal = ""
 
     def __init__(self, recording: RecordedLines) -> None:
-        """Stand where the first robot is there.
+        """Pause shortly after the first robot was spawned.
 
         Args:
             recording: The recording.
         """
-        level = recording.info.level or recording.info.map  # which older ones lack
+        level = recording.info.level or recording.info.map  # older ones lack the level
         super().__init__(None, ServerState(level, watches=True, problem=""))
         self._recording = recording
         self.is_paused = True
         joined = [robot.joined for robot in recording.robots]
         first = min(joined, default=recording.start) + FIRST_LOOK
         self._time = recording.start
-        self._wanted: float | None = min(first, recording.end)  # where to go
+        self._wanted: float | None = min(first, recording.end)  # time to jump to
         self._present: set[str] = set()
         self._seconds: dict[int, list[TimedLine]] = {}
         self._changed = asyncio.Event()
@@ -219,7 +220,7 @@ class Playback(Link):
 
     @property
     def _target(self) -> float:
-        """The time that is shown soon, s, if nobody asks for another one."""
+        """The time to jump to, s, or else the time that is shown."""
         return self._time if self._wanted is None else self._wanted
 
     def time_message(self) -> dict[str, Any]:
@@ -229,7 +230,7 @@ class Playback(Link):
         return {**super().time_message(), **times}
 
     def change_pace(self, request: Pace) -> None:
-        """See ``Link.change_pace``; at the end it begins again."""
+        """See ``Link.change_pace``; at its end, the recording starts again."""
         paused = self.is_paused if request.paused is None else request.paused
         if request.step is not None:
             paused = True
@@ -248,7 +249,7 @@ class Playback(Link):
         self.on_time()
 
     async def run(self) -> None:
-        """Play for ever; paused at the end."""
+        """Play until cancelled; pause at the end of the recording."""
         self.on_link()
         self.on_reports([Watching(RobotChoice(None))])
         clock = asyncio.get_running_loop().time
@@ -271,27 +272,27 @@ class Playback(Link):
                     self._set_pace(self.speed, True)
 
     def _go(self, time: float) -> None:
-        # Only the newest place counts, however many are asked for meanwhile.
+        # A newer request replaces one that has not been executed yet.
         self._wanted = time
         self._changed.set()
 
     async def _show(self, time: float) -> None:
-        """Report the lines up to a time, from the last one or a little before it on."""
+        """Report the lines up to a time: from the shown time on, or the last second."""
         since = self._time
         if time < since:
             self.on_reports([RobotLeft(name) for name in sorted(self._present)])
             self._present.clear()
         if not 0 <= time - since <= max(BEFORE, 2 * INTERVAL * self.speed):
-            since = time - BEFORE  # the lines between would not be seen
+            since = time - BEFORE  # nobody would see the lines before
         lines = await self._read(since, time)
-        if self._wanted is not None:  # meanwhile somebody went elsewhere
+        if self._wanted is not None:  # another time was requested meanwhile
             return
         self._time = time
         self._report_robots(time)
         self.on_reports([line for line in lines if line.robot in self._present])
 
     def _report_robots(self, time: float) -> None:
-        """Report the robots that have joined and left up to a time."""
+        """Report the robots that have joined and left since the last call."""
         robots = self._recording.robots
         there = {r.name: r for r in robots if r.joined <= time <= r.left}
         gone = sorted(self._present - there.keys())
@@ -301,16 +302,16 @@ class Playback(Link):
         self.on_reports([RobotJoined(each.name, each.class_name) for each in new])
 
     async def _read(self, since: float, time: float) -> list[WatchedLine]:
-        """Return the lines after a time up to another one."""
+        """Return the lines after ``since`` up to ``time``, s."""
         before, self._seconds = self._seconds, {}
         for second in range(int(max(since, 0.0)), int(time) + 1):
             try:
                 lines = before.get(second)
                 if lines is None:
                     lines = await asyncio.to_thread(self._recording.read, second)
-            except RecordingError as error:  # what comes after it may be whole
+            except RecordingError as error:  # the rest may be undamaged
                 self.on_damage(str(error))
                 lines = []
-            self._seconds[second] = lines  # the next look is at the same second
+            self._seconds[second] = lines  # the next call reads it again
         found = (line for lines in self._seconds.values() for line in lines)
         return [line for sent, line in found if since < sent <= time]

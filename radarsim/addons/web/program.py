@@ -1,8 +1,7 @@
-"""The program: serves the page and talks to browsers, until it has to end.
+"""Serves the page over HTTP, and exchanges messages with browsers over WebSockets.
 
-By HTTP it sends the files of the page; all else goes over the WebSocket of each
-browser, whose first message has to have the token. The number of messages that a
-browser may send in a second is limited.
+HTTP serves only the files of the page. The first message on a WebSocket has to contain
+the token, and the number of messages that a browser may send in a second is limited.
 """
 
 import asyncio
@@ -43,9 +42,9 @@ if TYPE_CHECKING:
 
 PAGE: Final = Path(__file__).parent / "page"
 HELLO_TIMEOUT: Final = 5.0  # s
-# Why a WebSocket was closed, in addition to the codes of the protocol.
+# Close codes of WebSockets, in addition to the codes of the protocol.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
-# Not left to the tables of the system, where scripts may be plain text.
+# The tables of some systems list scripts as plain text.
 mimetypes.add_type("text/css", ".css")
 mimetypes.add_type("text/javascript", ".js")
 mimetypes.add_type("image/svg+xml", ".svg")
@@ -62,25 +61,25 @@ async def serve_page(
     announce: Callable[[tuple[str, int]], None],
     is_child: bool = False,
 ) -> None:
-    """Serve the page until a future is done, or the parent process ends.
+    """Serve the page until the future ``end`` is done.
 
     Args:
         server: Host and port of the USARSim server, or the folder of a recording that
             is played instead.
-        page: Where browsers reach the page, and where it records.
+        page: Address and port of the page, and the folder for its recordings.
         config: How the server was started, as far as it is known.
-        token: What a browser has to know.
-        map_: Name or file of the map that it serves; None if it is not known.
-        end: Done when it is to end; its result is the exit code.
+        token: Token that a browser has to send.
+        map_: Name or path of the map that the server serves; None if it is not known.
+        end: Future that is done when serving has to end; its result is the exit code.
         announce: Called with address and port as soon as browsers can connect.
-        is_child: Whether the server runs in the parent process, with which the page
-            ends. The parent checks the map; else it is loaded before browsers can
-            connect.
+        is_child: Whether the server runs in the parent process, which checks the map.
+            The page ends with the parent. Without a parent, the map is loaded before
+            browsers can connect.
 
     Raises:
         MapError: If the map is wrong.
         RecordingError: If the recording cannot be read.
-        ServerError: If it cannot listen.
+        ServerError: If the address or the port of the page cannot be used.
     """
     with bind(page.web_host, page.web) as listening, ExitStack() as stack:
         address = listening.getsockname()[:2]
@@ -105,7 +104,7 @@ async def serve_page(
         app = create_app(commander, allowed, token)
         web = WebServer(app, lambda: announce(address), longest_message=LONGEST_MESSAGE)
         loading = asyncio.ensure_future(in_daemon_thread(_load_scene, map_))
-        # A child lets browsers in meanwhile: its parent has found the map right.
+        # A child accepts browsers while the map loads: its parent has checked the map.
         if not is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
@@ -117,20 +116,20 @@ async def serve_page(
             pending: set[asyncio.Future[Any]] = {end, working, serving}
             await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            # Browsers go first: what they drive stops while robots are still there.
+            # Browsers are disconnected first, so that the robots they drive stop.
             web.should_exit = True
             await asyncio.wait({serving})
             working.cancel()
             await asyncio.wait({working})
         for task in (working, serving):
             if not task.cancelled():
-                task.result()  # raises what ended it
+                task.result()  # raises the error that ended it
 
 
 async def _work(
     commander: Commander, loading: "asyncio.Future[SceneMessages | None]"
 ) -> None:
-    """Run a commander, and meanwhile load what takes long."""
+    """Run a commander, and load the map and slow imports in the background."""
     running = asyncio.ensure_future(commander.run())
     try:
         scene = await loading
@@ -156,9 +155,9 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
     """Create the web application.
 
     Args:
-        commander: What browsers see and ask.
-        allowed: Who may come in.
-        token: What a browser has to know.
+        commander: Executes the requests of browsers, and sends them the state.
+        allowed: Host names under which requests are accepted.
+        token: Token that a browser has to send.
     """
 
     async def talk(socket: WebSocket) -> None:
@@ -181,7 +180,7 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
 
 
 def palette_style() -> str:
-    """Return the colours of pictures as a style sheet, by light and by dark."""
+    """Return a style sheet with the colours for light and for dark mode."""
     light, dark = (
         "".join(f"--{name}:{both[scheme]};" for name, both in PAGE_COLOURS.items())
         for scheme in (0, 1)
@@ -192,9 +191,9 @@ def palette_style() -> str:
 
 
 async def _await_hello(socket: WebSocket, token: str) -> int | None:
-    """Return why the first message does not open the others; None if it does."""
+    """Return None if the first message has the token, else the close code."""
     try:
-        # Sockets that say nothing must not use up the connections of the server.
+        # Sockets that send nothing must not use up the connections of the server.
         async with asyncio.timeout(HELLO_TIMEOUT):
             hello = parse_request(await _receive(socket))
     except TimeoutError:
@@ -207,11 +206,11 @@ async def _await_hello(socket: WebSocket, token: str) -> int | None:
 
 
 async def _talk(socket: WebSocket, commander: Commander) -> None:
-    """Pass on messages of a browser and to it, until either side ends it."""
+    """Exchange messages with a browser until either side ends the connection."""
     viewer = commander.join()
 
     async def hear() -> int:
-        """Act upon messages until there are too many of them."""
+        """Execute requests until they arrive too fast; return the close code."""
         clock = asyncio.get_running_loop().time
         newest: deque[float] = deque(maxlen=MESSAGES_PER_SECOND)
         while len(newest) < MESSAGES_PER_SECOND or clock() - newest[0] >= 1.0:
@@ -224,7 +223,7 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
         return TOO_FAST
 
     async def send() -> int:
-        """Send what there is to send until the browser is too slow."""
+        """Send queued messages until the browser is too slow; return the close code."""
         with suppress(SlowViewer):
             async for data in viewer.outgoing():
                 if isinstance(data, str):

@@ -1,8 +1,7 @@
-"""Recordings of all robots of a server, which the page begins and ends, one at a time.
+"""Records all robots of a server when the page asks for it, one recording at a time.
 
-A recording has a connection of its own that watches the robots, and is none of those
-that show them: a recording does not depend on open pages. Another process writes
-the files.
+A recording watches the robots over a connection that it shares with no page, so it
+does not depend on open pages. A separate process writes the files.
 """
 
 import asyncio
@@ -21,10 +20,10 @@ from radarsim.simulation.config import SimulationConfig
 
 
 class RecordingSwitch:
-    """Records all robots into new folders, all below the same one.
+    """Starts and ends recordings, each in a new subfolder of the same folder.
 
     Attributes:
-        state: The message ``recording``, which a new browser has to know.
+        state: The message ``recording``, which each new browser is sent.
     """
 
     def __init__(
@@ -36,14 +35,14 @@ class RecordingSwitch:
         *,
         map_: str | None = None,
     ) -> None:
-        """Record nothing yet.
+        """Create a switch that is off.
 
         Args:
             server: Host and port of the server; None if a recording is played.
             config: How the server was started, as far as it is known.
-            folder: Folder in which each recording gets one of its own.
-            viewers: The browsers, which get the state.
-            map_: The map that is shown.
+            folder: Folder in which each recording creates a subfolder.
+            viewers: The browsers, which are sent the state.
+            map_: Name or path of the map that is shown; None if it is not known.
         """
         self._server = server
         self._config = config
@@ -54,11 +53,12 @@ class RecordingSwitch:
         self.state: dict[str, Any] = {"op": "recording", "on": False, "text": ""}
 
     def switch(self, on: bool) -> None:
-        """Begin to record, or end it; no change if that is the state already.
+        """Start a recording or end it; do nothing if it is in that state already.
 
         Raises:
-            BadRequest: If the recording before is still being completed.
-            RecordingError: If something is missing that recordings need.
+            BadRequest: If the last recording is still being completed, or a recording
+                is played.
+            RecordingError: If a package that recordings need is not installed.
         """
         if not on:
             if self.state["on"] and self._task is not None:
@@ -72,9 +72,9 @@ class RecordingSwitch:
             raise BadRequest("the recording before is not complete yet")
 
     async def close(self) -> None:
-        """End a recording, and wait until it is complete."""
+        """End the recording, if there is one, and wait until it is complete."""
         if self._task is not None:
-            # Cancelled twice, it would not wait for its files.
+            # A second cancellation would interrupt the wait for the files.
             if not self._task.cancelling():
                 self._task.cancel()
             await asyncio.wait({self._task})
@@ -87,7 +87,7 @@ class RecordingSwitch:
         except asyncio.CancelledError:
             self._send_state(False, f"Recorded in {folder}")
         except RadarsimError as error:
-            # What was recorded until a connection was lost is complete.
+            # A recording is complete up to the moment when a connection is lost.
             is_cut = isinstance(error, RecordingError)
             text = f"{folder} is not complete" if is_cut else f"Recorded in {folder}"
             self._send_state(False, text if self.state["on"] else "")
@@ -96,18 +96,19 @@ class RecordingSwitch:
             self._task = None
 
     async def _record_to(self, server: tuple[str, int], folder: Path) -> None:
-        """Record until the task is cancelled; the recording is complete then as well.
+        """Record until the task is cancelled, and complete the recording then.
 
         Args:
             server: Host and port of the server.
             folder: Folder to create.
 
         Raises:
-            ClientError: If the server is not there, does not let robots be watched, or
+            ClientError: If the server cannot be reached, refuses to be watched, or
                 closes the connection.
             RecordingError: If the recording cannot be written.
         """
-        # Before the server sends anything, as this takes seconds; it imports the other.
+        # The import takes seconds, so it comes before the server sends anything. It
+        # also imports ``recorders``.
         module = "radarsim.addons.recording.recording_process"
         await asyncio.to_thread(import_module, module)
         from radarsim.addons.recording.recorders import WatchRecorder  # noqa: PLC0415
@@ -116,9 +117,9 @@ class RecordingSwitch:
         )
 
         async with AsyncClient.connect(*server) as client:
-            client.session.reads_copies = False  # another process reads them
+            client.session.reads_copies = False  # the recording process does
             level = (await client.greeting()).level
-            # All robots with all echoes, whatever the pages look at.
+            # All echoes of all robots are recorded, whether pages show them or not.
             await client.watch(echoes=True)
             drawn = _lasting_name(self._map)
             info = RecordingInfo.of_config(self._config, level=level, drawn_map=drawn)
@@ -133,7 +134,7 @@ class RecordingSwitch:
                 recorder.end()
                 if not await asyncio.to_thread(process.close):
                     text = f"{folder} is not complete: is the disk full?"
-                    # also if it was cancelled, which would say that all is well
+                    # It replaces a CancelledError, which would report success.
                     raise RecordingError(f"{text} radarsim's terminal shows the reason")
 
     def _send_state(self, on: bool, text: str) -> None:
@@ -142,7 +143,7 @@ class RecordingSwitch:
 
 
 def _lasting_name(map_: str | None) -> str:
-    """Return the name of a map as it holds in other folders as well."""
+    """Return a map's name, or the absolute path of a map file."""
     if map_ is None or not Path(map_.partition("@")[0]).exists():
         return map_ or ""
     return str(Path(map_).resolve())

@@ -1,11 +1,11 @@
-"""What the page may ask for: one class for each kind of message, checked when parsed.
+"""The requests that the page may send: one class for each kind, checked when parsed.
 
-A message is a JSON object whose ``op`` names its kind. Keys that a kind does not have,
-and values of another type, are errors.
+A request is a JSON object whose ``op`` names its kind. Unknown keys and values of
+another type are errors.
 
-Many a message names something that the program has: a class, an algorithm, a setting.
-The page offers what ``make_offers`` lists, which comes from the program's own tables,
-so that none is old. Names are those of the program; labels are for people.
+Many requests name a robot class, an algorithm or a setting. The page offers the names
+that ``make_offers`` lists from the program's own tables, so the choices are always up
+to date. Each choice has a name for requests and a label for display.
 """
 
 import math
@@ -26,7 +26,7 @@ MESSAGES_PER_SECOND = 50
 
 Text: TypeAlias = Annotated[str, Field(max_length=200)]
 RobotName: TypeAlias = Annotated[str, Field(min_length=1, max_length=210)]
-# What a line of the wire can hold, also in a list of names.
+# Names that can be written on a line of the protocol, even in a list with commas.
 OwnName: TypeAlias = Annotated[
     str, Field(pattern=r"^[!-+\--z|~]([ -+\--z|~]{0,62}[!-+\--z|~])?$")
 ]
@@ -41,32 +41,32 @@ Value: TypeAlias = bool | Whole | Annotated[float, Field(allow_inf_nan=False)] |
 
 
 class BadRequest(RadarsimError):
-    """A message of a browser that cannot be understood."""
+    """Raised if a request of a browser is malformed, or cannot be executed."""
 
 
 class Request(BaseModel):
-    """A message of the page, whose ``op`` is the name of its class in small letters."""
+    """A request of the page; ``op`` is the name of its class in lower case."""
 
-    # Strict: 1 is no True, and "1" no number.
+    # Strict mode does not convert types: 1 is not True, and "1" is not a number.
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     op: str = ""
 
 
 class Hello(Request):
-    """The first message; it opens all others."""
+    """Send the token; it has to be the first message."""
 
     token: Text
 
 
 class Select(Request):
-    """Show the echoes of one robot; None for those of none."""
+    """Select the robot whose echoes are shown; None for none."""
 
     robot: RobotName | None
 
 
 class Look(Request):
-    """Send frames while the page is on a screen, and none while it is hidden."""
+    """Switch frames on while the page is visible, and off while it is hidden."""
 
     on: bool
 
@@ -74,7 +74,8 @@ class Look(Request):
 class Spawn(Request):
     """Spawn a robot at a start, or at a pose: x and y in m, yaw in rad, map frame.
 
-    Without a name the commander chooses one; without a place, the first free start.
+    Without a name, the commander chooses one. Without a start and a pose, the robot
+    takes the first free start.
     """
 
     class_name: Annotated[
@@ -92,9 +93,9 @@ class Remove(Request):
 
 
 class Drive(Request):
-    """Move a robot, as shares of its top speed ahead and its top turn to the left.
+    """Drive a robot ahead and turn it left, as shares of its top speed and turn rate.
 
-    It holds for ``own_robot.DEAD_MAN`` seconds.
+    The command holds for ``own_robot.DEAD_MAN`` seconds.
     """
 
     robot: RobotName
@@ -103,13 +104,13 @@ class Drive(Request):
 
 
 class Stop(Request):
-    """Stop a robot and its tasks; None for all robots of the commander."""
+    """Stop a robot and its task; None stops all robots of the commander."""
 
     robot: RobotName | None = None
 
 
 class Setting(Request):
-    """Change a setting of a scanner; None is unlimited, or the default."""
+    """Change a setting of a scanner; None means unlimited, or the default."""
 
     robot: RobotName
     scanner: RobotName
@@ -126,7 +127,7 @@ class Goto(Request):
     heading: Coordinate | None = None
 
     def __str__(self) -> str:
-        """Return the goal in words."""
+        """Return the goal as a text for people."""
         text = f"drive to {self.goal[0]:.2f}, {self.goal[1]:.2f}"
         if self.heading is not None:
             text += f", facing {math.degrees(self.heading):.0f}\N{DEGREE SIGN}"
@@ -134,14 +135,14 @@ class Goto(Request):
 
 
 class Explore(Request):
-    """Explore and map."""
+    """Explore the area with a robot, and map it."""
 
     robot: RobotName
     strategy: StrategyName
 
 
 class Map(Request):
-    """Make a map of what a robot senses, by default with its radar, and show it."""
+    """Start or end the map of a robot's scans, by default those of its radar."""
 
     robot: RobotName
     on: bool
@@ -156,13 +157,13 @@ class Cancel(Request):
 
 
 class Record(Request):
-    """Begin to record all robots of the server, or end it."""
+    """Start or end a recording of all robots of the server."""
 
     on: bool
 
 
 class Pace(Request):
-    """Pause, go on, pause after a step in s, or change the speed; None keeps a value.
+    """Pause or resume, pause after a step, s, or change the speed; None keeps a value.
 
     The speed is in simulated seconds per second.
     """
@@ -173,17 +174,17 @@ class Pace(Request):
 
 
 class Seek(Request):
-    """Show another time of the recording that is played, s."""
+    """Jump to another time of the recording that is played, s."""
 
     t: Time
 
 
 class Triangles(Request):
-    """Send the triangles of the map."""
+    """Ask for the triangles of the map."""
 
 
 class Ack(Request):
-    """The frame of a time is shown; the next one may come."""
+    """Acknowledge a frame that is shown, by its time, and ask for the next frame."""
 
     t: Time | None = None
 
@@ -199,8 +200,8 @@ def parse_request(text: str) -> Request:
     """Parse a message of the page.
 
     Raises:
-        BadRequest: If it is no JSON, of an unknown kind, or has wrong values; names
-            the first of them.
+        BadRequest: If the text is no JSON, its kind is unknown, or a value is wrong;
+            the message names the first wrong value.
     """
     try:
         op = _AnyRequest.model_validate_json(text).op
@@ -216,16 +217,16 @@ def parse_request(text: str) -> Request:
     raise BadRequest(problem)
 
 
-# What slides, the most useful first: smallest and greatest value, and step. Others take
-# any number within the limits of the settings.
+# Settings with a slider, the most useful first: smallest and greatest value, and step.
+# Other settings have a number field.
 SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
     "side_offset_uu": (0, 100, 1),
     "penetration_power": (0, 5, 0.05),
     "max_range": (1, 80, 1),
-    "ray_choice": (0, 0, 0),  # choices have no limits, but a place in the order
+    "ray_choice": (0, 0, 0),  # a choice has no limits, only a position
     "return_mode": (0, 0, 0),
 }
-FIRST_CLASS: Final = "P3AT_Compare360"  # a radar and a laser that see all around
+FIRST_CLASS: Final = "P3AT_Compare360"  # with a 360° radar and a 360° laser
 _LABELS: Final = {"tangentbug": "TangentBug", "planned": "Planned paths"}
 _UNITS: Final = {
     "deg": "°",
@@ -235,16 +236,15 @@ _UNITS: Final = {
     "db": "dB",
     "dbsm": "dBsm",
 }
-# Last words of the names of settings in m.
+# Last words of the names of settings that are in m.
 _METRES: Final = ("distance", "range", "noise", "quantum", "resolution")
 
 
 def make_offers(config: SimulationConfig) -> dict[str, Any]:
-    """Return the lists of classes, algorithms, strategies and settings.
+    """Return the robot classes, algorithms, strategies and settings to choose from.
 
     Args:
-        config: The classes of the server, and how their items differ from their
-            presets.
+        config: The robot classes of the server, and changed settings of their items.
     """
     return {
         "classes": list(_classes(config)),
@@ -255,12 +255,13 @@ def make_offers(config: SimulationConfig) -> dict[str, Any]:
 
 
 def _classes(config: SimulationConfig) -> Iterable[dict[str, str]]:
-    """Yield the robot classes, with what their scanners see."""
+    """Yield the robot classes, each with the type and angle of its scanners."""
     for name in sorted(config.robot_names(), key=lambda name: name != FIRST_CLASS):
         scanners = config.robot(name).items_of("RangeScanner")
         words = []
         for settings in map(config.scanner_settings, scanners):
-            covered = settings.fov_deg + settings.resolution_deg  # with the gap behind
+            # A full circle includes the gap between the last beam and the first.
+            covered = settings.fov_deg + settings.resolution_deg
             angle = 360 if covered >= 360 else round(settings.fov_deg)
             words.append(f"{settings.medium} {angle}\N{DEGREE SIGN}")
         yield {"name": name, "label": f"{name}: {' + '.join(words) or 'no scanner'}"}
@@ -271,11 +272,11 @@ def _named(choices: type[StrEnum]) -> list[dict[str, str]]:
 
 
 def _settings() -> Iterable[dict[str, Any]]:
-    """Yield the settings of scanners that one control each can change."""
+    """Yield the settings of scanners that a single control can change."""
     schema = SensorSettings.model_json_schema()["properties"]
     for key in (*SLIDERS, *(key for key in schema if key not in SLIDERS)):
         described = schema[key]
-        # One that may be left out is any of a value and of null.
+        # The schema of an optional setting is ``anyOf`` a value and null.
         described = described.get("anyOf", [described])[0]
         kind, choices = described["type"], described.get("enum")
         if key == "medium" or kind == "array":
@@ -301,7 +302,7 @@ def _settings() -> Iterable[dict[str, Any]]:
 
 
 def _label(name: str) -> str:
-    """Return a name as words, as in the manual: ``side_offset`` is Side offset."""
+    """Return the label of a name, such as "Side offset" for ``side_offset``."""
     if name in _LABELS:
         return _LABELS[name]
     words = name.replace("_", " ")

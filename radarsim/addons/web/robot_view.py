@@ -1,9 +1,9 @@
-"""The state of one robot, by the lines to its client, and frames for pages.
+"""The state of one robot, read from the lines to its client, and frames for pages.
 
-The newest state of all robots is a frame, which is binary. It begins with the length of
-a JSON header as four bytes, the least significant first. After the header follow the
-ranges of all scans as whole centimetres of two bytes each, likewise; the header has
-the offsets of scans.
+A frame is a binary message with the newest state of all robots. It starts with the
+length of a JSON header, uint32, little-endian. The ranges of all scans follow the
+header, in cm, uint16, little-endian. The header has the index at which the ranges of
+each scan start.
 """
 
 import json
@@ -31,10 +31,10 @@ from radarsim.scene.material import Material
 from radarsim.simulation.config import SimulationConfig
 from radarsim.validation import describe_settings
 
-NO_RETURN: Final = 65535  # instead of a range in cm
+NO_RETURN: Final = 65535  # replaces the range, cm, of a beam without return
 
 
-# Of whom robots are that the commander did not spawn.
+# Owner entry of robots that the commander did not spawn.
 NOT_OWN: Final = {
     "mine": False,
     "driver": None,
@@ -65,12 +65,12 @@ class Scanner:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenScan:
-    """A scan with its echoes, if these were sent.
+    """A scan with its echoes, if they were sent.
 
     Attributes:
         scan: The scan.
         pose: Pose of the robot; None if it was not known.
-        echoes: What it met, object by object; None if nobody asked for that.
+        echoes: The echoes of each object; None if they were not requested.
     """
 
     scan: RangeScan
@@ -84,7 +84,7 @@ class RobotView(RobotState):
     Attributes:
         name: Name of the robot.
         class_name: Name of its class.
-        number: Number that no other robot has, the smallest when it came.
+        number: The smallest number that no other robot had when it joined.
         size: Length and width of the footprint, m.
         scans: The newest scan of each scanner, by its casefolded name.
         scanners: Scanners by their casefolded names.
@@ -94,19 +94,19 @@ class RobotView(RobotState):
     def __init__(
         self, name: str, class_name: str, config: SimulationConfig | None
     ) -> None:
-        """Expect reports.
+        """Create the state of a robot without reports.
 
         Args:
             name: Name of the robot.
             class_name: Name of its class.
-            config: How its items differ from their presets; None with another server
-                than radarsim, which may have other classes of that name.
+            config: Changed settings of items; None if the server may not be radarsim,
+                as other servers may have another class of that name.
         """
         super().__init__()
         self.name = name
         self.class_name = class_name
         self.number = 0
-        # Until it is known, the page draws a square of about the usual size.
+        # The page draws a square of usual size until the size is known.
         self.size = (0.5, 0.5)
         self.scans: dict[str, SeenScan] = {}
         self.scanners: dict[str, Scanner] = {}
@@ -117,19 +117,19 @@ class RobotView(RobotState):
             self.learn_presets(config)
 
     def learn(self, info: RobotInfo) -> None:
-        """Take dimensions, mounts and ranges from the answers of its server."""
+        """Take over the dimensions, mounts and ranges that the server reported."""
         self.size = (info.length, info.width)
         for each in info.scanners:
             scanner = self.scanner(each.name)
             scanner.mount, scanner.max_range = each.mount, each.max_range
 
     def learn_presets(self, config: SimulationConfig) -> None:
-        """Take what the class of that name has, unless that is known already.
+        """Take over size and scanners of the robot's class, if they are not known.
 
         Args:
-            config: How its items differ from their presets.
+            config: Robot classes, and changed settings of their items.
         """
-        # Known settings may have been changed since.
+        # Known settings stay, as they may have been changed since.
         if any(scanner.settings for scanner in self.scanners.values()):
             return
         with suppress(PresetError):
@@ -146,11 +146,11 @@ class RobotView(RobotState):
                 )
 
     def scanner(self, name: str) -> Scanner:
-        """Return the scanner of a name, in any case; a new one if it is unknown."""
+        """Return a scanner by its name, in any case, or add a new one."""
         return self.scanners.setdefault(name.casefold(), Scanner(name))
 
     def take(self, report: Report) -> bool:
-        """Process a report; return whether there is something new to show."""
+        """Process a report; return whether it changes the shown state."""
         for listener in tuple(self.listeners):
             listener(report)
         if isinstance(report, EchoLine):
@@ -165,7 +165,7 @@ class RobotView(RobotState):
         return super().take(report)
 
     def change_setting(self, request: Setting) -> tuple[str, object]:
-        """Change a setting, as the server will from the next scan on.
+        """Change a shown setting; the server uses it from the next scan on.
 
         Returns:
             Name of the scanner, and the value of the setting.
@@ -179,14 +179,14 @@ class RobotView(RobotState):
             raise BadRequest(f"no scanner {request.scanner!r}, expected one of {names}")
         key, value = request.key, request.value
         if value is None and key == "penetration_power":
-            value = math.inf  # JSON knows no infinity; unlimited is null there
-        if not scanner.settings:  # those of an unknown class are the server's to check
+            value = math.inf  # JSON has no infinity, so null means unlimited
+        if not scanner.settings:  # of an unknown class: the server checks the value
             return scanner.name, value
-        # What a scanner is stays; its settings would mean something else.
+        # A radar cannot become a laser: the settings would mean something else.
         if key == "medium":
             raise BadRequest("medium: cannot be changed here")
         settings = {"medium": scanner.medium, **scanner.settings, key: value}
-        try:  # as JSON: its arrays are tuples, and no text is a number
+        try:  # strict JSON mode takes arrays for tuples, but no texts for numbers
             changed = SensorSettings.model_validate_json(
                 json.dumps(settings), strict=True
             )
@@ -194,13 +194,13 @@ class RobotView(RobotState):
             problems = describe_settings(error, SensorSettings)
             raise BadRequest(problems[0]) from None
         self._last_change = scanner, scanner.settings
-        # As they are shown, so that numbers stay numbers.
+        # In JSON form, in which frames contain them.
         scanner.settings = changed.model_dump(mode="json", exclude={"medium"})
         scanner.max_range = scanner.settings["max_range"]
         return scanner.name, value
 
     def undo_setting(self) -> None:
-        """Take back the last change, which the server has refused."""
+        """Undo the last change of a setting, which the server has refused."""
         if self._last_change is not None:
             scanner, settings = self._last_change
             scanner.settings = settings
@@ -210,12 +210,12 @@ class RobotView(RobotState):
     def describe(
         self, pose: Pose2, parts: list[np.ndarray], *, is_selected: bool
     ) -> dict[str, Any]:
-        """Return how it is, for a frame.
+        """Return the robot's part of the header of a frame.
 
         Args:
-            pose: Where it is.
-            parts: Ranges of scans in the frame, to which its own are appended.
-            is_selected: Whether settings and echoes are included, which are most of it.
+            pose: Pose of the robot.
+            parts: Ranges of scans in the frame, to which the robot's are appended.
+            is_selected: Whether settings and echoes are included, which are large.
         """
         seen = [*self.scans.values()]
         return {
@@ -225,7 +225,7 @@ class RobotView(RobotState):
             "size": self.size,
             "touch": any(self.touched.values()),
             "battery": self.battery,
-            # No -0.0.
+            # Adding 0.0 replaces -0.0 by 0.0.
             "speeds": [round(each, 3) + 0.0 for each in self.motion() or (0.0, 0.0)],
             "scans": [self._scan(each, parts, is_selected) for each in seen],
             "echoes": [
@@ -242,14 +242,15 @@ class RobotView(RobotState):
     def _scan(
         self, seen: SeenScan, parts: list[np.ndarray], is_selected: bool
     ) -> dict[str, Any]:
-        """Describe a scan, and append its ranges to those of the frame."""
+        """Describe a scan, and append its ranges to the parts of the frame."""
         scan, scanner = seen.scan, self.scanner(seen.scan.name)
         has_return = scan.ranges < no_return(scanner.max_range)
         centimetres = np.minimum(np.rint(scan.ranges * 100), NO_RETURN - 1)
         offset = sum(len(part) for part in parts)
-        # Half the bytes of single precision, and as exact as the lines of servers.
+        # uint16 takes half the bytes of float32; servers send centimetres as well.
         parts.append(np.where(has_return, centimetres, NO_RETURN).astype("<u2"))
-        # Where the robot was then: in a turn, the scan would be dragged along.
+        # The pose is that of the scan: with the present pose, old scans would rotate
+        # with a robot that turns.
         pose = seen.pose or Pose2(0.0, 0.0)
         mount = Pose3(pose.x, pose.y, self.z, yaw=pose.yaw).compose(scanner.mount)
         gaps = len(scan.ranges) - 1
@@ -258,7 +259,7 @@ class RobotView(RobotState):
             "kind": scanner.medium,
             "t": scan.time,
             "fov": scan.fov,
-            # from the number of beams: the resolution of the line has few digits
+            # computed from the number of beams, as the line rounds the resolution
             "resolution": scan.fov / gaps if gaps > 0 else scan.resolution,
             "max": scanner.max_range,
             "x": round(mount.x, 4),
@@ -277,17 +278,17 @@ def encode_frame(
     selected: str | None,
     time: float | None = None,
 ) -> bytes:
-    """Write a frame.
+    """Return a frame as bytes.
 
     Args:
         robots: The robots.
-        owners: Whose they are, by their names; those without are other programs'.
-            Keys as of ``NOT_OWN``: whether the commander spawned it; the name of the
-            viewer that drives it, ``task`` or None; why it can do nothing by itself;
-            the distance that it keeps from obstacles on its way, and that of a goal
-            from obstacles below which it is refused, m.
+        owners: Owner entries by the names of robots; ``NOT_OWN`` is the default.
+            ``mine``: whether the commander spawned the robot. ``driver``: name of the
+            viewer that drives it, ``task`` or None. ``hindrance``: why it cannot run
+            tasks, or None. ``safety``: its safety distance on paths, m.
+            ``clearance``: least distance of a goal from obstacles, m.
         selected: Name of the robot whose echoes are included; None for none.
-        time: The time that is shown, s; None for that of the newest report.
+        time: The time that is shown, s; None for the time of the newest report.
     """
     shown = [(robot, robot.pose) for robot in robots]
     parts: list[np.ndarray] = []

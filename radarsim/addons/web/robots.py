@@ -1,7 +1,7 @@
-"""All robots that are known, and those of them that the commander spawned.
+"""All known robots of the server, and the robots that the commander spawned.
 
-Reports of a robot come from the connection that watches all of them; of the
-commander's own robots, by their own connections where the server lets nobody watch.
+Reports of robots arrive over the connection that watches all robots. If the server
+cannot be watched, the commander's own robots are read over their own connections.
 """
 
 import asyncio
@@ -26,23 +26,23 @@ from radarsim.protocol.reports import (
 from radarsim.simulation.config import SimulationConfig
 
 MOST_ROBOTS: Final = 100  # that the commander spawns
-MOST_VIEWS: Final = 2000  # robots that are known; a server has at most 1024
-ANSWER: Final = 5.0  # s that a server has to answer
+MOST_VIEWS: Final = 2000  # known robots; a server has at most 1024
+ANSWER: Final = 5.0  # s; timeout for an answer of the server
 SPAWN_TIMEOUT: Final = 120.0  # s; a server may be busy
 PLAYED: Final = "a recording is played, in which robots do what they did"
-LONG_WAIT: Final = 4.0  # s for a robot, after which a browser gets the reason
+LONG_WAIT: Final = 4.0  # s of spawning, after which a browser is sent the reason
 
 
 class Robots:
-    """Robots by name.
+    """The robots of a server by name; spawns and removes those of the commander.
 
     Attributes:
         views: The state of each robot.
         own: Robots that the commander spawned.
-        starts: Starts of the map; a robot gets the first free one.
-        is_watching: Whether the server reports all robots now, so that the own
-            connections of robots need not be read.
-        on_left: Called with the name of a robot that is gone.
+        starts: Start poses of the map by name.
+        is_watching: Whether the server reports all robots now. The commander then
+            ignores sensor lines on the connections of its own robots.
+        on_left: Called with the name of a robot that was removed.
     """
 
     def __init__(
@@ -52,13 +52,13 @@ class Robots:
         viewers: Viewers,
         on_change: Callable[[], None],
     ) -> None:
-        """Begin without any.
+        """Begin without robots.
 
         Args:
             address: Host and port of the server; None if a recording is played.
             config: How the server was started, as far as it is known.
-            viewers: The browsers, which get news of robots.
-            on_change: Called when there is something new to show.
+            viewers: The browsers, which are sent messages about robots.
+            on_change: Called when the shown state has changed.
         """
         self.views: dict[str, RobotView] = {}
         self.own: dict[str, OwnRobot] = {}
@@ -76,7 +76,7 @@ class Robots:
         """Return a robot of the commander.
 
         Raises:
-            BadRequest: If there is none of that name.
+            BadRequest: If the commander has no robot of that name.
         """
         if name not in self.own:
             whose = "another client's" if name in self.views else "no"
@@ -87,17 +87,18 @@ class Robots:
         """Return the state of a robot.
 
         Raises:
-            BadRequest: If there is none of that name.
+            BadRequest: If there is no robot of that name.
         """
         if name not in self.views:
             raise BadRequest(f"no robot {expected_one_of(name, [*self.views])}")
         return self.views[name]
 
     def spawn(self, viewer: Viewer, request: Spawn) -> None:
-        """Spawn a robot, and run it until it is removed.
+        """Spawn a robot in a task, and run it until it is removed.
 
         Raises:
-            BadRequest: If it cannot have that name or place.
+            BadRequest: If the name is taken, there are too many robots, a recording is
+                played, or the request has both a start and a pose.
         """
         if request.start is not None and request.pose is not None:
             raise BadRequest("a start and a pose, expected only one of them")
@@ -105,7 +106,7 @@ class Robots:
             raise BadRequest(f"no robot can be added: {PLAYED}")
         if len(self.own) + len(self._spawning) >= MOST_ROBOTS:
             raise BadRequest(f"there are {MOST_ROBOTS} robots, which is the limit")
-        # Servers mix upper and lower case, and so may clients.
+        # Servers ignore upper and lower case in names.
         taken = {name.casefold() for name in (*self.views, *self._spawning)}
         if request.name is None:
             numbers = range(1, len(taken) + 2)
@@ -114,14 +115,14 @@ class Robots:
             name = " ".join(request.name.split())
             if name.casefold() in taken:
                 raise BadRequest(f"there is a robot {name!r}, expected another name")
-        self._spawning.add(name)  # at once: another browser must not get it meanwhile
+        self._spawning.add(name)  # so that no other browser can take the name
         self._begin(viewer, self._spawn(viewer, name, request))
 
     def remove(self, viewer: Viewer, request: Remove) -> None:
         """Remove a robot of the commander.
 
         Raises:
-            BadRequest: If it is none of the commander.
+            BadRequest: If the commander has no robot of that name.
         """
         self._begin(viewer, self._remove(self.find_own(request.robot)))
 
@@ -137,7 +138,8 @@ class Robots:
         for report in reports:
             match report:
                 case Watching(robots):
-                    # All, or none while nobody looks.
+                    # ``names`` is None if all robots are watched; otherwise no robot
+                    # is, as no page is visible.
                     if robots.names is None:
                         self._switch_watching(True)
                     else:
@@ -145,7 +147,8 @@ class Robots:
                 case RobotJoined(robot, class_name):
                     self._add(robot, class_name).learn_presets(self._config)
                 case RobotLeft(robot) if robot not in self.own:
-                    # own ones by their connections: it may have been one before
+                    # Own robots end with their connections. A name may have been that
+                    # of another client's robot before.
                     if self.views.pop(robot, None) is not None:
                         self.on_left(robot)
                         news = True
@@ -156,7 +159,7 @@ class Robots:
             self._on_change()
 
     def forget_others(self) -> None:
-        """Forget robots of other clients, which are not watched any more."""
+        """Remove the robots of other clients, which are not watched any more."""
         self._switch_watching(False)
         for name in self.views.keys() - self.own.keys():
             del self.views[name]
@@ -169,7 +172,7 @@ class Robots:
             robot.leave_sensors(on)
 
     def _begin(self, viewer: Viewer, work: Coroutine[Any, Any, None]) -> None:
-        """Do something in a task, and send the browser an error if it fails."""
+        """Run a coroutine as a task, and send the browser an error if it fails."""
 
         async def report() -> None:
             try:
@@ -178,7 +181,7 @@ class Robots:
                 viewer.send({"op": "error", "text": str(error)})
 
         task = asyncio.ensure_future(report())
-        self._tasks.add(task)  # the event loop would forget it
+        self._tasks.add(task)  # the event loop keeps only weak references
         task.add_done_callback(self._tasks.discard)
 
     async def _spawn(self, viewer: Viewer, name: str, request: Spawn) -> None:
@@ -190,7 +193,7 @@ class Robots:
         start, pose = request.start, request.pose and Pose2(*request.pose)
         class_name, drive_unit = request.class_name, self._config.wheel_unit
         waiting = asyncio.get_running_loop().call_later(LONG_WAIT, send_wait)
-        assert self._address is not None  # ``spawn`` has refused
+        assert self._address is not None  # ``spawn`` refuses None
         try:
             client = await AsyncClient.connect(*self._address, timeout=ANSWER)
             try:
@@ -218,10 +221,10 @@ class Robots:
         try:
             await robot.run()
         except ClientError as error:
-            # Not while it is being removed, and not for another one of that name.
+            # It may be being removed already, or replaced by a robot of the same name.
             if self.own.get(robot.name) is robot:
                 self._forget(robot)
-                # An error for the browser that drives it, a notice for all others.
+                # The browser that drives it gets an error, all others a notice.
                 text = f"the robot {robot.name!r} is gone: {error}"
                 for viewer in self._viewers:
                     op = "error" if robot.driver == viewer.name else "notice"
@@ -239,12 +242,12 @@ class Robots:
         self._on_change()
 
     def _add(self, name: str, class_name: str) -> RobotView:
-        """Add a robot, if it is not known yet, and return its state."""
+        """Add a robot if it is not known yet, and return its state."""
         view = self.views.get(name)
         if view is None:
             config = self._config if self.is_watching else None
             view = RobotView(name, class_name, config)
-            # A server that reports ever new robots must not fill the memory.
+            # The limit protects the memory from a server that reports endless robots.
             if len(self.views) < MOST_VIEWS:
                 taken = {each.number for each in self.views.values()}
                 view.number = next(n for n in range(len(taken) + 1) if n not in taken)
@@ -253,16 +256,16 @@ class Robots:
         return view
 
     def _take_own(self, robot: OwnRobot, reports: Iterable[Report]) -> None:
-        """Process reports of a robot of the commander on its own connection."""
+        """Process reports from the connection of one of the commander's robots."""
         view = self.views.get(robot.name)
         for report in reports:
             if isinstance(report, CommandError) and robot.name in self.own:
-                if view is not None:  # it may have refused a setting
+                if view is not None:  # the error may refuse a setting
                     view.undo_setting()
                 text = f"{robot.name!r}: {report.text}"
                 self._viewers.broadcast({"op": "error", "text": text})
                 self._viewers.update()
-        # Else the same lines come with those of all robots.
+        # While all robots are watched, the same lines arrive over that connection.
         if view is not None and not self.is_watching:
             news = [view.take(report) for report in reports]
             if any(news):

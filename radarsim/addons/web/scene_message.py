@@ -1,4 +1,4 @@
-"""A map as messages: its plan at the height of the scanners, and its triangles."""
+"""Messages that describe a map: its plan at scanner height, and its triangles."""
 
 import math
 from collections.abc import Iterable
@@ -13,31 +13,31 @@ from radarsim.plotting.palette import colour_of
 from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.scene import Part, Scene
 
-HEIGHT: Final = 0.346  # m above the floor, of the scanner of a P3AT
-_DIGITS: Final = 6  # of rounded ends of lines, so that lines that meet share them
-_SENT_DIGITS: Final = 3  # millimetres
+HEIGHT: Final = 0.346  # m; height of the scanner of a P3AT above the floor
+_DIGITS: Final = 6  # of rounded line ends, so that adjacent lines share an end
+_SENT_DIGITS: Final = 3  # coordinates are sent in whole millimetres
 
 
 class SceneMessages:
-    """A map as browsers get it.
+    """The messages that describe a map to browsers.
 
     Attributes:
         plan: The message ``scene``, as JSON.
         triangles: The message ``triangles``, as JSON.
-        materials: A legend of its materials.
-        safety_distance: Distance from what a radar sees for which it is designed, m;
-            None if it does not say.
+        materials: A legend of the materials of the map.
+        safety_distance: Distance between robot centres and detected objects for which
+            the map is designed, m; None if the map states none.
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Describe a map."""
+        """Create the messages of a map."""
         plan = describe_plan(scene)
         self.plan = encode_json(plan)
         self.triangles = encode_json(describe_triangles(scene))
         self.materials = describe_materials(scene)
         trial = scene.trial
         self.safety_distance = None if trial is None else trial.safety_distance
-        # Outlines of what blocks robots, at the height of the scanners.
+        # The outlines of all obstacles at the height of the scanners.
         outlines = [
             (part["name"], line)
             for part in plan["parts"]
@@ -49,9 +49,9 @@ class SceneMessages:
         self._tree = shapely.STRtree([shapely.LineString(line) for _, line in outlines])
 
     def nearest_obstacle(self, x: float, y: float) -> tuple[float, str]:
-        """Return how far the nearest obstacle is from a point, m, and its name.
+        """Return the distance to the obstacle nearest to a point, m, and its name.
 
-        The distance is infinite if there is none.
+        The distance is infinite if the map has no obstacles.
         """
         if not self._names:
             return math.inf, ""
@@ -62,10 +62,10 @@ class SceneMessages:
 
 
 def describe_plan(scene: Scene) -> dict[str, Any]:
-    """Return the plan of a map, in m, map frame.
+    """Return the message ``scene``: the plan of a map, in m, map frame.
 
-    The outlines of a part are rings, which repeat their first point, or open lines
-    where its surfaces enclose nothing.
+    The outlines of a part are rings, which repeat their first point. Surfaces that
+    enclose no area are open lines.
     """
     floor = scene.starts[0].pose.z if scene.starts else 0.0
     height = floor + HEIGHT
@@ -89,7 +89,7 @@ def describe_plan(scene: Scene) -> dict[str, Any]:
 
 
 def describe_triangles(scene: Scene) -> dict[str, Any]:
-    """Return the triangles of a map, part by part, in the order of the plan."""
+    """Return the message ``triangles``; its parts are in the order of the plan."""
     parts = [
         {
             **_head(part),
@@ -102,7 +102,7 @@ def describe_triangles(scene: Scene) -> dict[str, Any]:
 
 
 def describe_materials(scene: Scene) -> list[dict[str, str]]:
-    """Return a legend of the materials that the parts of a map have."""
+    """Return the name, label and colour of each material in a map, by name."""
     used = {part.material.name: part.material for part in scene.parts}
     return [
         {"name": name, "label": name.replace("_", " "), "colour": colour_of(material)}
@@ -124,10 +124,10 @@ def _head(part: Part) -> dict[str, Any]:
 
 
 def _lines(segments: Floats) -> Iterable[Floats]:
-    """Join line segments, (S, 2, 2) m, to rings, or else to lines."""
+    """Join line segments, (S, 2, 2) m, into rings, or into lines if there are none."""
     if not len(segments):
         return ()
-    # The outline of the enclosed area: walls inside of an obstacle are not drawn.
+    # Only the outline of the enclosed area is drawn, not walls inside an obstacle.
     joined = shapely.boundary(enclosed_area(segments))
     if shapely.is_empty(joined):
         ends = np.round(segments, _DIGITS)
@@ -136,5 +136,5 @@ def _lines(segments: Floats) -> Iterable[Floats]:
 
 
 def _rounded(numbers: Floats) -> Floats:
-    rounded: Floats = np.round(numbers, _SENT_DIGITS) + 0.0  # no -0.0
+    rounded: Floats = np.round(numbers, _SENT_DIGITS) + 0.0  # replaces -0.0 by 0.0
     return rounded

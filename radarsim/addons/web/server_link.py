@@ -1,9 +1,9 @@
-"""The connection that watches the robots of all clients, and the pace of their time.
+"""The connection that watches the robots of all clients, and the speed of their time.
 
 The connection is opened again when it is lost. The server is asked only for reports
-that a page shows. Copies of the robots' lines take time of the
-server, echoes far more. Without a page on a screen, and without a map that is being
-made, the server sends nothing.
+that a page shows, as copying the lines of robots costs the server time, and computing
+echoes far more. While no page is visible and no map is being made, the server sends
+nothing.
 """
 
 import asyncio
@@ -26,8 +26,8 @@ log = logging.getLogger("radarsim.commander")
 
 UNCONNECTED: Final = "not connected yet"
 RETRY: Final = 1.0  # s between two attempts to connect
-ASK_AGAIN: Final = 5.0  # s after the server has refused to be watched
-ANSWER: Final = 5.0  # s that the server has to answer
+ASK_AGAIN: Final = 5.0  # s before the next request, if the server refuses to be watched
+ANSWER: Final = 5.0  # s; timeout for an answer of the server
 FOREIGN: Final = (
     "this page has not started the server; 'radarsim serve MAP --web PORT' has a page"
     " that can"
@@ -39,11 +39,10 @@ class ServerState:
     """The state of the server.
 
     Attributes:
-        level: Name of its map.
+        level: Name of the map that it serves.
         starts: Start poses by name.
-        watches: Whether it reports robots of other clients on request, as not every
-            server does.
-        refusal: Why it does not at present; empty if it has not said so.
+        watches: Whether it reports robots of other clients. Not every server can.
+        refusal: Why it does not report them at present; empty if it has not refused.
         problem: Why there is no connection; empty while there is one.
     """
 
@@ -55,24 +54,24 @@ class ServerState:
 
 
 class Link:
-    """Where robots are: a server or a recording, and how time passes there.
+    """The source of robots, a server or a recording, and control of its time.
 
     Attributes:
         address: Host and port of the server; None if a recording is played.
         state: The state of the server.
         speed: Simulated seconds in one second of the wall clock.
         is_paused: Whether time passes only by steps.
-        on_link: Called when the connection is there, when it is lost, and when the
-            server turns out to report robots, or refuses to.
+        on_link: Called when the connection opens, when it is lost, and when the server
+            begins or refuses to report robots.
         on_reports: Called with reports of all robots.
-        on_time: Called when speed or pause have changed.
-        on_damage: Called with a text on a part that cannot be read.
+        on_time: Called when ``speed`` or ``is_paused`` has changed.
+        on_damage: Called with a message if a part of the recording cannot be read.
     """
 
     refusal: str = FOREIGN  # why time cannot be controlled; empty if it can
 
     def __init__(self, address: tuple[str, int] | None, state: ServerState) -> None:
-        """Let time pass by itself, which is all that is known of other servers."""
+        """Create a link to a server whose time passes at speed 1."""
         self.address = address
         self.state = state
         self.speed = 1.0
@@ -84,38 +83,38 @@ class Link:
 
     @property
     def position(self) -> float | None:
-        """The time that is shown, s; None for that of the newest reports."""
+        """The time that is shown, s; None for the time of the newest report."""
         return None
 
     def time_message(self) -> dict[str, Any]:
-        """Return what browsers have to know of time."""
+        """Return the message ``time``: speed, pause and position in time."""
         return {
             "op": "time",
             "refusal": self.refusal,
             "paused": self.is_paused,
             "speed": self.speed,
             "t": self.position,
-            "end": None,  # only that of a recording is known
+            "end": None,  # only a recording has an end
         }
 
-    def change_pace(self, request: Pace) -> None:  # noqa: ARG002 - of those that can
-        """Pause, go on, step, or change the speed.
+    def change_pace(self, request: Pace) -> None:  # noqa: ARG002 - subclasses use it
+        """Pause, resume, step, or change the speed.
 
         Raises:
-            BadRequest: If that is not possible.
+            BadRequest: If the time of this server cannot be controlled.
         """
         raise BadRequest(f"time cannot be changed: {self.refusal}")
 
-    def seek(self, request: Seek) -> None:  # noqa: ARG002 - of recordings
-        """Show another time.
+    def seek(self, request: Seek) -> None:  # noqa: ARG002 - a recording uses it
+        """Jump to another time.
 
         Raises:
-            BadRequest: If that is not possible.
+            BadRequest: If this is no recording.
         """
         raise BadRequest("only a recording can be played from another time")
 
     def watch(self, echoes: Iterable[str] | None) -> None:
-        """Watch all robots from now on, or none.
+        """Watch all robots from now on, or stop watching.
 
         Args:
             echoes: Names of the robots whose echoes are sent as well; None to watch no
@@ -123,7 +122,7 @@ class Link:
         """
 
     async def run(self) -> None:
-        """Report what happens, for ever."""
+        """Call the callbacks with reports and changes until cancelled."""
 
     def _set_pace(self, speed: float, is_paused: bool) -> None:
         if (speed, is_paused) != (self.speed, self.is_paused):
@@ -135,21 +134,21 @@ class ServerLink(Link):
     """Connects, watches robots, and connects again when the connection is lost."""
 
     def __init__(self, address: tuple[str, int]) -> None:
-        """Describe a link that is not open yet."""
+        """Create a link that is not connected yet."""
         super().__init__(address, ServerState())
         self._server = address
         self._client: AsyncClient | None = None
         self._echoes: frozenset[str] | None = None  # None while no robot is watched
-        self._asking: asyncio.Task[None] | None = None  # the newest one
+        self._asking: asyncio.Task[None] | None = None  # the newest request
 
     async def run(self) -> None:
-        """Keep the connection open for ever."""
+        """Keep the connection open until cancelled."""
         while True:
             try:
                 await self._connect()
             except ClientError as error:
                 self._client = None
-                # Each attempt fails alike; browsers get it once.
+                # Every attempt fails in the same way, so browsers get one message.
                 if self.state.problem == UNCONNECTED:
                     log.warning("waiting for a server: %s", error)
                 if self.state.problem != str(error):
@@ -160,36 +159,36 @@ class ServerLink(Link):
     def watch(self, echoes: Iterable[str] | None) -> None:
         """See ``Link.watch``."""
         wanted = None
-        if echoes is not None:  # commas part the names on a line
+        if echoes is not None:  # the protocol separates names by commas
             wanted = frozenset(name for name in echoes if "," not in name)
         if wanted == self._echoes:
             return
         self._echoes = wanted
         if self._client is not None:
-            # Only the newest one counts, see ``_ask_later``.
+            # ``_ask_later`` gives way to a newer request.
             self._asking = asyncio.ensure_future(self._ask(self._client))
 
     async def _connect(self) -> None:
         """Ask for the needed reports, and read until the connection is lost.
 
         Raises:
-            ClientError: When it is lost, or cannot be opened.
+            ClientError: If the connection is lost, or cannot be opened.
         """
         async with await AsyncClient.connect(*self._server, timeout=ANSWER) as client:
             level = (await client.greeting()).level
             starts: dict[str, Pose3] = {}
-            with suppress(ClientTimeout):  # not every server knows any
+            with suppress(ClientTimeout):  # not every server answers this
                 starts = await client.start_poses()
             self.state = ServerState(level, starts, problem="")
             self._client = client
             self.on_link()
-            # Requests from before this connection.
+            # Send the request that was made before the connection was open.
             await self._ask(client)
             while True:
                 self._take(await client.read(math.inf))
 
     async def _ask(self, client: AsyncClient) -> None:
-        with suppress(ClientError):  # who reads notices that it is lost
+        with suppress(ClientError):  # the reading loop reports a lost connection
             if self._echoes is None:
                 await client.send(questions.watch((), False))
             else:
@@ -201,7 +200,7 @@ class ServerLink(Link):
         for report in reports:
             if isinstance(report, Watching):
                 refusal = ""
-            elif isinstance(report, CommandError):  # it may have had too many watchers
+            elif isinstance(report, CommandError):  # such as too many watchers
                 assert self._client is not None
                 self._asking = asyncio.ensure_future(self._ask_later(self._client))
                 refusal = report.text
@@ -213,16 +212,16 @@ class ServerLink(Link):
 
     async def _ask_later(self, client: AsyncClient) -> None:
         await asyncio.sleep(ASK_AGAIN)
-        # Unless it was lost, or asked for something else, meanwhile.
+        # The connection may have been lost meanwhile, or a newer request made.
         if client is self._client and self._asking is asyncio.current_task():
             await self._ask(client)
 
 
 class ParentLink(ServerLink):
-    """A link to the server that runs in the parent process, whose time it controls.
+    """A link to the server in the parent process, which controls the server's time.
 
-    Requests go to the parent on stdout, a line of JSON each; the parent writes the
-    state to stdin, likewise.
+    Each request is one line of JSON on stdout, which the parent reads. The parent
+    writes each change of speed or pause as one line of JSON to stdin.
     """
 
     refusal = ""
@@ -233,7 +232,7 @@ class ParentLink(ServerLink):
         sys.stdout.flush()
 
     def follow(self, exit_code: asyncio.Future[int]) -> None:
-        """Read the pace from the parent; an exit code of 0 at its end."""
+        """Read the speed from the parent, and set the exit code to 0 when it ends."""
         loop = asyncio.get_running_loop()
 
         def take(line: str) -> None:

@@ -1,9 +1,9 @@
-"""The browsers that look, and what they are still to be sent.
+"""The browsers that show the page, and the messages that wait to be sent to them.
 
-Texts wait in order, and a newer one of the same subject replaces an older one. Frames,
-the newest state of all robots, do not wait: a browser gets the newest when it has
-acknowledged the one before, so that one that is slow sees fewer, and nothing that is
-old. They are sent soon after something is new, and not too often.
+Text messages wait in a queue, in which a newer message replaces an older one of the
+same subject. Frames hold the newest state of all robots and are never queued: a browser
+is sent the newest frame once it has acknowledged the last one, so a slow browser gets
+fewer frames, but no old ones. A change is sent soon, at a limited rate.
 """
 
 import asyncio
@@ -12,23 +12,23 @@ from typing import Any, Final
 
 from pydantic_core import to_json
 
-MOST_TEXTS: Final = 500  # that wait for a browser that does not read
-INTERVAL: Final = 0.1  # s between two frames, on average at least
-COALESCED: Final = 0.004  # s; what arrives together is in one frame
+MOST_TEXTS: Final = 500  # messages that may wait for a browser
+INTERVAL: Final = 0.1  # s; least mean interval between two frames
+COALESCED: Final = 0.004  # s; changes that arrive within it share a frame
 
 
 class SlowViewer(Exception):
-    """A browser does not read what it is sent."""
+    """Raised if too many messages wait for a browser that does not read them."""
 
 
 class Viewer:
     """One browser.
 
     Attributes:
-        name: Name that others see it by.
+        name: Name that other browsers show for it.
         selected: Robot whose echoes it is sent; None for none.
-        is_looking: Whether its page is on a screen, and not in a hidden tab.
-        is_ready: Whether it can take another frame.
+        is_looking: Whether its page is visible, and not in a hidden tab.
+        is_ready: Whether it has acknowledged the last frame.
         shown: Version of the newest frame that it was sent.
     """
 
@@ -47,36 +47,37 @@ class Viewer:
         """Queue a message.
 
         Args:
-            message: Goes out as JSON, which a text is already.
-            subject: A message of the same subject that still waits is replaced.
+            message: A mapping, which is sent as JSON, or JSON text.
+            subject: It replaces a message of the same subject that still waits.
         """
         if len(self._texts) >= MOST_TEXTS:
-            # Its own task closes it: this is called in a loop over all browsers.
+            # ``outgoing`` raises in the browser's own task. An error here would end
+            # the loop over all browsers that calls this method.
             self._is_gone = True
         else:
             key = object() if subject is None else subject
-            self._texts.pop(key, None)  # the newer one goes to the end
+            self._texts.pop(key, None)  # a replaced message moves to the end
             if not isinstance(message, str):
                 message = encode_json(message)
             self._texts[key] = message
         self._wake.set()
 
     def send_frame(self, frame: bytes, version: int) -> None:
-        """Queue a frame; none is ready any more until it is acknowledged."""
+        """Queue a frame; the browser is not ready until it acknowledges the frame."""
         self._frame, self.shown, self.is_ready = frame, version, False
         self._wake.set()
 
     async def outgoing(self) -> AsyncIterator[str | bytes]:
-        """Yield messages and frames to send, as they come.
+        """Yield messages and frames to send, as they are queued.
 
         Raises:
-            SlowViewer: If too much waits.
+            SlowViewer: If more than ``MOST_TEXTS`` messages wait.
         """
         while True:
             await self._wake.wait()
             self._wake.clear()
             while self._texts:
-                # One by one: what comes meanwhile replaces what still waits.
+                # One message at a time: newer ones may replace those that still wait.
                 yield self._texts.pop(next(iter(self._texts)))
             if self._is_gone:
                 raise SlowViewer
@@ -86,20 +87,20 @@ class Viewer:
 
 
 class Viewers:
-    """All browsers, in the order in which they came."""
+    """All browsers, in the order in which they connected."""
 
     def __init__(self, make_frame: Callable[[str | None], bytes]) -> None:
-        """Begin without any; to be called in the event loop.
+        """Begin without browsers; call it in the event loop.
 
         Args:
-            make_frame: Returns the newest frame, with the echoes of the robot of a
-                name, or of none.
+            make_frame: Called with the name of a robot, or None; returns the newest
+                frame, with the echoes of that robot.
         """
         self._viewers: list[Viewer] = []
-        self._joined = 0  # so far
+        self._joined = 0  # number of browsers so far
         self._make_frame = make_frame
         self._loop = asyncio.get_running_loop()
-        self._version = 1  # of what frames show
+        self._version = 1  # of the state that frames show
         self._due = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
@@ -107,53 +108,53 @@ class Viewers:
         return iter(self._viewers)
 
     def add(self) -> Viewer:
-        """Add a browser, under a name that none has had."""
+        """Add a browser, under a name that no other browser has had."""
         self._joined += 1
         viewer = Viewer(f"viewer {self._joined}")
         self._viewers.append(viewer)
         return viewer
 
     def remove(self, viewer: Viewer) -> None:
-        """Remove a browser that is gone."""
+        """Remove a browser that has disconnected."""
         self._viewers.remove(viewer)
 
     def broadcast(
         self, message: Mapping[str, Any] | str, subject: object = None
     ) -> None:
-        """Send a message to all; arguments as in ``Viewer.send``."""
+        """Send a message to all browsers; see ``Viewer.send`` for the arguments."""
         text = message if isinstance(message, str) else encode_json(message)
         for viewer in self:
             viewer.send(text, subject)
 
     def update(self) -> None:
-        """Send all of them a new frame soon."""
+        """Send a new frame to all browsers soon."""
         self._version += 1
         if self._timer is None:
-            # After a pause a change is shown at once, else with others in one frame.
+            # A change is sent at once after a pause, else in the next frame.
             due = max(self._loop.time() + COALESCED, self._due)
             self._timer = self._loop.call_at(due, self._send_frames)
 
     def acknowledge(self, viewer: Viewer) -> None:
-        """Send a frame to a viewer that has shown the one before, if it is old."""
+        """Mark a viewer as ready, and send a newer frame, if there is one."""
         viewer.is_ready = True
         self.catch_up(viewer)
 
     def catch_up(self, viewer: Viewer) -> None:
-        """Send a frame to a viewer that is ready, if the one that it has is old."""
-        # With a timer, a frame that is newer still comes soon.
+        """Send a frame to a viewer that is ready, if its last frame is outdated."""
+        # If a timer runs, the next frame is sent soon anyway.
         can_take = viewer.is_ready and viewer.is_looking
         if self._timer is None and can_take and viewer.shown < self._version:
             self.send_frame(viewer)
 
     def send_frame(self, viewer: Viewer) -> None:
-        """Send a frame to one viewer, ready or not."""
+        """Send a frame to one viewer, whether it is ready or not."""
         viewer.send_frame(self._make_frame(viewer.selected), self._version)
 
     def _send_frames(self) -> None:
-        """Send a frame to all viewers that are ready, and set when the next is due."""
+        """Send a frame to all viewers that are ready, and set the next due time."""
         self._timer = None
-        # One that is late puts off no other: else frames would follow scans, which
-        # come as often, by that time for ever.
+        # A late frame does not delay the next one. Scans arrive at about the same
+        # rate, so frames would otherwise lag behind them for ever.
         self._due = max(self._loop.time(), self._due + INTERVAL)
         frames: dict[str | None, bytes] = {}
         for viewer in self:
@@ -164,5 +165,5 @@ class Viewers:
 
 
 def encode_json(message: Mapping[str, Any]) -> str:
-    """Write compact JSON; numbers that are not finite are null."""
+    """Return compact JSON, with null for numbers that are not finite."""
     return to_json(message, inf_nan_mode="null").decode()

@@ -1,4 +1,4 @@
-"""The commands ``navigate``, ``map`` and ``trials``, as entries."""
+"""Entry points of the commands ``navigate``, ``map`` and ``trials``."""
 
 from typing import Final
 

@@ -25,14 +25,14 @@ from radarsim.plans import RARE, Option
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappedPlace(Simulation):
-    """Where a robot maps: a simulation, a server, or what another client drives.
+    """The simulation, the server, or the watched robot that provides the scans.
 
     Attributes:
         watch: Map this robot of another client of a radarsim server.
         seed: Seed of the simulation and of turn_away.
     """
 
-    one_required: ClassVar = ()  # a robot to watch may be on the usual server
+    one_required: ClassVar = ()  # a watched robot may be on the default server
     at_most_one: ClassVar = (
         ("map", "connect"),
         ("map", "watch"),
@@ -44,7 +44,7 @@ class MappedPlace(Simulation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFileOptions(RunFiles):
-    """Files that a map is written into.
+    """Options of the written files.
 
     Attributes:
         output: A folder or the beginning of names; by default the map's name.
@@ -82,12 +82,13 @@ def map_(
     """
     _check_combination(where, plan, files)
 
-    # Late, so that wrong options are reported at once: numpy and plots take long.
+    # Imported late, so that invalid options are
+    # reported at once: numpy and plots are slow.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
     recording = make_recording(files.record, plan.drive_unit, robots_map=True)
-    # Without the variant of a map, which follows an ``@``.
+    # The variant of a map, after an ``@``, is not part of the name.
     written = MapFiles(files, Path((where.map or "map").partition("@")[0]).stem)
     address = where.connect or LOCAL_SERVER
     with without_empty_folder(written.stem.parent):

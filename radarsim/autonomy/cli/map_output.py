@@ -1,6 +1,6 @@
-"""Runs of ``radarsim map``: files, pictures, films, progress and the printed result.
+"""Output of ``radarsim map``: files, pictures, films, progress and printed results.
 
-A run explores, or follows what another client drives.
+A run explores, or watches a robot that another client drives.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from radarsim.processes import raise_on_signals, set_exit_code_of_sigterm
 if TYPE_CHECKING:
     from radarsim.autonomy.cli.map import MapFileOptions
 
-DEFAULT_STEM: Final = "map"  # of the names of files in a folder
+DEFAULT_STEM: Final = "map"  # stem of file names in a folder
 FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
 TITLE_ENDINGS: Final = {
     "incomplete": "until nothing was left to try",
@@ -84,24 +84,24 @@ class MapFiles:
     """The files of a map.
 
     Attributes:
-        options: Options of the files.
-        stem: The path that the names of all files begin with.
+        options: Options of the written files.
+        stem: The common beginning of all file paths.
         paths: All files: cells, nav2's image and YAML, trajectory, picture.
     """
 
     def __init__(self, options: MapFileOptions, name: str) -> None:
-        """Choose the names.
+        """Choose the file names.
 
         Args:
-            options: Options of the files: a folder, or what their names begin
-                with; the suffix of one of the files may follow.
-            name: What they begin with by default.
+            options: Options of the written files. The output is a folder, or the common
+                beginning of all file names; it may end in the suffix of one file.
+            name: Default beginning of the file names.
         """
         self.options = options
         out = options.output or name
         path = Path(out)
         self._names_folder = is_folder = out.endswith(("/", os.sep))
-        with suppress(OSError):  # as of a name that is too long
+        with suppress(OSError):  # for example for a name that is too long
             is_folder = is_folder or path.is_dir()
         if is_folder:
             path /= DEFAULT_STEM
@@ -113,12 +113,12 @@ class MapFiles:
         self.paths = tuple(path.with_name(path.name + each) for each in endings)
 
     def check(self, served: str | None = None) -> None:
-        """Check before the robot drives that the files can be written after it.
+        """Check before the robot drives that the files can be written after the run.
 
         A missing folder is created if its name ends in a slash.
 
         Args:
-            served: The map that is simulated, or None.
+            served: The simulated map, or None.
 
         Raises:
             click.BadParameter: If the folder is missing or not writable, or a file of
@@ -144,7 +144,7 @@ class MapFiles:
     def write(self, run: MappingRun) -> None:
         """Write the map of a run, and the plot, if there was a scan.
 
-        If the map cannot be written, the reason is in the result, and on stderr.
+        If the map cannot be written, the reason is printed and added to the result.
         """
         mapper = run.source.mapper
         if mapper is None or not mapper.scans:
@@ -160,7 +160,7 @@ class MapFiles:
             render(figure, software=MARK),
         )
         try:
-            # all or none: old and new files never stand side by side
+            # written together, so that old and new files are never mixed
             write_atomically(dict(zip(paths, contents, strict=True)))
             run.files = paths
         except OSError as error:
@@ -177,7 +177,7 @@ class MapFiles:
 
 
 def _is_ours(path: Path) -> bool:
-    """Return whether a file is of radarsim's, as far as it can be read."""
+    """Return whether radarsim wrote a file; True if the file cannot be read."""
     try:
         with path.open("rb") as file:
             return MARK.encode() in file.read(HEAD) or is_by_radarsim(path)
@@ -186,17 +186,17 @@ def _is_ours(path: Path) -> bool:
 
 
 def _is_same(path: Path, served: str | None) -> bool:
-    with suppress(OSError):  # the simulated map is a shipped one, given by its name
+    with suppress(OSError):  # a shipped map is given by name instead of a path
         return served is not None and path.samefile(served)
     return False
 
 
 def view_of(run: MappingRun, mapper: Mapper) -> MapView:
-    """Return how the map of a run is drawn.
+    """Return the view for drawing the map of a run.
 
     Args:
         run: The run.
-        mapper: Holds the map; at least one scan.
+        mapper: The mapper, with at least one scan.
     """
     scene, trip, path = run.scene, run.source.trip, mapper.trajectory.rows()
     robot, height = drawn_robot(run.robot_class).name, 0.0
@@ -237,16 +237,16 @@ def _who_maps_what(run: MappingRun) -> str:
 
 
 def _hidden_text(share: float, outlines: Iterable[Outline]) -> str:
-    """Return how much of the floor that the robot cannot reach is mapped, in words."""
+    """Return the mapped share of the unreachable floor in words."""
     is_foliage = any(outline.kind == CellClass.FOLIAGE for outline in outlines)
     where = "behind the foliage" if is_foliage else "out of the robot's reach"
     return f"The floor {where}: {100 * share:.0f} % mapped"
 
 
 def map_camera(run: MappingRun) -> Callable[[], Pixels]:
-    """Return a function that draws the map of a run; at least one scan is on it."""
+    """Return a function that draws the map of a run with at least one scan."""
 
-    @cache  # not before the first scan: only then it is known where the robot stands
+    @cache  # called after the first scan, when the start of the robot is known
     def film(mapper: Mapper) -> tuple[MapView, MapFrames, FloorPart | None]:
         scene = run.scene
         view = replace(view_of(run, mapper), title=_who_maps_what(run))
@@ -279,10 +279,10 @@ def map_progress(
     Args:
         run: The run.
         recording: Records the map.
-        update_film: Films it, at a time in s.
+        update_film: Adds a frame to the film, given the time in s.
 
     Yields:
-        A function to be called after each scan with what the robot is doing.
+        A function to be called after each scan with the activity of the robot.
     """
     activity = "waiting for a scan"
     with live_status(lambda: _describe_status(run, activity)) as log:
@@ -311,7 +311,7 @@ def _describe_status(run: MappingRun, activity: str) -> str:
 
 
 def print_result(run: MappingRun, *, as_json: bool) -> None:
-    """Print the result of a run; if it failed before its first scan, only as JSON."""
+    """Print the result of a run; without a scan, print failures only as JSON."""
     if as_json:
         print_lines([run.to_json()])
     elif run.source.trip.start is not None or not run.error:
@@ -348,7 +348,7 @@ def as_text(run: MappingRun) -> list[str]:
 
 
 def _files_text(files: Sequence[Path]) -> str:
-    """Return names of files: first the picture that a person looks at."""
+    """Return the names of the files, with the picture for people first."""
     view = next(file for file in files if file.stem.endswith("_view"))
     others = ", ".join(file.name for file in files if file != view)
     return f"{view.name} to look at; for programs {others}; in {view.parent}"
@@ -377,12 +377,12 @@ def explore(
     *,
     as_json: bool,
 ) -> None:
-    """Let a run explore; write, judge and describe its map however it ends.
+    """Run an exploration; write, score and print its map even after an error.
 
     Args:
         run: The run.
         files: The files to write.
-        recording: Records what passes, and the map.
+        recording: Records the traffic and the map.
         address: Host and port of the server, unless it is in this process.
         as_json: Whether to print JSON.
     """
@@ -392,7 +392,7 @@ def explore(
             with map_progress(run, recording, update_film) as note:
                 run.run(note, partial(recording.connect, *address))
         finally:
-            # an interrupt of the judge, which takes seconds, must not cost the map
+            # The score takes seconds, and an interrupt during it must not lose the map.
             try:
                 run.judge()
             finally:
@@ -409,13 +409,13 @@ def follow(
     *,
     as_json: bool,
 ) -> int:
-    """Map what a robot of another client reports, until it leaves or a signal comes.
+    """Map the reports of another client's robot until it leaves or a signal arrives.
 
     Args:
-        plan: The scanner, the source of its motion, and the map's cells.
+        plan: The scanner, the source of the motion, and the resolution of the map.
         files: The files to write.
-        recording: Records what passes, and the map.
-        server: Host and port of the server, which is one of radarsim.
+        recording: Records the traffic and the map.
+        server: Host and port of a radarsim server.
         robot: Name of the robot.
         as_json: Whether to print JSON.
 
@@ -423,7 +423,7 @@ def follow(
         The exit code.
 
     Raises:
-        click.BadParameter: If an option is wrong.
+        click.BadParameter: If an option is invalid.
     """
     if not robot.strip() or "," in robot:
         text = f"{robot[:80]!r}, expected the name of a robot, without commas"
@@ -433,7 +433,7 @@ def follow(
     follower = WatchMapper(plan)
     files.check()
     start_log(logging.WARNING, "%(message)s")
-    set_exit_code_of_sigterm(0)  # it has no end of its own
+    set_exit_code_of_sigterm(0)  # the run has no end of its own
     run = MappingRun(plan, watched=follower)
     film = filmed(files.options, map_camera(run))
     with raise_on_signals(), recording, film as update_film:

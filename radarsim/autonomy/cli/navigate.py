@@ -47,7 +47,7 @@ EXIT_CODES: Final = {"reached": 0, "no_path": 3}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationFiles(RunFiles):
-    """Files that a run of a navigator is written into.
+    """Output files of a navigator run.
 
     Attributes:
         trace: Write a CSV file with a row for each scan.
@@ -61,7 +61,7 @@ class NavigationFiles(RunFiles):
         """Check before the run that its files can be written after it.
 
         Raises:
-            click.BadParameter: If one cannot.
+            click.BadParameter: If a file cannot be written.
         """
         if self.trace is not None:
             check_writable(self.trace, "--trace")
@@ -73,7 +73,7 @@ class NavigationFiles(RunFiles):
 
     @contextmanager
     def written(self, run: NavigationRun) -> Iterator[None]:
-        """Write trace and plot after a run, however it ends."""
+        """Write trace and plot after a run, also after an error."""
         from radarsim.autonomy.cli.navigate_output import view_of
         from radarsim.autonomy.plotting.runs import run_figure
         from radarsim.plotting.style import render
@@ -122,7 +122,7 @@ def navigate(
     scene = None if served is None else served.simulation.scene
     run = NavigationRun(complete_mission(mission, scene), served)
     start_log(logging.WARNING, MESSAGE_FORM)
-    # Left in reverse: the line of progress goes before the result is printed.
+    # Closed in reverse order: the progress line ends before the result is printed.
     with (
         raise_on_signals(),
         recording,
@@ -139,14 +139,14 @@ def navigate(
 
 
 def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
-    """Return a mission with what the trial of a map provides, and nothing else does.
+    """Return the mission, completed by the trial of a map where values are missing.
 
     Args:
-        mission: The mission as it is given.
+        mission: The mission as given.
         scene: The map; None for a server.
 
     Raises:
-        click.BadParameter: If there is no goal, or no such start.
+        click.BadParameter: If there is no goal, or the start does not exist.
     """
     trial = None if scene is None else scene.trial
     check_start(scene, mission.start)
@@ -158,7 +158,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
     if trial is None:
         return mission
     has_start = mission.start is not None or mission.pose is not None
-    # The density of foliage asks for the distance that follows from it.
+    # A given foliage density implies a safety distance of its own.
     is_safe = mission.safety_distance is not None or mission.foliage_density is not None
     return replace(
         mission,
@@ -170,7 +170,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
-    """Print the result of a run, also of an interrupted one; else failures as JSON."""
+    """Print the result of a run, also if interrupted; print failures only as JSON."""
     from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 
@@ -188,7 +188,7 @@ def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
 
 
 def _is_trace(path: Path) -> bool:
-    """Return whether a file is empty or a trace of a run, by its first line."""
+    """Return whether a file is empty or starts with the header of a trace."""
     from radarsim.autonomy.navigation.run_log import TRACE_HEADER
 
     header = TRACE_HEADER.encode()

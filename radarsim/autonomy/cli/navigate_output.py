@@ -1,4 +1,4 @@
-"""What ``radarsim navigate`` shows of a run: progress, summary, picture and film."""
+"""Output of ``radarsim navigate``: progress, summary, picture and film of a run."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def run_progress(
     """Show the progress of a run on stderr, and film it.
 
     Args:
-        run_log: Rows of the run so far.
-        update_film: Films it, at a time in s.
+        run_log: The log of the run so far.
+        update_film: Adds a frame to the film, given the time in s.
 
     Yields:
         A function to be called with each row after it has been added to the log.
@@ -75,7 +75,7 @@ def run_progress(
             if row.activity is Activity.GOING and row.goal is not None:
                 x, y = row.goal
                 change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
-            # hits and leaves are those of the log, which knows the goals in between
+            # The log counts hit and leave points, since it knows the goals in between.
             if len(run_log.leave_points) > leaves:
                 leaves = len(run_log.leave_points)
                 change = f"leave point {leaves} at {position}, {change}"
@@ -141,14 +141,14 @@ def as_text(run: NavigationRun) -> list[str]:
 
 
 def _judged_goal(mission: Mission) -> str:
-    """Return what the judge measures the distance from: the last goal, in words."""
+    """Return the goal of the true distance in words."""
     if mission.return_to_start:
         return "its start"
     return "the last goal" if len(mission.goals) > 1 else "the goal"
 
 
 def view_of(run: NavigationRun) -> RunView:
-    """Return how a run is drawn; it has at least one row."""
+    """Return the view for drawing a run with at least one row."""
     run_log, monitor, scene = run.run_log, run.monitor, run.scene
     subtitle = f"{run_log.path_length:.1f} m in {run_log.time:.0f} s"
     if run.circuits:
@@ -168,21 +168,21 @@ def view_of(run: NavigationRun) -> RunView:
 
 
 def headline(run: NavigationRun) -> str:
-    """Return what the bug does, or has done, in words."""
+    """Return the title of a run: the algorithm, its outcome, and the map."""
     if run.error == INTERRUPTED:
         return f"{_title(run)}, interrupted"
     return _title(run, TITLES.get(run.outcome, "fails"))
 
 
 def _title(run: NavigationRun, what: str = "") -> str:
-    """Return the name of the algorithm, what it does, and where."""
+    """Return the name of the algorithm, its activity, and the name of the map."""
     where = "" if run.scene is None else f"in {run.scene.name}"
     name = run.mission.algorithm.value.capitalize()
     return " ".join(word for word in (name, what, where) if word)
 
 
 def _medium_of(run: NavigationRun) -> str:
-    """Return the medium of the sensor that a robot steers by; empty if unknown."""
+    """Return the type of the sensor for navigation; empty if unknown."""
     try:
         items = load_robot(run.mission.robot_class).items_of("RangeScanner")
     except PresetError:
@@ -198,9 +198,9 @@ def _true_path(run: NavigationRun) -> Floats:
 
 
 def run_camera(run: NavigationRun) -> Callable[[], Pixels]:
-    """Return a function that draws a run as it is; at least one row."""
+    """Return a function that draws the current state of a run with at least one row."""
 
-    @cache  # not before: where the robot starts is known by its first row
+    @cache  # called after the first row, which has the robot's start
     def film() -> tuple[RunView, RunFrames]:
         view, row = view_of(run), run.run_log.rows[0]
         view = replace(view, title=_title(run, _DRIVES))

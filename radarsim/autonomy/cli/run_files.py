@@ -1,4 +1,4 @@
-"""What ``navigate`` and ``map`` share: checks, films and recordings of runs."""
+"""Shared parts of ``navigate`` and ``map``: checks, films and recordings of runs."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from radarsim.server.host import Host
 
 HINT: Final = "--film"
-GROUP: Final = "radarsim.runs"  # of entries
-DRAWN_ROBOT: Final = "P3AT"  # where the class is unknown
+GROUP: Final = "radarsim.runs"  # entry point group
+DRAWN_ROBOT: Final = "P3AT"  # for an unknown robot class
 
 
 def drawn_robot(class_name: str | None) -> RobotModel:
-    """Return the robot that is drawn: a P3AT if a class is unknown."""
+    """Return the robot model to draw: a P3AT if a class is unknown."""
     from radarsim.presets.robots import load_robot
 
     try:
@@ -40,10 +40,10 @@ def drawn_robot(class_name: str | None) -> RobotModel:
 
 
 def check_start(scene: Scene | None, name: str | None) -> None:
-    """Check that a map has a start of a name, if both are known.
+    """Check that a map has a start of the given name, if both are known.
 
     Raises:
-        click.BadParameter: If it has not.
+        click.BadParameter: If the map has no such start.
     """
     if scene is not None and name is not None and scene.start(name) is None:
         text = expected_one_of(name, [each.name for each in scene.starts])
@@ -54,8 +54,8 @@ def check_film(path: Path | None) -> None:
     """Check before a run that it can be filmed.
 
     Raises:
-        click.BadParameter: If the file cannot be written, its ending names no format,
-            or a package for its format is missing.
+        click.BadParameter: If the file cannot be written, the suffix is no film format,
+            or a package for the format is missing.
     """
     if path is None:
         return
@@ -74,17 +74,17 @@ def check_film(path: Path | None) -> None:
 def filmed(
     files: RunFiles, draw: Callable[[], Pixels]
 ) -> Iterator[Callable[[float], None]]:
-    """Film a run if a file is given; whatever ends the run, its film is completed.
+    """Film a run if a file is given; the film is completed even after an error.
 
     Args:
-        files: The file of the film, if there is one, and how fast it is.
-        draw: Returns a frame of the run as it is.
+        files: Options with the file of the film, or None, and its speed.
+        draw: Returns a frame with the current state of the run.
 
     Yields:
         A function to be called after each scan with its time, s.
 
     Raises:
-        click.BadParameter: If the film of a run that succeeded cannot be written.
+        click.BadParameter: If the film of a successful run cannot be written.
     """
     path = files.film
     if path is None:
@@ -105,13 +105,13 @@ def filmed(
 
 
 class Recording:
-    """Records nothing; what records overrides all methods."""
+    """A recording that records nothing; subclasses override all methods."""
 
     def attach(self, host: Host, map_: str) -> None:
-        """Record a host in this process, whose map has this name."""
+        """Record the events of a host in this process; ``map_`` names its map."""
 
     def connect(self, host: str, port: int) -> Client:
-        """Connect to a server over TCP, and record what passes.
+        """Connect to a server over TCP, and record the traffic.
 
         Raises:
             ClientError: If the connection cannot be opened.
@@ -121,19 +121,19 @@ class Recording:
         return Client.connect(host, port)
 
     def follow(self, robot: str) -> DataCallback:  # noqa: ARG002 - nothing is recorded
-        """Return what records the reports of a robot of another client, by its name."""
+        """Return a callback that records the data of a watched robot by name."""
         return lambda *_: None
 
     def add_map(self, mapper: Mapper | None, *, last: bool = False) -> None:
         """Record a map, at most once a second.
 
         Args:
-            mapper: Holds the map; None if there is none.
-            last: Whether it is complete, and recorded in any case.
+            mapper: The mapper with the map; None without a map.
+            last: Whether the map is complete, so that it is recorded in any case.
         """
 
     def __enter__(self) -> Self:
-        """Begin to record."""
+        """Start the recording."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -147,8 +147,8 @@ def make_recording(
 
     Args:
         folder: Folder to create; None for no recording.
-        drive_unit: Unit of the commands to drive.
-        robots_map: Whether robots make a map, which ``add_map`` records.
+        drive_unit: Unit of the drive commands.
+        robots_map: Whether the robots build a map, which ``add_map`` records.
 
     Raises:
         RecordingError: If the folder exists, or a package is missing.

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def _read_names(text: str) -> tuple[str, ...]:
-    """Read names with commas between them; each counts once."""
+    """Read names separated by commas, without duplicates."""
     names = [name.strip() for name in text.split(",")]
     if not all(names):
         raise ValueError(f"{text!r}, expected names")
@@ -140,7 +140,7 @@ def _table(scores: Sequence[TrialResult]) -> Table:
         key = (score.map, score.algorithm, score.rule, score.sensor)
         groups.setdefault(key, []).append(score)
     for key, group in groups.items():
-        # sums and means over the seeds
+        # sums and means over seeds
         path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
         ratio = "no path"
         if shortest is not None:

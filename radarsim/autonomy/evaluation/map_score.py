@@ -1,15 +1,15 @@
-"""Scores of maps by the ground truth of the scene.
+"""Scores of maps against the ground truth of the scene.
 
 Theory of operation
 ===================
-The scene is sliced at the sensor's height and rasterised to the cells of the map. A
-cell's class is right if something of that class is within two cells, since a radar's
-side rays see objects that far aside. The class free is wrong if the cell is deeper than
-that inside of an object.
+The scene is sliced at the sensor's height and rasterised to the cells of the map. The
+class of a cell is right if the scene has that class within two cells, since a radar's
+side rays see objects that far off their beam. The class free is wrong if the cell is
+farther than two cells inside an object.
 
-Coverage is that of the floor around the robot's start. Only what walls enclose counts
-as floor that could be known, split into what the robot can get to, and the rest. A
-block of walls that is closed on all sides is no floor, unless the robot is in it.
+Coverage is computed for the floor around the robot's start. Only floor enclosed by
+walls counts, split into the reachable part and the rest. A block of walls that is
+closed on all sides is not floor, unless the robot is in it.
 """
 
 import math
@@ -35,12 +35,12 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.simulation.map_warnings import Position, free_space
 
-Score: TypeAlias = dict[str, Any]  # by name, see ``score_map``
+Score: TypeAlias = dict[str, Any]  # values by name, see ``score_map``
 
 _SAMPLES: Final = 4  # along a line, for each cell
-TOLERANCE: Final = 2  # cells
-BESIDE: Final = 0.5  # cells more, so that corners of a cell count as next to it
-MISPLACED: Final = 0.15  # m; obstacles farther from everything true are a second wall
+TOLERANCE: Final = 2  # cells between a map cell and the true object
+BESIDE: Final = 0.5  # cells of tolerance, so that diagonal neighbours count
+MISPLACED: Final = 0.15  # m; obstacles farther from all true obstacles are misplaced
 
 
 class Truth:
@@ -48,9 +48,9 @@ class Truth:
 
     Attributes:
         frame: The grid.
-        kinds: Cells with obstacle, foliage and smoke, each (R, C); where two meet, a
-            cell has both.
-        inside: Cells that are inside of each kind, (R, C).
+        kinds: Cells with obstacle, foliage and smoke, each (R, C); a cell may belong to
+            several kinds.
+        inside: Cells inside objects of each kind, (R, C).
         indoors: Cells that walls enclose and that are not solid, (R, C).
     """
 
@@ -76,21 +76,21 @@ class Truth:
                 filled = _filled(part, segments, starts, frame)
                 self.inside[kind] |= filled
                 self.kinds[kind] |= filled | _drawn(segments, frame)
-        # What the outside does not flow into; openings of one cell are closed first.
-        # With a border all around, so that the outside is in one piece.
+        # Indoor cells are those that a flood fill from outside does not reach, after
+        # openings of one cell are closed. The padding connects all of the outside.
         walls = np.pad(self.kinds[CellClass.OBSTACLE], 1)
         near = np.isfinite(distance_field(walls, 1.0))
         outdoors = np.isfinite(distance_field(flood_fill(~near, (0, 0)), 1.5))
         self.indoors: Mask = (~outdoors & ~walls)[1:-1, 1:-1]
 
     def anything(self) -> Mask:
-        """Return the cells with anything in them, (R, C)."""
+        """Return the cells with an object of any kind, (R, C)."""
         return np.asarray(np.any(list(self.kinds.values()), axis=0))
 
     def indoors_around(self, place: Position) -> Mask:
-        """Return the indoor cells that nothing solid closes off from a place, (R, C).
+        """Return the indoor cells connected with a position, (R, C).
 
-        Empty if the place is outdoors. Openings of less than three cells are closed.
+        Empty if the position is outdoors. Openings of less than three cells are closed.
         """
         cell = self.frame.cell(*place)
         if cell is None or not self.indoors[cell]:
@@ -105,7 +105,7 @@ class Truth:
         """Return the cells with exposed obstacle surfaces, and with foliage, (R, C).
 
         Args:
-            outdoors: Whether surfaces that face the outside of walls count too.
+            outdoors: Whether the outer surfaces of walls count, too.
         """
         solid = self.kinds[CellClass.OBSTACLE]
         near = distance_field(~solid if outdoors else self.indoors, 1.5)
@@ -113,7 +113,7 @@ class Truth:
 
 
 def class_of(material: Material) -> CellClass:
-    """Return the class that something of a material should have on a map."""
+    """Return the correct class of a material on a map."""
     if not material.solid:
         return CellClass.SMOKE
     return CellClass.FOLIAGE if material.lets_beams_in else CellClass.OBSTACLE
@@ -123,9 +123,9 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
     """Return the cells in a part; a part around a start is a room, and hollow."""
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
-    # To a micrometre: polygons need ends that are equal, and not nearly so.
+    # Rounded to a micrometre, since polygons need exactly equal ends of lines.
     lines = shapely.linestrings(np.round(segments, 6))
-    # Split where they cross: one mesh may intersect itself
+    # Lines are split where they cross, since a mesh may intersect itself.
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
     if class_of(part.material) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]
@@ -133,7 +133,7 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
 
 
 def covered_cells(area: Any, frame: GridFrame) -> Mask:
-    """Return the cells whose centres are in an area of shapely's, (R, C)."""
+    """Return the cells whose centres are in a shapely geometry, (R, C)."""
     covered = np.zeros(frame.shape, np.bool_)
     if shapely.is_empty(area):
         return covered
@@ -150,8 +150,8 @@ def covered_cells(area: Any, frame: GridFrame) -> Mask:
 def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.hypot(*spans.T) / frame.resolution
-    # A point every quarter of a cell: a line may miss the corner of a cell that it only
-    # grazes, which is far less than what scores allow.
+    # Points are set every quarter of a cell. A line may miss a cell whose corner it
+    # only grazes, which is far below the tolerance of scores.
     counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
     which = np.repeat(np.arange(len(segments)), counts)
     number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -167,24 +167,24 @@ def _drawn(segments: Floats, frame: GridFrame) -> Mask:
 def find_floor(
     truth: Truth, scene: Scene, *, start: Position, robot_radius: float
 ) -> dict[str, Mask]:
-    """Find the cells of floor around the start of a robot; none if that is outdoors.
+    """Find the floor cells around the start of a robot; none if it is outdoors.
 
     Args:
-        truth: The scene in the cells of a map.
-        scene: The same scene.
+        truth: The ground truth in the cells of a map.
+        scene: The scene of that ground truth.
         start: Start of the robot, m.
         robot_radius: Half the diagonal of the robot, m.
 
     Returns:
-        Masks, (R, C): of ``indoors``, between the walls around the start, also under
-        foliage and smoke; of these ``free``, with nothing in them; of these
-        ``reachable``, which the robot covers wherever it can get to, and ``hidden``,
-        where it would fit, but that it cannot get to.
+        Masks, (R, C): ``indoors``, between the walls around the start, also under
+        foliage and smoke; in it ``free``, without any object; in that ``reachable``,
+        covered by the robot wherever it can drive, and ``hidden``, where the robot
+        would fit but that it cannot reach.
     """
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
     pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
-    # the piece that the robot is in, or next to, if it starts at a wall
+    # the free space around the robot, or next to it, if it starts at a wall
     home = min(pieces, key=Point(start).distance, default=None)
     if home is not None and home.distance(Point(start)) > robot_radius:
         home = None
@@ -197,10 +197,10 @@ def find_floor(
 
 
 class FloorPart:
-    """The free floor that a robot can get to, or where it would fit, but cannot.
+    """The reachable or the hidden part of the free floor.
 
-    It is what ``reachable_coverage`` and ``hidden_coverage`` of a score count, computed
-    once for many maps.
+    ``reachable_coverage`` and ``hidden_coverage`` of a score count these cells, which
+    are computed once for many maps.
     """
 
     def __init__(
@@ -214,8 +214,8 @@ class FloorPart:
         """Find the cells.
 
         Args:
-            part: Which floor.
-            mapper: Makes the maps.
+            part: Which part of the floor.
+            mapper: The mapper whose maps are scored.
             scene: The mapped scene.
             robot_class: Class of the robot.
             start: Start of the robot, m.
@@ -228,7 +228,7 @@ class FloorPart:
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
     def coverage(self, grid: OccupancyGrid) -> float:
-        """Return the share of it that is sensed; nan if there is no such floor."""
+        """Return the sensed share of the floor; nan if there is no such floor."""
         if not len(self._rows):
             return math.nan
         rows, columns = self._rows - grid.frame.row, self._columns - grid.frame.column
@@ -239,7 +239,7 @@ class FloorPart:
 
 
 def _with_scene(frame: GridFrame, scene: Scene) -> GridFrame:
-    """Return a frame that contains all of a scene too."""
+    """Return a frame that also contains the whole scene."""
     (west, south), (east, north) = scene.bounds[:, :2].tolist()
     return frame.extended_to((west, south), (east, north))
 
@@ -258,31 +258,31 @@ def score_map(
         scene: The mapped scene.
         start: Start of the robot, m.
         robot_radius: Half the diagonal of the robot, m.
-        height: Height of its sensor in the map frame, m.
+        height: Height of the sensor in the map frame, m.
 
     Returns:
         right: Number of known cells with the right class.
         wrong: Number of known cells with a wrong class.
-        unknown: Number of cells of floor, bare or under foliage or smoke, that no beam
-            has crossed; None where no walls enclose the start.
-        coverage: Share of the free floor that is known; None as above.
-        near_coverage: Share of it that was seen at short range; None as above.
-        reachable_coverage: Known share of the part that the robot can get to; None as
+        unknown: Number of floor cells, bare or under foliage or smoke, that no beam has
+            crossed; None where no walls enclose the start.
+        coverage: Known share of the free floor; None as above.
+        near_coverage: Share of the free floor seen at short range; None as above.
+        reachable_coverage: Known share of the reachable part of the free floor; None as
             above.
         hidden_coverage: Known share of the part that the robot cannot reach; None if
             there is no such part.
         obstacles: Number of cells classified as obstacle.
         within_one_cell: Share of ``obstacles`` with a solid surface, or foliage, in the
-            cell itself or next to it; None if there are none.
-        within_two_cells: The same with one cell more.
-        false_obstacles: Number of ``obstacles`` farther from everything solid, per
+            same or an adjacent cell; None without ``obstacles``.
+        within_two_cells: The same share within two cells.
+        false_obstacles: Number of ``obstacles`` farther from any solid object, per
             known cell that is empty.
-        misplaced: Share of ``obstacles`` more than 15 cm from everything solid, as of a
-            wall that is on the map twice; None if there are none.
-        told_apart: Share of the obstacle and foliage cells near something of their own
-            class; cells near neither class do not count. None if none is left.
+        misplaced: Share of ``obstacles`` more than 15 cm from any solid object, for
+            example from a wall that is on the map twice; None without ``obstacles``.
+        told_apart: Share of the obstacle and foliage cells near an object of their own
+            class; cells near neither class are skipped. None if no cell is left.
     """
-    # Of the whole scene: floor that was never sensed counts as well.
+    # The frame covers the whole scene, since floor that was never sensed counts, too.
     frame = _with_scene(grid.frame, scene)
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)
@@ -290,8 +290,8 @@ def score_map(
     solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     smoke = truth.kinds[CellClass.SMOKE]
     blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    # Side rays see objects two cells off their beam. Free is wrong only deeper than
-    # that inside of an object.
+    # Side rays see objects up to two cells off their beam, so free is wrong only deeper
+    # than two cells inside an object.
     right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
     right |= (classes == CellClass.SMOKE) & (_distances(smoke) <= TOLERANCE + BESIDE)
     inside = np.any(list(truth.inside.values()), axis=0)
@@ -325,10 +325,10 @@ def score_map(
 def robot_and_sensor(
     mapper: Mapper, scene: Scene, robot_class: str, start: Position
 ) -> tuple[float, float]:
-    """Return half the diagonal of a robot, and how high its scanner is, m, map frame.
+    """Return half the diagonal of a robot, and the height of its scanner, m, map frame.
 
     Args:
-        mapper: Knows the scanner.
+        mapper: The mapper of the scanner.
         scene: The mapped scene.
         robot_class: Class of the robot.
         start: Start of the robot, m.
@@ -340,7 +340,7 @@ def robot_and_sensor(
 
 
 def _class_accuracy(classes: Any, truth: Truth) -> float | None:
-    # of cells near one kind only: where both are near, either class may be right
+    # Cells near both kinds count as right, since either class may be right.
     matches: list[Any] = []
     for kind, other in (
         (CellClass.OBSTACLE, CellClass.FOLIAGE),
@@ -354,7 +354,7 @@ def _class_accuracy(classes: Any, truth: Truth) -> float | None:
 
 
 def _distances(cells: Mask) -> Floats:
-    """Return the distance of each cell to the nearest of some, cells; inf if far."""
+    """Return each cell's distance to the nearest given cell, cells; inf if far."""
     return distance_field(cells, TOLERANCE + BESIDE)
 
 

@@ -1,11 +1,11 @@
-"""One mapping run: the exploration of a robot, its server, its result.
+"""One mapping run: the exploration of a robot, its server, and its result.
 
-The server is either one in this process, which runs in lockstep with the client and
-whose scene the map is compared with, or one that listens on a TCP port.
+The server is either in this process, in lockstep with the client, so that the map can
+be compared with the scene, or it listens on a TCP port.
 
-A curve of the known area over time shows how fast the exploration is. The sensed area
-follows from the map itself. With a scene it is also known which floor the robot can get
-to, and when some share of that was known.
+A curve of the known area over time shows the speed of the exploration. The sensed area
+comes from the map itself. With a scene, the curve also shows the known share of the
+reachable floor, and the result shows when given shares were known.
 """
 
 import json
@@ -36,20 +36,20 @@ from radarsim.rng import generator_for
 from radarsim.server.host import Host
 
 INTERVAL: Final = 1.0  # s between two samples of the known area
-MOST_SAMPLES: Final = 200  # that are kept; beyond it every second one
-SHARES: Final = (0.5, 0.9, 0.99)  # of the floor within reach
-MANY_SEEN_ONCE: Final = 0.3  # share of the walls
+MOST_SAMPLES: Final = 200  # samples; beyond this every second one is dropped
+SHARES: Final = (0.5, 0.9, 0.99)  # shares of the reachable floor to report
+MANY_SEEN_ONCE: Final = 0.3  # share of walls above which a doubt is reported
 
 
 class Sample(NamedTuple):
-    """What was known at one moment of a run.
+    """The known area at one time of a run.
 
     Attributes:
-        time: s.
+        time: Time since the first scan, s.
         path_length: Length of the estimated path, m.
-        area: Area that is sensed, m².
-        reachable: Known share of the floor that the robot can get to; nan if it is not
-            known which that is.
+        area: Sensed area, m².
+        reachable: Known share of the reachable floor; nan if the reachable floor is
+            unknown.
     """
 
     time: float
@@ -59,13 +59,13 @@ class Sample(NamedTuple):
 
 
 class AreaCurve:
-    """Samples of a run.
+    """The known area over the time and the path of a run.
 
     Attributes:
-        samples: In the order of time.
+        samples: Samples in the order of time.
         reached: Time and path length at which each of ``SHARES`` was known, for JSON;
-            None for those that were not.
-        floor: The floor that the robot can get to; None if that is not known.
+            None for shares that were not reached.
+        floor: The reachable floor; None if it is unknown.
     """
 
     def __init__(self) -> None:
@@ -78,16 +78,16 @@ class AreaCurve:
         self._due = -math.inf
 
     def add(self, trip: TripMeter, grid: OccupancyGrid, *, last: bool = False) -> None:
-        """Add a sample, if it is time to.
+        """Add a sample, if one is due.
 
         Args:
             trip: Time and path so far.
             grid: The map.
-            last: Whether it is the last one, which is always added.
+            last: Whether it is the last sample, which is always added.
         """
         if trip.time < self._due and not last:
             return
-        self._due = trip.time + INTERVAL - 1e-9  # times are sums
+        self._due = trip.time + INTERVAL - 1e-9  # tolerance, since times are sums
         area = int(grid.sensed_cells().sum()) * grid.frame.resolution**2
         share = math.nan if self.floor is None else self.floor.coverage(grid)
         sample = Sample(trip.time, trip.length, area, share)
@@ -96,8 +96,8 @@ class AreaCurve:
                 time, length = round(sample.time, 2), round(sample.path_length, 2)
                 self.reached[f"{each:g}"] = {"time": time, "path_length": length}
         if last and self.samples and self.samples[-1].time == sample.time:
-            del self.samples[-1]  # what was known at that scan before the run ended
-        # all are looked at, but not all are kept
+            del self.samples[-1]  # the sample of the same scan before the run ended
+        # every sample is evaluated, but only some are stored
         before = self.samples[-1].time if self.samples else -math.inf
         if last or sample.time >= before + self._interval - 1e-9:
             self.samples.append(sample)
@@ -106,7 +106,7 @@ class AreaCurve:
             self._interval *= 2
 
     def to_dict(self) -> dict[str, list[float]]:
-        """Return the samples for JSON, by columns; that of shares if they are known."""
+        """Return the samples for JSON, by columns; shares only if they are known."""
         digits = {"time": 2, "path_length": 2, "area": 2, "reachable": 4}
         columns = {
             name: [round(getattr(each, name), places) for each in self.samples]
@@ -119,20 +119,20 @@ class AreaCurve:
 
 
 class MappingRun:
-    """A mapping run and its result, which is kept of a run that fails, too.
+    """A mapping run and its result, which remains available if the run fails.
 
     Attributes:
-        source: What makes the map: an exploration, or what watches a robot of another
-            client.
+        source: The source of the map: an exploration, or the watcher of a robot that
+            another client drives.
         strategy: Name of the strategy; ``way`` for waypoints, None where another client
             drives.
         robot_class: Class of the robot; None where another client drives.
         scene: The scene, if the server is in this process.
-        monitor: Monitor of the true robot, if the server is in this process.
+        monitor: Ground truth monitor, if the server is in this process.
         score: Comparison of the map with the scene, if the scene is known.
         area_curve: Known area over time and path.
-        files: Files that were written.
-        error: What went wrong; empty if nothing did.
+        files: Written files.
+        error: Error message; empty without an error.
     """
 
     def __init__(
@@ -143,13 +143,13 @@ class MappingRun:
         seed: int = 0,
         watched: WatchMapper | None = None,
     ) -> None:
-        """Create a run that has not begun.
+        """Create a run.
 
         Args:
-            plan: The plan of the exploration, or of the map of a robot that is watched.
-            host: Server in this process; None for one that listens on a port.
+            plan: The plan of the exploration, or of the map of a watched robot.
+            host: Server in this process; None for a server that listens on a port.
             seed: Seed of strategies that use chance.
-            watched: What maps a robot of another client; None to explore.
+            watched: The watcher that maps a robot of another client; None to explore.
         """
         self.source: Exploration | WatchMapper
         self.source = watched or Exploration(plan, generator_for(seed, "exploring"))
@@ -170,16 +170,16 @@ class MappingRun:
         observe: Callable[[str], None] = lambda _: None,
         connect: Callable[[], Client] = Client.connect,
     ) -> None:
-        """Connect, explore, and complete the result, however the run ends.
+        """Connect, explore, and complete the result even after an error.
 
         Args:
-            observe: Called at every scan with what the strategy is doing, in one word.
+            observe: Called at every scan with the activity of the strategy in one word.
             connect: Connects to the server, unless it is in this process.
 
         Raises:
-            ClientError: If the server does not send the needed reports.
-            MappingError: If no map can be made of what it sends.
-            NavigationError: If the robot cannot follow the plan.
+            ClientError: If the server does not send required reports.
+            MappingError: If no map can be made from the reports.
+            NavigationError: If the robot cannot carry out the plan, or gets stuck.
         """
         exploration, monitor = self.source, self.monitor
         assert isinstance(exploration, Exploration)
@@ -197,14 +197,14 @@ class MappingRun:
             raise
         finally:
             self._note_area(last=True)
-            # The outcome does not show errors before the exploration began, such as of
-            # the connection.
+            # The outcome does not include errors before the exploration started, such
+            # as connection errors.
             is_interrupted = self.error in ("", INTERRUPTED)
             if exploration.outcome == Outcome.BROKEN_OFF and not is_interrupted:
                 exploration.outcome = Outcome.FAILED
 
     def judge(self) -> None:
-        """Compare the map with the scene, if both are known."""
+        """Compare the map with the scene, if both are available."""
         mapper, scene, robot = self.source.mapper, self.scene, self.robot_class
         start = self.source.trip.start
         if scene is None or mapper is None or robot is None or start is None:
@@ -214,7 +214,7 @@ class MappingRun:
         self.score = score_map(mapper.grid, scene, place, radius, height)
 
     def _note_area(self, *, last: bool = False) -> None:
-        """Add to the curve of known area; to be called at every scan."""
+        """Update the curve of known area; called at every scan."""
         mapper, trip, curve = self.source.mapper, self.source.trip, self.area_curve
         if mapper is None or trip.start is None:
             return
@@ -226,7 +226,7 @@ class MappingRun:
 
     @property
     def doubts(self) -> list[str]:
-        """Why the map may be wrong, as far as the run itself shows it."""
+        """Reasons why the map may be wrong, as far as the run shows them."""
         mapper = self.source.mapper
         if mapper is None or not mapper.scans:
             return []
@@ -243,8 +243,8 @@ class MappingRun:
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with lengths in mm precision.
 
-        Errors of poses have five digits. A run that ended early is described as far as
-        it came.
+        Errors of poses have five digits. A run that ended early has the values up to
+        its end.
         """
         source, mapper = self.source, self.source.mapper
         left_out = {"no_pose": 0, "no_echoes": 0}
@@ -259,7 +259,7 @@ class MappingRun:
             "left_out": [[round(x, 3), round(y, 3)] for x, y in source.unreached],
             "safety_distance": rounded(source.safety_distance, 3),
             "scans": 0 if mapper is None else mapper.scans,
-            "scans_left_out": left_out | {"late": 0},  # that servers drop
+            "scans_left_out": left_out | {"late": 0},  # dropped by servers
             "loop_closures": 0 if mapper is None else mapper.slam.closures,
             "cells": _cell_counts(mapper),
             "pose_errors": _pose_errors(mapper),

@@ -1,6 +1,6 @@
 """One run of a navigator: its server, its mission, its log and its result.
 
-The true path, collisions and distances of the robot are those of the simulation.
+The true path, collisions and distances of the robot come from the simulation.
 """
 
 import json
@@ -25,14 +25,14 @@ INTERRUPTED: Final = "interrupted"
 
 
 class GroundTruthMonitor(HostObserver):
-    """Watches the first robot of a simulation, tick by tick.
+    """Records the true path and the collisions of the first robot, tick by tick.
 
-    As an observer of a host it watches after each tick, when the next one begins.
+    As a host observer, it reads the state after each tick, when the next one begins.
 
     Attributes:
-        collisions: How often the robot began to touch something, or another robot.
-        path_length: Length of the true path of its centre, m.
-        path: Its path, in steps of at least ``STEP``.
+        collisions: Number of contacts with obstacles or robots.
+        path_length: Length of the true path of the robot's centre, m.
+        path: The true path, in steps of at least ``STEP``, m, map frame.
     """
 
     def __init__(self, host: Host) -> None:
@@ -40,12 +40,12 @@ class GroundTruthMonitor(HostObserver):
         self.path_length = 0.0
         self.path: list[Point] = []
         self._host = host
-        self._number: int | None = None  # of the robot
+        self._number: int | None = None  # number of the robot
         self._touches = False
         self._pose: Pose2 | None = None
 
     def open_client(self) -> Client:
-        """Connect to the host, in lockstep, so that every tick is watched."""
+        """Connect to the host in lockstep, so that every tick is recorded."""
         return Client(InProcessTransport(self._host, after_tick=self.watch))
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - it watches all ticks
@@ -53,7 +53,7 @@ class GroundTruthMonitor(HostObserver):
         self.watch()
 
     def watch(self) -> None:
-        """Update from the simulation; to be called after every tick."""
+        """Update from the simulation; call this after every tick."""
         for vehicle in self._host.simulation.vehicles:
             if self._number is None:
                 self._number = vehicle.number
@@ -61,7 +61,7 @@ class GroundTruthMonitor(HostObserver):
                 self._add(vehicle.robot.pose, touches=vehicle.robot.touched)
 
     def _add(self, pose: Pose2, *, touches: bool) -> None:
-        # a touch that lasts is one collision, not one a tick
+        # A lasting contact is one collision, not one per tick.
         self.collisions += touches and not self._touches
         previous = self._pose or pose
         self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
@@ -72,14 +72,14 @@ class GroundTruthMonitor(HostObserver):
 
     @property
     def positions(self) -> Floats:
-        """The path up to where the robot is, (N, 2) m, map frame."""
+        """The path up to the robot's position, (N, 2) m, map frame."""
         ends = [] if self._pose is None else [(self._pose.x, self._pose.y)]
         return np.array([*self.path, *ends]).reshape(-1, 2)
 
     def off_goal(self, mission: Mission) -> float:
         """Return the robot's distance from the last goal of its mission, m.
 
-        That is where it truly started, if it is to return.
+        For a mission that returns to its start, the true start is the last goal.
         """
         goal = mission.goals[-1]
         if mission.return_to_start and self.path:
@@ -94,15 +94,15 @@ class GroundTruthMonitor(HostObserver):
 
 
 class NavigationRun:
-    """One run of a mission, complete or broken off.
+    """One run of a mission, complete or aborted.
 
     Attributes:
         mission: The mission.
-        host: The server, if it runs in this process.
-        monitor: Watches the true robot, if the server runs in this process.
+        host: The server, if it is in this process.
+        monitor: Ground truth monitor, if the server is in this process.
         run_log: One row for each scan so far.
-        result: None until the run ends, and after one that broke off.
-        error: What went wrong; empty if nothing did.
+        result: None until the run ends, and after an aborted run.
+        error: Error message; empty without an error.
     """
 
     def __init__(self, mission: Mission, host: Host | None) -> None:
@@ -115,7 +115,7 @@ class NavigationRun:
 
     @property
     def scene(self) -> Scene | None:
-        """The map, if the server runs in this process."""
+        """The scene, if the server is in this process."""
         return None if self.host is None else self.host.simulation.scene
 
     @property
@@ -125,7 +125,7 @@ class NavigationRun:
 
     @property
     def goals(self) -> tuple[Point, ...]:
-        """The goals in turn: the start as well, if the robot is to return there."""
+        """All goals in order, including the start if the robot is to return there."""
         first = self.run_log.rows[:1] if self.mission.return_to_start else []
         return (*self.mission.goals, *((row.x, row.y) for row in first))
 
@@ -134,7 +134,7 @@ class NavigationRun:
         """Number of goals that the robot has not reached."""
         if self.result is not None:
             return self.result.goals_left
-        # A leg begins with each goal, and all goals but that of the last are reached.
+        # A leg starts with each goal, so all goals except the last leg's are reached.
         goals = len(self.mission.goals) + self.mission.return_to_start
         return goals - max(len(self.run_log.legs) - 1, 0)
 
@@ -152,11 +152,11 @@ class NavigationRun:
 
         Args:
             on_scan: Called after every scan with its row of the log.
-            connect: Connects to the server, unless it runs in this process.
+            connect: Connects to the server, unless it is in this process.
 
         Raises:
-            ClientError: If the server does not send the needed reports.
-            NavigationError: If the robot cannot do what the mission asks for.
+            ClientError: If the server does not send required reports.
+            NavigationError: If the robot cannot carry out the mission.
         """
 
         def observe(step: NavigationStep) -> None:
@@ -174,9 +174,9 @@ class NavigationRun:
             self.error = f"goal{which} not reached {limit}, {distance:.2f} m from it"
 
     def summary(self) -> dict[str, Any]:
-        """Return all values of the run by name, numbers unrounded.
+        """Return all values of the run by name, with unrounded numbers.
 
-        A run that broke off is described as far as it came.
+        An aborted run has the values up to its end.
         """
         run_log, result, mission = self.run_log, self.result, self.mission
         values: dict[str, Any] = {
@@ -205,7 +205,7 @@ class NavigationRun:
         return values
 
     def legs(self) -> list[dict[str, Any]]:
-        """Return how the way to each goal went, as far as the robot came."""
+        """Return the result of the path to each goal, as far as the robot got."""
         legs = self.run_log.legs
         return [
             {

@@ -1,8 +1,8 @@
-"""Trials of a controller of one's own, which drives a robot of a local simulation.
+"""Trials of a user's own controller, which drives a robot of a local simulation.
 
-It is judged as the navigators of the package are: by the truth, on the same maps.
-Shares have Wilson's score interval (Wilson 1927), which also holds for few runs and for
-shares of 0 and 1. Means have Student's t interval.
+Its runs are evaluated like those of the built-in navigators: with the ground truth, on
+the same maps. Shares have Wilson's score interval (Wilson 1927), which also holds for
+few runs and for shares of 0 and 1. Means have Student's t interval.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from radarsim.validation import check_number
 OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
 
 CONFIDENCE: Final = 0.95
-ALL: Final = "all"  # all maps together
+ALL: Final = "all"  # key for all maps together
 TIME_LIMIT: Final = 600.0  # s
-MOST_COMMANDS: Final = 20_000  # while no time passes; a controller that forgets to step
+MOST_COMMANDS: Final = 20_000  # without a time step; more fail the run
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ class Estimate:
 
     Attributes:
         value: The share, or the mean.
-        low: Lower end of its interval; the value itself where there is none.
-        high: Upper end, likewise.
+        low: Lower end of the interval; the value itself without an interval.
+        high: Upper end of the interval; the value itself without an interval.
         count: Number of runs.
     """
 
@@ -64,8 +64,8 @@ def share(successes: int, count: int) -> Estimate:
     """Estimate a share, with Wilson's score interval.
 
     Args:
-        successes: Number of runs that have a property.
-        count: Number of all runs, at least 1; of a single one there is no interval.
+        successes: Number of runs with the property.
+        count: Number of all runs, at least 1; a single run has no interval.
 
     >>> estimate = share(10, 10)
     >>> round(estimate.low, 4), round(estimate.high, 4)
@@ -83,35 +83,35 @@ def mean(values: Sequence[float]) -> Estimate:
     """Estimate a mean, with Student's t interval.
 
     Args:
-        values: At least one. If all are equal, or there is only one, both ends of the
-            interval are the value itself.
+        values: At least one value. If all are equal, or there is only one, both ends of
+            the interval are the value itself.
     """
     count, value = len(values), float(np.mean(values))
     if min(values) == max(values):
-        # The value itself: the mean of equal values can differ from them in the last
-        # digit.
+        # The mean of equal values can differ from them in
+        # the last digit, so the value itself is returned.
         return Estimate(values[0], values[0], values[0], count)
     low, high = stats.t.interval(CONFIDENCE, count - 1, value, stats.sem(values))
     return Estimate(value, float(low), float(high), count)
 
 
 class _TimeIsUp(Exception):
-    """The time limit of a trial has come."""
+    """Raised at the time limit of a trial."""
 
 
 class _TrialSimulation(LocalSimulation):
-    """A simulation that ends at a time."""
+    """A simulation that ends at a given time."""
 
     def __init__(self, scene: Scene, sensor: str, seed: int, end: float) -> None:
         super().__init__(scene, seed=seed, config=config_with_sensor(sensor))
         self._end = end
-        self._commands = 0  # since the last step
+        self._commands = 0  # commands since the last step
 
     def receive(self, number: int, data: bytes) -> list[str]:
-        """See ``LocalSimulation.receive``.
+        """Process a command; see ``LocalSimulation.receive``.
 
         Raises:
-            ValueError: If a controller sends commands without end, and no time passes.
+            ValueError: If a controller sends too many commands without a time step.
         """
         self._commands += 1
         if self._commands > MOST_COMMANDS:
@@ -122,10 +122,10 @@ class _TrialSimulation(LocalSimulation):
         return super().receive(number, data)
 
     def step(self, duration: float) -> None:
-        """See ``LocalSimulation.step``.
+        """Advance the simulation; see ``LocalSimulation.step``.
 
         Raises:
-            _TimeIsUp: If the end has come.
+            _TimeIsUp: At the time limit.
         """
         self._commands = 0
         super().step(min(duration, max(self._end - self.time, 0.0)))
@@ -135,20 +135,20 @@ class _TrialSimulation(LocalSimulation):
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """How a controller did.
+    """The results of a controller on all maps and seeds.
 
     Attributes:
-        rows: A result of each run, map by map and seed by seed.
+        rows: The result of each run, map by map and seed by seed.
     """
 
     rows: tuple[TrialResult, ...]
 
     @property
     def success(self) -> Mapping[str, Estimate]:
-        """Share of the runs that ended rightly and touched nothing, by map.
+        """Share of correct runs without collisions, by map.
 
-        ``all`` is that of all maps. Intervals are Wilson's of 95 %; a single run has
-        none, so that both ends are its value.
+        The key ``all`` holds the share over all maps. The intervals are Wilson's at 95
+        %; for a single run, both ends are the value.
         """
         return {
             name: share(sum(row.is_correct for row in rows), len(rows))
@@ -157,9 +157,9 @@ class Evaluation:
 
     @property
     def detour(self) -> Mapping[str, Estimate]:
-        """Path divided by the shortest one, by map, of runs that ended at the goal.
+        """Path length divided by the shortest one, by map, for runs to the goal.
 
-        Maps on which none did are missing. Intervals are Student's of 95 %.
+        Maps without such a run are missing. The intervals are Student's at 95 %.
         """
         detours = {
             name: [
@@ -202,11 +202,11 @@ def evaluate(
     pictures: str | Path | None = None,
     workers: int = 1,
 ) -> Evaluation:
-    """Let a controller drive to the goals of maps, and judge it by the truth.
+    """Let a controller drive to the goals of maps, and judge it by the ground truth.
 
-    The controller is called with a robot, a P3AT whose scanner ``lms200`` sees a full
-    circle, and its goal, x and y in m. It drives in a loop of its own and returns when
-    the robot is there, or False if it finds that there is no path::
+    The controller is called with a robot, a P3AT whose scanner ``lms200`` covers a full
+    circle, and with the goal, x and y in m. It drives in a loop of its own and returns
+    when the robot is at the goal, or returns False if it finds that no path exists::
 
         def straight_ahead(robot, goal):
             while math.dist((robot.ins.pose.x, robot.ins.pose.y), goal) > 0.2:
@@ -219,19 +219,19 @@ def evaluate(
     Args:
         controller: The controller.
         maps: Names of maps that have a ``trial``, or paths of their files.
-        seeds: Seeds of the simulations, or how many from 0.
+        seeds: Seeds of the simulations, or their number, counted from 0.
         sensor: Name of the preset of the scanner.
-        time_limit: Simulated time after which a run has failed, s.
+        time_limit: Simulated time after which a run fails, s.
         pictures: Folder for a picture of each run, ``map-seed.png``; None for none.
         workers: Number of processes.
 
     Raises:
-        MapError: If a map is wrong, or defines no trial.
-        PresetError: If there is no such sensor.
-        TypeError: If an argument is of another type.
-        ValueError: If there are no maps, or no seeds, or a number is too small.
+        MapError: If a map is invalid, or defines no trial.
+        PresetError: If the sensor does not exist.
+        TypeError: If an argument has the wrong type.
+        ValueError: If there are no maps or no seeds, or a number is too small.
     """
-    # Before any trial, so that a mistake is not found after minutes.
+    # Checked before any trial, so that a mistake is reported at once.
     if not callable(controller):
         text = "expected a function of a robot and a goal"
         raise TypeError(f"controller {controller!r}, {text}")
@@ -251,18 +251,19 @@ def evaluate(
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     run = partial(run_own_trial, controller, sensor, time_limit, folder)
-    if workers == 1:  # errors of the controller come as they are
+    if workers == 1:  # errors of the controller are raised unchanged
         return Evaluation(tuple(run(*task) for task in tasks))
     with closing(run_tasks(run, tasks, workers=workers)) as running:
         return Evaluation(tuple(in_order(running)))
 
 
 def _check_seeds(seeds: int | Sequence[int]) -> Sequence[int]:
-    """Return the seeds; of a number, as many from 0.
+    """Return the seeds; a number n stands for the seeds 0 to n - 1.
 
     Raises:
-        TypeError: If it is neither a number nor a sequence, or one is no whole number.
-        ValueError: If one is negative.
+        TypeError: If it is neither a number nor a sequence, or a seed is not an
+            integer.
+        ValueError: If a seed is negative.
     """
     if isinstance(seeds, int):
         return range(seeds)
@@ -282,7 +283,7 @@ def run_own_trial(
     map_: str,
     seed: int,
 ) -> TrialResult:
-    """Run one trial; arguments as of ``evaluate``."""
+    """Run one trial; see ``evaluate`` for the arguments."""
     scene, trial = load_trial(map_)
     sim = _TrialSimulation(scene, sensor, seed, time_limit)
     monitor = GroundTruthMonitor(sim.host)

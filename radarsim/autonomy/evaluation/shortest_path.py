@@ -1,13 +1,13 @@
-"""The shortest path of a disc on a map, as a reference for the paths that robots take.
+"""The shortest path of a disc on a map, as a reference for the paths of robots.
 
 Theory of operation
 ===================
 A shortest path among obstacles is a chain of straight lines between corners of the
-obstacles that it bends around (the visibility graph), here of the solid objects grown
-by the disc's radius, whose arcs are made of chords. A* searches that graph. It computes
-edges only from the corners that it expands, and only along lines that could be part of
+obstacles that it bends around (the visibility graph). Here the obstacles are the solid
+objects grown by the disc's radius, with arcs made of chords. A* searches that graph. It
+computes edges only from the corners that it expands, and only lines that can be part of
 a shortest path: such a line passes both of its corners without cutting into the
-obstacle just before or behind.
+obstacle next to the corner.
 """
 
 import heapq
@@ -23,7 +23,7 @@ from radarsim.geometry import Floats
 from radarsim.scene.scene import Scene
 from radarsim.simulation.map_warnings import Position, component_around, free_space
 
-_TOLERANCE = 1e-6  # m by which a path may come nearer than the clearance
+_TOLERANCE = 1e-6  # m by which a path may come closer than the clearance
 
 
 def shortest_path(
@@ -38,8 +38,8 @@ def shortest_path(
         clearance: Radius of the disc, m.
 
     Returns:
-        The length, m, and the points where it bends, (N, 2) m, with both ends; None if
-        there is no path. The length is less than 0.1 % below the exact one.
+        The length, m, and the points where it bends, (N, 2) m, with both ends; None
+        without a path. The length is at most 0.1 % below the exact one.
     """
     free = free_space(scene, clearance, places=(start, goal))
     piece = component_around(free, start)
@@ -51,8 +51,8 @@ def shortest_path(
 class _Search:
     """A* from corner 0, the start, to corner 1, the goal.
 
-    Not networkx or scipy: they need all edges in advance, and to compute these takes
-    far longer than the search.
+    networkx and scipy are not used: they need all edges in advance, which takes far
+    longer than the search.
     """
 
     def __init__(self, piece: Polygon, start: Position, goal: Position) -> None:
@@ -63,14 +63,15 @@ class _Search:
             points = shapely.get_coordinates(ring)[:-1]  # free space is on the left
             before = np.roll(points, 1, axis=0) - points
             behind = np.roll(points, -1, axis=0) - points
-            # only around corners that stick out does a shortest path bend
+            # A shortest path bends only around convex corners of obstacles.
             bends = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] > 0
             rows.append((points[bends], before[bends], behind[bends]))
-        # (N, 2) m: corners, and from each to the previous and the next of its boundary
+        # (N, 2) m: corners, and vectors to the
+        # previous and the next corner of the boundary
         self._points, self._before, self._behind = map(
             np.concatenate, zip(*rows, strict=True)
         )
-        # Lines along an edge are in sight, though rounding puts them a little outside.
+        # Lines along an edge are visible, though rounding puts them slightly outside.
         self._visible = piece.buffer(_TOLERANCE, join_style="mitre")
         shapely.prepare(self._visible)
         self._to_goal = np.hypot(*(self._points - self._points[1]).T)
@@ -79,14 +80,14 @@ class _Search:
         self._previous = np.zeros(len(self._points), dtype=np.intp)
 
     def path(self) -> tuple[float, Floats] | None:
-        """Return length and points of the shortest path; None without one."""
+        """Return length and points of the shortest path, or None."""
         queue = [(float(self._to_goal[0]), 0)]
         done: set[int] = set()
         while queue:
             _, corner = heapq.heappop(queue)
             if corner == 1:
                 return float(self._lengths[1]), self._bends()
-            if corner in done:  # a shorter way here was found after it was queued
+            if corner in done:  # a shorter path to it was found after it was queued
                 continue
             done.add(corner)
             for neighbour in self._expand(corner).tolist():
@@ -95,13 +96,13 @@ class _Search:
         return None
 
     def _expand(self, corner: int) -> NDArray[np.intp]:
-        """Return the visible corners that are reached sooner through this one."""
+        """Return the visible corners that get a shorter path through a corner."""
         points = self._points
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)
         (others,) = np.nonzero(lengths < self._lengths)
-        # A shortest path bends only around corners: other lines need no test of sight,
-        # which takes far longer.
+        # A shortest path bends only around corners, so
+        # other lines skip the slow visibility test.
         others = others[self._pass(lines[others], corner)]
         others = others[self._pass(lines[others], others)]
         ends = points[others]
@@ -116,7 +117,7 @@ class _Search:
         """Return which lines pass corners with the whole boundary on one side.
 
         Args:
-            lines: (L, 2) m, their directions.
+            lines: (L, 2) m, vectors of the lines.
             which: Index of each line's corner, or one index for all lines.
         """
         a, b = self._before[which], self._behind[which]

@@ -1,8 +1,8 @@
 """Run many independent tasks in several processes, here or on a dask cluster.
 
-A task that fails ends no other. joblib has a backend for dask, which waits for ever for
-a task whose workers have died, and for a scheduler that is gone. So the futures of dask
-are waited for here.
+A failed task does not end the other tasks. joblib's backend for dask waits forever for
+a task whose workers have died, and for a scheduler that has stopped. So this module
+waits for the futures of dask itself.
 """
 
 import os
@@ -32,18 +32,18 @@ from radarsim.errors import RadarsimError, SweepError, import_optional
 from radarsim.processes import start_worker, starting_workers
 
 LOST: Final = "the worker process was killed or crashed, expected a result"
-CHECK_INTERVAL: Final = 1.0  # s between two looks at whether there are workers
+CHECK_INTERVAL: Final = 1.0  # s between two checks whether there are workers
 _EXTRA: Final = "cluster"
-_CONNECTING: Final = 30  # s
-_WITHOUT_WORKERS: Final = 120  # s that a cluster may have no workers
+_CONNECTING: Final = 30  # s; timeout of the connection
+_WITHOUT_WORKERS: Final = 120  # s; timeout without any workers
 _REGISTRATIONS: Final = 5  # attempts to prepare all workers
-_AHEAD: Final = 2  # batches for each thread that wait to be run
-# An adaptive cluster starts workers for tasks that wait: it has to see some of them.
+_AHEAD: Final = 2  # queued batches for each thread
+# An adaptive cluster starts workers for queued tasks, so some tasks must be queued.
 _LEAST_THREADS: Final = 8
 
 Arguments: TypeAlias = tuple[Any, ...]
 Value = TypeVar("Value")
-# Number of a task, what the function returned, and why it failed, empty if it did not.
+# Number of the task, return value, and error message, empty without an error.
 TaskResult: TypeAlias = tuple[int, Value | None, str]
 
 
@@ -54,16 +54,16 @@ def run_tasks(
     workers: int,
     prepare: Callable[[], object] = int,
 ) -> Generator[TaskResult[Value], None, None]:
-    """Run tasks, and yield each result as soon as there is one.
+    """Run tasks, and yield each result as soon as it is available.
 
-    Closing the generator early ends the tasks that still run. A task whose process
-    crashes fails, and no other with it.
+    Closing the generator early ends the running tasks. A task whose process crashes
+    fails without affecting other tasks.
 
     Args:
         function: The function.
-        tasks: Its arguments in each task.
+        tasks: Arguments of the function for each task.
         workers: Number of processes; with one, all tasks run in this process.
-        prepare: Called in each process before its first task; can be pickled.
+        prepare: Called in each process before its first task; has to be picklable.
     """
     if workers == 1:
         prepare()
@@ -75,17 +75,17 @@ def run_tasks(
         left = groups.pop()
         begun: list[int] = []
         try:
-            # What broke would keep tasks that it had not sent, and start processes that
-            # are not prepared.
+            # New processes are created, since a broken pool would keep unsent tasks
+            # and start processes without preparation.
             with _processes(workers, prepare) as parallel:
                 for result in _run_together(parallel, function, left, begun):
                     del left[result[0]]
                     yield result
         except BrokenProcessPool:
-            if suspects.issuperset(left):  # it ran alone
+            if suspects.issuperset(left):  # the task ran alone
                 yield from ((number, None, LOST) for number in left)
                 continue
-            # Nobody knows whose process crashed: what had begun runs again, each alone.
+            # The crashed process is unknown, so each started task runs again, alone.
             suspects.update(left.keys() & begun)
             groups.append({key: left[key] for key in left if key not in suspects})
             groups.extend({key: left[key]} for key in left if key in suspects)
@@ -97,7 +97,7 @@ def _run_together(
     tasks: dict[int, Arguments],
     begun: list[int],
 ) -> Iterator[TaskResult[Value]]:
-    """Run tasks until a process crashes; ``begun`` gets the numbers of those begun."""
+    """Run tasks until a process crashes; add started task numbers to ``begun``."""
 
     def calls() -> Iterator[Any]:
         for number, arguments in [*tasks.items()]:
@@ -106,7 +106,7 @@ def _run_together(
 
     with starting_workers():
         results = parallel(calls())
-        # A thread of joblib fails if it ends before it has sent the tasks.
+        # A joblib thread fails if it ends before it has sent the tasks.
         time.sleep(0.1)
     yield from results
 
@@ -114,11 +114,12 @@ def _run_together(
 @contextmanager
 def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel]:
     """Open processes, which start with the first tasks."""
-    # joblib warns of runs that are ended early, and of workers that it starts again as
-    # they use much memory.
+    # joblib warns about runs that are ended early, and about workers that it restarts
+    # because of high memory use.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
     with TemporaryDirectory(prefix="radarsim-") as folder:
-        # Not through a pipe: each worker would start when the one before has read it.
+        # A file instead of a pipe: with a pipe,
+        # workers would start one after the other.
         file = Path(folder) / "prepare.joblib"
         joblib.dump(prepare, file)
         try:
@@ -130,7 +131,7 @@ def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel
                 initargs=(os.getpid(), partial(_prepare, file)),
             ) as parallel:
                 yield parallel
-        finally:  # else the processes would stay, or start when the file has gone
+        finally:  # or processes would stay, or start after the file is removed
             get_reusable_executor(kill_workers=True).shutdown()
 
 
@@ -141,12 +142,12 @@ def _prepare(file: Path) -> None:
 def run_task(
     function: Callable[..., Value], number: int, arguments: Arguments
 ) -> TaskResult[Value]:
-    """Run a task."""
+    """Run a task; return its number, its value, and its error message."""
     try:
         return number, function(*arguments), ""
     except RadarsimError as error:
         return number, None, str(error)
-    except Exception as error:  # noqa: BLE001 - one task that fails ends no other
+    except Exception as error:  # noqa: BLE001 - a failed task must not end the others
         return number, None, f"{type(error).__name__}: {error}"
 
 
@@ -172,23 +173,23 @@ def run_on_cluster(
     prepare: Callable[[], object],
     report: Callable[[str], None],
 ) -> Generator[TaskResult[Value], None, None]:
-    """Run tasks on a dask cluster, and yield each result as soon as there is one.
+    """Run tasks on a dask cluster, and yield each result as soon as it is available.
 
-    Workers may come, go and restart.
+    Workers may join, leave and restart.
 
     Args:
-        address: Address of its scheduler, such as ``tcp://10.0.0.1:8786``.
+        address: Address of the scheduler, such as ``tcp://10.0.0.1:8786``.
         function: The function.
-        tasks: Its arguments in each task.
-        size: Number of tasks that a worker is given at once.
-        prepare: Called in each worker before its first task; can be pickled.
-        report: Called with what a user should know.
+        tasks: Arguments of the function for each task.
+        size: Number of tasks sent to a worker at once.
+        prepare: Called in each worker before its first task; has to be picklable.
+        report: Called with messages for the user.
 
     Raises:
         MissingPackage: If distributed is not installed.
-        SweepError: If there is no such cluster, one of its workers has another version
-            of radarsim, or none at all, there are no workers for too long, or the
-            scheduler is gone.
+        SweepError: If the cluster cannot be reached, a worker has another version of
+            radarsim or cannot import it, there are no workers for too long, or the
+            scheduler stops.
     """
     distributed = import_optional("distributed", _EXTRA)
     try:
@@ -197,7 +198,7 @@ def run_on_cluster(
         raise SweepError(f"--scheduler {address}: {error}") from error
     with client:
         prepare_workers(distributed, client, prepare)
-        # Not pure: dask would give equal tasks the result of an earlier run.
+        # Not pure; otherwise dask would return an earlier result for equal tasks.
         executor = client.get_executor(pure=False)
         yield from run_batches(
             executor,
@@ -211,7 +212,7 @@ def run_on_cluster(
 def prepare_workers(
     distributed: Any, client: Any, prepare: Callable[[], object]
 ) -> None:
-    """Prepare all workers, and those that will join."""
+    """Prepare all workers, including workers that join later."""
 
     class Preparation(distributed.WorkerPlugin):  # type: ignore[misc]
         name = "radarsim-tasks"
@@ -223,25 +224,25 @@ def prepare_workers(
     for attempt in reversed(range(_REGISTRATIONS)):
         try:
             client.register_plugin(Preparation())
-        # distributed passes on what its plugin raises, here that of another version.
+        # distributed re-raises errors of its plugin, here about a different version.
         except SweepError:
             raise
         except Exception as error:
-            # A worker that has died meanwhile is none that cannot run it.
+            # A worker that has died meanwhile does not count as a failed preparation.
             if isinstance(error, OSError) and attempt:
                 time.sleep(CHECK_INTERVAL)
                 continue
-            # whatever keeps a worker from importing radarsim
+            # any error that keeps a worker from importing radarsim
             text = f"a worker cannot run radarsim: {error}"
             raise SweepError(text) from error
         return
 
 
 def count_threads(client: Any, address: str, report: Callable[[str], None]) -> int:
-    """Return how many threads the workers have, as soon as there is one.
+    """Return the number of threads of the workers, as soon as there is a worker.
 
     Raises:
-        SweepError: If there is none for too long, or the scheduler is gone.
+        SweepError: If there is no worker for too long, or the scheduler has stopped.
     """
     try:
         if not client.nthreads():
@@ -264,15 +265,15 @@ def run_batches(
     size: int,
     count_threads: Callable[[], int],
 ) -> Iterator[TaskResult[Value]]:
-    """Run tasks in batches; only a few batches wait at any time.
+    """Run tasks in batches, with only a few batches queued at any time.
 
     Args:
-        executor: An executor of processes that have what the function needs.
-        function: A function of a module.
-        tasks: Its arguments in each task.
+        executor: An executor whose processes are prepared for the function.
+        function: A module-level function.
+        tasks: Arguments of the function for each task.
         size: Number of tasks in a batch.
-        count_threads: Returns how many threads the workers have, as soon as there is
-            one; raises if no results can be expected any more.
+        count_threads: Returns the number of worker threads, as soon as there is one;
+            raises if no more results can be expected.
     """
     numbered = enumerate(tasks)
     left = iter(lambda: list(islice(numbered, size)), [])
@@ -292,11 +293,11 @@ def run_batches(
             try:
                 yield from future.result()
             except CancelledError:
-                # The cluster has been restarted and has forgotten it, or is gone.
+                # The cluster has been restarted and has lost the batch, or has stopped.
                 threads = count_threads()
                 left = chain([batch], left)
-            # What a task raises is its result: this is what a cluster raises that has
-            # given a batch up, as its workers have died of it.
+            # Errors of tasks are part of results. This error comes from the cluster,
+            # which has given up the batch because its workers died.
             except Exception as error:  # noqa: BLE001
                 if len(batch) > 1:
                     left = chain(([one] for one in batch), left)

@@ -1,7 +1,7 @@
-"""Runs in lockstep, judged by the truth, and trials of navigators made of them.
+"""Simulated runs of plans and navigator trials, with results by the ground truth.
 
-The judgement uses what the robot cannot measure: its true pose, what it touches, and
-the length of the shortest path.
+The results contain values that the robot cannot measure: its true pose, its collisions,
+and the length of the shortest path. The client and the server run in lockstep.
 """
 
 import math
@@ -40,34 +40,34 @@ MAPS = (
     "hedge_garden",
 )
 SCANNER = "lms200"
-GOAL_TOLERANCE = 0.5  # m from the goal, in truth, up to which it counts as reached
+GOAL_TOLERANCE = 0.5  # m; largest true distance at which a goal is reached
 TIME_LIMIT = 3600.0  # s of simulated time
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialResult:
-    """How a run went, in truth, and which trial it was.
+    """The result of a run by the ground truth, and the parameters of its trial.
 
     Attributes:
-        outcome: Of a drive ``reached`` if the robot reports that and is there,
-            ``no_path`` or ``too_near`` if it reports that, ``failed`` otherwise; of a
-            map how the exploration ended.
-        collisions: How often the robot began to touch something.
+        outcome: For a drive, ``reached`` if the robot reports that and is at the goal,
+            ``no_path`` or ``too_near`` if the robot reports that, ``failed`` otherwise;
+            for a map, the outcome of the exploration.
+        collisions: Number of contacts that began.
         path_length: Length of the true path of the robot's centre, m.
         shortest_path: Length of the shortest path for a robot that keeps half its
-            diagonal from everything solid, m; None if there is no path.
+            diagonal from solid obstacles, m; None if there is no path.
         time: Simulated time, s.
         circuits: Number of complete circuits around obstacles.
         off: True distance to the goal at the end, m; nan without a goal.
-        note: Why the run failed; empty if it did not.
-        measured_length: Length of the path by the robot's own measurements, m; nan if
-            they were not needed.
+        note: Reason of a failure; empty without one.
+        measured_length: Length of the path measured by the robot, m; nan if it was not
+            needed.
         score: Comparison of a map with the scene.
         map: Name of the map of a trial; empty for other runs.
-        algorithm: Name of its algorithm.
-        sensor: Name of its sensor preset; all of them cover a full circle.
-        seed: Seed of its simulation.
-        rule: Rule of its bumpers.
+        algorithm: Name of the algorithm.
+        sensor: Name of the sensor preset, with a full circle of view.
+        seed: Seed of the simulation.
+        rule: Rule of the bumpers.
     """
 
     outcome: str
@@ -88,7 +88,7 @@ class TrialResult:
 
     @property
     def is_correct(self) -> bool:
-        """Whether the robot found what the map allows, and touched nothing."""
+        """Whether the outcome is the correct one for the map, without collisions."""
         correct = "no_path" if self.shortest_path is None else "reached"
         return self.outcome == correct and not self.collisions
 
@@ -99,7 +99,7 @@ class TrialResult:
         return self.select((*what, *how, "circuits", "off", "note"))
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
-        """Return some of the values, those of the score too, rounded for JSON."""
+        """Return the named values, including those of the score, rounded for JSON."""
         values = vars(self) | (self.score or {})
         return {name: rounded(values.get(name), digits) for name in names}
 
@@ -110,7 +110,7 @@ def run_plan(
     *,
     seed: int = 0,
 ) -> TrialResult:
-    """Run a plan in lockstep with a server of its own, and judge it by the truth.
+    """Run a plan in lockstep with a server, and return its result by the ground truth.
 
     Args:
         plan: A drive to a goal, or an exploration, whose map is scored.
@@ -157,16 +157,16 @@ def _drive(mission: Mission, host: Host) -> TrialResult:
 def judge_drive(
     host: Host, monitor: GroundTruthMonitor, off: float, outcome: str, note: str
 ) -> TrialResult:
-    """Return how a drive went; ``reached`` elsewhere than at the goal has failed.
+    """Return the result of a drive; ``reached`` away from the goal counts as failed.
 
     Args:
         host: The server.
-        monitor: What it has seen of the robot.
+        monitor: Ground truth monitor of the robot.
         off: True distance to the goal, m.
-        outcome: What the robot reports.
-        note: Why the run failed; empty if it did not.
+        outcome: The outcome that the robot reports.
+        note: Reason of a failure; empty without one.
     """
-    # the robot's own pose drifts: it may take another place for the goal
+    # The robot's pose drifts, so it may report the goal at another position.
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
     return TrialResult(
@@ -184,10 +184,10 @@ def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
 
     Args:
         sensor: Name of the preset.
-        **settings: Other settings of it.
+        **settings: Other settings of the sensor.
 
     Raises:
-        PresetError: If there is no such sensor, or a setting is wrong.
+        PresetError: If the sensor does not exist, or a setting is invalid.
     """
     settings = {"fov_deg": 359, "resolution_deg": 1, **settings, "sensor": sensor}
     config = SimulationConfig(item_settings={SCANNER: settings})
@@ -200,7 +200,7 @@ def load_trial(map_: str) -> tuple[Scene, Trial]:
     """Load a map that defines a trial, once in a process.
 
     Raises:
-        MapError: If the map is wrong, or defines no trial.
+        MapError: If the map is invalid, or defines no trial.
     """
     scene = load_map(map_)
     if scene.trial is None:
@@ -211,11 +211,11 @@ def load_trial(map_: str) -> tuple[Scene, Trial]:
 def run_trial(
     map_: str, algorithm: str, sensor: str, seed: int, rule: str = Rule.SHARE.value
 ) -> TrialResult:
-    """Run one trial; arguments are attributes of its result.
+    """Run one trial; the arguments are attributes of its result.
 
     Raises:
-        MapError: If the map is wrong, or defines no trial.
-        PresetError: If there is no such sensor.
+        MapError: If the map is invalid, or defines no trial.
+        PresetError: If the sensor does not exist.
     """
     scene, _ = load_trial(map_)
     host = Host(scene, config=config_with_sensor(sensor), seed=seed)
@@ -231,7 +231,7 @@ def drive_trial(
     rule: str = Rule.SHARE.value,
     time_limit: float = TIME_LIMIT,
 ) -> TrialResult:
-    """Run the trial of a host's map."""
+    """Run the trial that the map of a host defines."""
     trial = host.scene.trial
     assert trial is not None
     mission = Mission(
@@ -248,9 +248,9 @@ def drive_trial(
 
 @cache
 def shortest_for(scene: Scene, trial: Trial) -> float | None:
-    """Return the length of a trial's shortest path, m; None if there is none."""
+    """Return the length of a trial's shortest path, m; None without a path."""
     start = scene.start(trial.start)
-    assert start is not None  # the map was checked when it was read
+    assert start is not None  # checked when the map was loaded
     model = load_robot(ROBOT)
     clearance = math.hypot(model.length, model.width) / 2
     path = shortest_path(scene, (start.pose.x, start.pose.y), trial.goal, clearance)

@@ -1,1 +1,1 @@
-"""Exploration: a robot decides by the map so far where to drive next."""
+"""Exploration: a robot chooses its targets on the map that it builds."""

@@ -1,16 +1,17 @@
-"""Strategies: to the nearest target, along a contour, in a spiral, in random bounces.
+"""Exploration strategies: nearest target, contour, spiral, and random bounces.
 
-A frontier is where open floor borders on space that no beam has crossed. Short-range
-coverage drives until all floor was seen at short range: from afar, and through foliage,
-a radar's beams leave wide gaps. Both drive to the nearest target until none is left.
+A frontier is the border between open floor and space that no beam has crossed. The
+coverage strategy drives until all floor has been seen at short range, since from afar
+and through foliage a radar's beams leave wide gaps. Both strategies drive to the
+nearest target until none is left.
 
 The contour strategy follows the walls of a room once around, then covers its interior.
 
-The contour is that of the floor which the robot can reach on the map; islands within it
-are not followed unless there is nothing else. It is closed when the robot, by its own
-pose, passes where it began to follow. A robot that goes round an island turns in the
-other direction in total: that wall was not the room's, and another one is sought. Where
-there is no such wall, there is no interior to cover.
+The contour is the boundary of the floor that the robot can reach on the map; islands
+within it are followed only if no other wall is left. It is closed when the robot, by
+its own pose, passes the point where it began to follow. Around an island the robot's
+total turn has the opposite sign: the wall was not the room's, and another one is
+searched. Without a room wall, no interior is covered.
 """
 
 import math
@@ -34,19 +35,19 @@ from radarsim.autonomy.navigation.wall_following import WallFollower
 from radarsim.geometry import Point, Pose2, wrap_angle
 
 FULL_TURN: Final = 2 * math.pi
-NEIGHBORHOOD: Final = 1.5  # m around a target, where further targets come first
-WALL_DISTANCE: Final = 0.3  # m from a wall's tile, where aligning begins
-MIN_LENGTH: Final = 3.0  # m of a contour
+NEIGHBORHOOD: Final = 1.5  # m around the last target; targets there come first
+WALL_DISTANCE: Final = 0.3  # m from a wall tile at which aligning begins
+MIN_LENGTH: Final = 3.0  # m; least length of a contour
 FOLLOWED_RADIUS: Final = 2.0  # m around the path along a wall that count as followed
-TRACK_STEP: Final = 0.5  # m
-LOST_CIRCLES: Final = 1.5  # circles without a wall after which it counts as lost
-SPACING: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
-POINT_SPACING: Final = 1.0  # m along the spiral
-ARRIVAL_DISTANCE: Final = 0.8  # m
+TRACK_STEP: Final = 0.5  # m between two stored points of the path
+LOST_CIRCLES: Final = 1.5  # circles without a wall before it counts as lost
+SPACING: Final = 1.6 * SHORT_RANGE  # m between turns, so that coverage overlaps
+POINT_SPACING: Final = 1.0  # m between two points along the spiral
+ARRIVAL_DISTANCE: Final = 0.8  # m from a point that count as reached
 MIN_TURN: Final = math.radians(30.0)
 AIMED: Final = math.radians(8.0)
-MAX_IDLE_LEGS: Final = 12  # stretches without anything new after which it is done
-MIN_GAIN: Final = 1.0  # m² that count as something new
+MAX_IDLE_LEGS: Final = 12  # legs in a row without new floor before the strategy ends
+MIN_GAIN: Final = 1.0  # m² of floor; less is not new
 _TURN_STEP: Final = math.radians(10.0)
 
 TargetSelector = Callable[[TraversabilityMap], Mask]
@@ -66,17 +67,17 @@ class NearestTargetStrategy(Strategy):
         """Create a strategy.
 
         Args:
-            settings: How the robot drives.
+            settings: Settings of the exploration.
             select_targets: Returns the tiles to drive to.
             activity: Name of the activity.
             turn: Angle to turn on the spot first, rad, so that other beams cross the
-                gaps between those of one scan: a frontier there would be one of the
-                scanner, and not of the map.
+                gaps between the beams of one scan; otherwise each gap would be a
+                frontier.
         """
         super().__init__(settings)
         self.activity = activity
-        self._turn = turn  # the rest of it
-        self._yaw: float | None = None  # at the last scan of the turn
+        self._turn = turn  # remaining angle
+        self._yaw: float | None = None  # yaw at the last scan of the turn
         self._select_targets = select_targets
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
@@ -88,9 +89,9 @@ class NearestTargetStrategy(Strategy):
         if follower.update_map(observation, grid):
             floor = follower.floor
             targets = self._select_targets(floor)
-            # Those around the last one come first. Else the robot would change between
-            # two sides of a room, where each is the nearer one as soon as the robot
-            # has seen something of the other.
+            # Targets near the last one come first. Otherwise the robot would oscillate
+            # between two sides of a room, each of which is the nearer one as soon as
+            # the robot has seen part of the other.
             if follower.end is not None:
                 near = targets & floor.disc(*follower.end, NEIGHBORHOOD)
                 targets = near if near.any() else targets
@@ -102,7 +103,7 @@ def frontier_strategy(
     settings: ExplorationSettings,
     select_targets: TargetSelector = lambda floor: floor.frontiers,
 ) -> NearestTargetStrategy:
-    """Return a strategy that drives to the nearest of all frontiers, or of some."""
+    """Return a strategy that drives to the nearest of all or some frontiers."""
     return NearestTargetStrategy(settings, select_targets, "frontier", turn=FULL_TURN)
 
 
@@ -116,7 +117,7 @@ class ContourStrategy(Strategy):
 
     Attributes:
         activity: ``seeking``, ``aligning``, ``following`` or ``filling``.
-        contours: Number of contours closed, those of islands included.
+        contours: Number of closed contours, including those of islands.
     """
 
     def __init__(self, settings: ExplorationSettings) -> None:
@@ -132,10 +133,11 @@ class ContourStrategy(Strategy):
         self._track: list[Point] = []
         self._has_no_wall = False
         self._wall: Point = (0.0, 0.0)
-        # of the circuit along one wall: where it began, and its last pose
+        # start and last pose of the circuit along one wall
         self._begin: Landmark
         self._last: Pose2
-        # its length, its part since the wall was last sensed, m, and its turn, rad
+        # length of the circuit, distance driven
+        # without the wall, m, and total turn, rad
         self._length = self._lost = self._turn = 0.0
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
@@ -150,17 +152,17 @@ class ContourStrategy(Strategy):
         return twist
 
     def _seek(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Drive to a wall that was not followed, and stand still there."""
+        """Drive to a wall that has not been followed, and stop there."""
         path_follower = self._path_follower
         if path_follower.update_map(observation, grid):
             floor = path_follower.floor
             targets = floor.outer_boundary(floor.reachable(observation.pose))
             for point in self._track:
-                # Those of islands, and those that it lost, are not followed again.
+                # Islands and lost walls are not followed again.
                 targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
             self._has_no_wall = not path_follower.plan(observation, targets)
         if self._has_no_wall and not self.contours:
-            # none on the map yet: ahead, until there is one
+            # no wall on the map yet: drive ahead until one is found
             if self._settings.bumpers.towards(observation, 0.0).blocked:
                 return self._arrive(observation)
             return Twist(self._settings.speed_limits.speed, 0.0)
@@ -173,7 +175,7 @@ class ContourStrategy(Strategy):
 
     def _arrive(self, observation: Observation) -> Twist:
         self.activity = "aligning"
-        # As a place on the map: while the robot turns, another beam may be the nearest.
+        # Stored as a point on the map: after a turn, another beam may be the shortest.
         nearest = int(observation.ranges.argmin())
         bearing = float(observation.bearings[nearest])
         self._wall = observation.pose.point(bearing, float(observation.ranges[nearest]))
@@ -201,11 +203,11 @@ class ContourStrategy(Strategy):
         self._turn += wrap_angle(pose.yaw - last.yaw)
         if distance(pose, *self._track[-1]) > TRACK_STEP:
             self._track.append((pose.x, pose.y))
-        # At the start itself noise may pass it at once.
+        # Near the start, noise alone may look like a pass.
         if self._begin.observe(pose) and self._length > MIN_LENGTH:
             self.contours += 1
-            # Round a room it has turned to one side in total, round an island to the
-            # other: that wall was not the room's.
+            # A circuit of a room turns to one side in total, a circuit of an island to
+            # the other: that wall was not the room's.
             is_inside = (self._turn < 0) == self._wall_follower.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._lost > LOST_CIRCLES * math.tau * self._wall_follower.target_distance:
@@ -214,9 +216,9 @@ class ContourStrategy(Strategy):
 
 
 class SpiralCoverage(Strategy):
-    """Drives round its start in ever wider turns; unreachable points are left out.
+    """Drives around its start in ever wider turns; unreachable points are skipped.
 
-    It is done as far out as it should go, or if it can reach nothing of a whole turn.
+    It is done at its maximum radius, or if no point of a full turn is reachable.
     """
 
     activity = "spiral"
@@ -238,7 +240,7 @@ class SpiralCoverage(Strategy):
         if has_arrived:
             self._skipped_angle = 0.0
             self._advance()
-        # Points in walls are skipped; a whole turn of them means that it is shut in.
+        # Points in walls are skipped; a full turn of them means the robot is enclosed.
         while not self.is_done:
             targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
             if self._path_follower.plan(observation, targets):
@@ -251,9 +253,9 @@ class SpiralCoverage(Strategy):
         return self._start.point(self._angle, SPACING * self._angle / (2 * math.pi))
 
     def _advance(self) -> float:
-        """Go on to the next point on the spiral; return the angle to it, rad."""
+        """Advance to the next point of the spiral; return the angle to it, rad."""
         radius = SPACING * self._angle / (2 * math.pi)
-        # Near the centre such an arc would be more than a whole turn.
+        # Near the centre, such an arc would be more than a full turn.
         step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
         self.is_done = radius > self._settings.plan.radius
@@ -261,10 +263,10 @@ class SpiralCoverage(Strategy):
 
 
 class RandomBounce(Strategy):
-    """Drives straight on, and turns at random at walls, as simple vacuum robots do.
+    """Drives straight, and turns at random at walls, like simple vacuum robots.
 
-    It is done when all reachable floor was seen at short range, or the last stretches
-    showed nothing new.
+    It is done when all reachable floor has been seen at short range, or if the last
+    legs showed no new floor.
     """
 
     min_scans = 0
@@ -285,7 +287,7 @@ class RandomBounce(Strategy):
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            # A leg has ended; it counts if it has shown some new floor.
+            # A leg has ended; it counts if it has shown new floor.
             floor = settings.traversability(grid)
             remaining = floor.area(floor.unvisited & floor.reachable(observation.pose))
             self._idle_legs += 1
@@ -302,10 +304,9 @@ class RandomBounce(Strategy):
         return settings.limit_by_bumpers(observation, twist)
 
     def _draw_turn(self, observation: Observation) -> float:
-        """Draw a random turn to a free direction, rad; half a turn if there is none.
+        """Draw a random turn to a free direction, rad; half a turn if none is free.
 
-        The bumper has stopped the robot at a distance from the wall, so it can turn
-        there.
+        The bumper has stopped the robot away from the wall, so it has room to turn.
         """
         turns = np.arange(MIN_TURN, 2 * math.pi - MIN_TURN, _TURN_STEP)
         bumpers = self._settings.bumpers

@@ -1,4 +1,4 @@
-"""Exploration: spawn a robot, request its sensors, and let it map its surroundings."""
+"""Exploration: spawn a robot, request its sensors, and map its surroundings."""
 
 import math
 from collections.abc import Callable
@@ -28,39 +28,40 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Point
 
-NOISE = 0.05  # m; estimated poses differ by less while the robot stands
+NOISE = 0.05  # m; estimated poses of a standing robot differ by less
 
 
 class Outcome(StrEnum):
-    """How an exploration ended."""
+    """The outcome of an exploration."""
 
-    EXPLORED = "explored"  # nothing is left that the robot can reach
-    INCOMPLETE = "incomplete"  # the strategy was done before
+    EXPLORED = "explored"  # no reachable target is left
+    INCOMPLETE = "incomplete"  # the strategy ended with frontiers left
     TIME_LIMIT = "time_limit"
     STUCK = "stuck"
-    FAILED = "failed"  # the server did not send the needed reports
+    FAILED = "failed"  # the server did not send required reports
     BROKEN_OFF = "broken_off"
 
 
 class Exploration:
-    """One run and its results, which remain available if it fails.
+    """One exploration and its results, which remain available if it fails.
 
     Attributes:
         plan: The plan of the exploration.
-        mapper: Holds the map and the trajectory; None before the robot is known.
-        outcome: How the run ended; ``broken_off`` while it lasts.
-        safety_distance: Distance kept from obstacles, m; nan before the robot is known.
+        mapper: The map and the trajectory; None before the robot is spawned.
+        outcome: How the run ended; ``broken_off`` while it runs.
+        safety_distance: Distance kept from obstacles, m; nan before the robot is
+            spawned.
         trip: Time and path length so far.
-        unreached: Waypoints that the robot could not reach, m; after exploring, a place
-            in each piece of floor that is left, where it would fit.
+        unreached: Waypoints that the robot could not reach, m; after exploring, a point
+            in each remaining piece of floor where the robot would fit.
     """
 
     def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
-        """Create a run that has not begun.
+        """Create a run.
 
         Args:
             plan: The plan of the exploration.
-            rng: Generator for strategies that use chance.
+            rng: Random generator for strategies that use chance.
         """
         self.plan = plan
         self.mapper: Mapper | None = None
@@ -75,17 +76,17 @@ class Exploration:
         client: Client,
         observe: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Spawn a robot and let it explore; it stands still at the end.
+        """Spawn a robot and let it explore; the robot stands at the end.
 
         Args:
             client: Connection without a robot.
-            observe: Called at every scan, after the robot was commanded, with what the
-                strategy is doing, in one word.
+            observe: Called at every scan, after the motion command, with the activity
+                of the strategy in one word.
 
         Raises:
-            ClientError: If the server does not send the needed reports.
-            MappingError: If no map can be made of what it sends.
-            NavigationError: If the robot cannot follow the plan.
+            ClientError: If the server does not send required reports.
+            MappingError: If no map can be made from the reports.
+            NavigationError: If the robot cannot carry out the plan, or gets stuck.
         """
         try:
             loop, strategy = self._prepare(client)
@@ -94,21 +95,21 @@ class Exploration:
             self.outcome = Outcome.FAILED
             raise
         except NavigationError:
-            # Before the first scan it was refused, not stuck, as by a missing start.
+            # Before the first scan, the server rejected the robot, so it is not stuck.
             has_started = self.trip.start is not None
             self.outcome = Outcome.STUCK if has_started else Outcome.FAILED
             raise
         finally:
             try:
                 client.stop()
-            finally:  # an interrupt may come before it is sent
+            finally:  # an interrupt may come before the command is sent
                 if self.mapper is not None:
                     self.mapper.finish()
 
     def _prepare(
         self, client: Client
     ) -> tuple[ControlLoop, WaypointFollower | Revisit]:
-        """Spawn the robot, and create what its reports are passed to."""
+        """Spawn the robot; return its control loop and its strategy."""
         plan = self.plan
         info, scanner, self.safety_distance, speed_limits = spawn_robot(client, plan)
         settings = ExplorationSettings(
@@ -120,7 +121,7 @@ class Exploration:
             check_field_of_view(settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
-        # under the robot for sure, however the robot is turned
+        # the radius that the robot covers at any heading
         radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,
@@ -153,7 +154,7 @@ class Exploration:
             self.unreached = tuple(strategy.unreached)
             is_over = strategy.is_done or self.trip.time > self.plan.time_limit
             if not is_over:
-                loop.drive(twist)  # at once: who observes may take long
+                loop.drive(twist)  # before ``observe``, which may take long
             observe(strategy.activity)
             if is_over:
                 is_done, grid = strategy.is_done, self.mapper.grid
@@ -168,7 +169,7 @@ class Exploration:
                     strategy.forget_moved(self.mapper.grid)
                 return
             stuck.check(observation, twist)
-            # a robot that waits may stand for long, and is not stuck
+            # A waiting robot may stand for long without being stuck.
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)

@@ -1,8 +1,8 @@
-"""Path follower: drives a robot over open floor; shared by all exploration strategies.
+"""Path follower and base class shared by all exploration strategies.
 
 At every scan a strategy receives the observation and the map, and returns the twist
 until the next scan. Paths are planned on the map and lead over sensed and open floor.
-The bumpers overrule them: no robot drives towards a thing that is too near.
+The bumpers override paths: a robot does not drive towards an obstacle that is too near.
 """
 
 import math
@@ -27,24 +27,24 @@ from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.plans import ExplorationPlan
 from radarsim.geometry import Point, Pose2
 
-MIN_SCANS: Final = 10  # on the map before it is evaluated
+MIN_SCANS: Final = 10  # scans on the map before it is evaluated
 MAP_INTERVAL: Final = 1.0  # s between two evaluations of the map
-LOOKAHEAD: Final = 1.2  # m of a path that is cut short where the straight line is open
-PATIENCE: Final = 10.0  # s without progress after which a target is given up
-GIVEN_UP_RADIUS: Final = 0.7  # m around such a target
-WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint at which it is reached
-WAITING: Final = "waiting"  # activity of a robot that stands until floor is free
-_PROGRESS: Final = 0.2  # m
+LOOKAHEAD: Final = 1.2  # m of a path that a straight line may cut short
+PATIENCE: Final = 10.0  # s without progress before a target is given up
+GIVEN_UP_RADIUS: Final = 0.7  # m around a target that was given up, to exclude tiles
+WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint, within which it is reached
+WAITING: Final = "waiting"  # activity of a robot that waits for floor to become free
+_PROGRESS: Final = 0.2  # m of motion that count as progress
 _BEARING_STEP: Final = math.radians(10.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplorationSettings:
-    """How a robot explores.
+    """Settings of an exploration.
 
     Attributes:
         bumpers: The long-range bumpers, with the safety distance.
-        speed_limits: Greatest speeds.
+        speed_limits: Highest speeds.
         plan: The plan of the exploration.
     """
 
@@ -53,19 +53,19 @@ class ExplorationSettings:
     plan: ExplorationPlan = field(default_factory=ExplorationPlan)
 
     def traversability(self, grid: OccupancyGrid) -> TraversabilityMap:
-        """Evaluate a map."""
+        """Compute the traversability of a map."""
         return TraversabilityMap(grid, self.bumpers.safety_distance)
 
     def limit_by_bumpers(self, observation: Observation, twist: Twist) -> Twist:
-        """Return a twist, or a turn instead if something ahead is too near."""
+        """Return the twist, or only a turn if an obstacle ahead is too near."""
         ahead = math.pi if twist.speed < 0 else 0.0
         if not twist.speed or not self.bumpers.towards(observation, ahead).too_near:
             return twist
         return Twist(0.0, twist.turn or self.speed_limits.turn)
 
     def clear_bearing(self, observation: Observation, bearing: float) -> float:
-        """Return the bearing nearest to a given one where nothing is too near, rad."""
-        # alternately to both sides, so that the first free one is the nearest
+        """Return the free bearing nearest to a given bearing, rad."""
+        # alternates between both sides, so the first free bearing is the nearest
         for k in range(int(math.pi / _BEARING_STEP) + 1):
             for each in (bearing + k * _BEARING_STEP, bearing - k * _BEARING_STEP):
                 if not self.bumpers.towards(observation, each).too_near:
@@ -74,7 +74,7 @@ class ExplorationSettings:
 
 
 class PathFollower:
-    """Drives to the nearest of some tiles, over floor that is sensed and open.
+    """Drives to the nearest of given tiles, over sensed and open floor.
 
     Attributes:
         floor: The map as last evaluated.
@@ -91,14 +91,14 @@ class PathFollower:
 
     @property
     def end(self) -> Point | None:
-        """End of the path, m."""
+        """End of the path, m; None without a path."""
         return self._path[-1] if self._path else None
 
     def update_map(self, observation: Observation, grid: OccupancyGrid) -> bool:
-        """Evaluate the map if it is time to; return whether it was.
+        """Evaluate the map if an evaluation is due; return whether it was.
 
         Args:
-            observation: The latest one.
+            observation: The newest observation.
             grid: The map.
         """
         if observation.time < self._updated + MAP_INTERVAL:
@@ -108,15 +108,15 @@ class PathFollower:
         return True
 
     def plan(self, observation: Observation, targets: Mask) -> bool:
-        """Plan the path to the nearest of some tiles; return whether there is one.
+        """Plan the path to the nearest of given tiles; return whether there is one.
 
-        Tiles around targets that were given up are left out.
+        Tiles near abandoned targets are excluded.
         """
         had_path = bool(self._path)
         for point in self._given_up:
             targets = targets & ~self.floor.disc(*point, GIVEN_UP_RADIUS)
         self._path = self.floor.find_path(observation.pose, targets)
-        # To plan again, which happens every second, is no progress.
+        # A new plan, made every second, is no progress.
         if self._last_progress is None or not had_path:
             self._last_progress = observation.time, observation.pose
         return bool(self._path)
@@ -130,14 +130,15 @@ class PathFollower:
         bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
         bearing = settings.clear_bearing(observation, bearing)
         twist = settings.speed_limits.towards(bearing)
-        # The map may be wrong, or old; what bumpers see is there.
+        # The map may be wrong or outdated, but bumpers show the current state.
         return settings.limit_by_bumpers(observation, twist)
 
     def _next_point(self, pose: Pose2) -> Point:
-        """Return the point to head for: as far along the path as the line is open."""
+        """Return the farthest point of the path in a straight open line."""
         path = self._path
         nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
-        # Never nearer, as a robot that heads for where it is turns on the spot forever.
+        # Never the nearest points: a robot that
+        # heads for its own position turns forever.
         ahead = min(nearest + 2, len(path) - 1)
         chosen = path[ahead]
         for point in path[ahead:]:
@@ -148,24 +149,24 @@ class PathFollower:
         return chosen
 
     def _check_progress(self, observation: Observation) -> None:
-        """Give up a target to which the robot gets no nearer."""
+        """Give up a target if the robot makes no progress towards it."""
         assert self._last_progress is not None
         time, pose = self._last_progress
         if observation.pose.distance(pose) > _PROGRESS:
             self._last_progress = observation.time, observation.pose
         elif observation.time > time + PATIENCE:
-            # Together with the floor around it: the next tile is as hard to get to.
+            # The floor around the target is excluded too, as it is as hard to reach.
             self._given_up.append(self._path[-1])
             self._last_progress = observation.time, observation.pose
             self._updated = -math.inf  # plan again at once
 
 
 class Strategy(ABC):
-    """Exploration strategy.
+    """Base class of exploration strategies.
 
     Attributes:
-        activity: What it is doing, in one word.
-        is_done: Whether nothing is left that it can explore.
+        activity: Current activity, in one word.
+        is_done: Whether the strategy has nothing left to explore.
     """
 
     activity: str
@@ -191,10 +192,10 @@ class Strategy(ABC):
 
 
 class WaypointFollower(Strategy):
-    """Drives to waypoints in turn, as near as sensed, open floor leads.
+    """Drives to waypoints in order, as near as sensed and open floor leads.
 
     Attributes:
-        unreached: Waypoints that it could not reach, m.
+        unreached: Waypoints that could not be reached, m.
     """
 
     activity = "underway"
@@ -205,8 +206,8 @@ class WaypointFollower(Strategy):
         """Create a strategy.
 
         Args:
-            settings: How the robot drives.
-            waypoints: m, map frame.
+            settings: Settings of the exploration.
+            waypoints: Positions in order, m, map frame.
         """
         super().__init__(settings)
         self.unreached: list[Point] = []
@@ -222,7 +223,7 @@ class WaypointFollower(Strategy):
         return distance(observation.pose, *self._waypoints[0])
 
     def _choose(self, observation: Observation) -> bool:
-        """Find the next waypoint to approach; return whether there is one."""
+        """Find the next reachable waypoint; return whether there is one."""
         while self._waypoints:
             if self._distance(observation) >= WAYPOINT_RADIUS:
                 if self._plan(observation):
@@ -237,7 +238,7 @@ class WaypointFollower(Strategy):
         reachable = floor.reachable(observation.pose)
         tiles = floor.nearest(reachable, *self._waypoints[0])
         x, y = floor.tile_centers()
-        # One tile, or none if nothing is within reach.
+        # The mask contains at most one tile.
         for row, column in np.argwhere(tiles):
             remaining = math.dist((x[column], y[row]), self._waypoints[0])
             gain = self._distance(observation) - remaining

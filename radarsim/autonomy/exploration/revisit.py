@@ -1,20 +1,20 @@
-"""Revisit: waits where something came that closes floor off, and explores on.
+"""Revisit: waits for an obstacle to clear the floor that it has closed off.
 
 Theory of operation
 ===================
-Floor that the robot could have reached does not close by itself: something came that
-closes it, and may go again. It stands where the robot has seen that nothing was, while
-a wall that makes a passage too narrow stands where nobody has looked before. So open
-and free floor are remembered. When a strategy is done and there is more to see beyond
-floor that was open, the robot drives towards it as far as the way is open, stays at a
-distance, so that the thing has room to go, and looks. Once the way is free, it explores
-on. If nothing changes for a while, it leaves that place alone, and the run ends as
+Reachable floor does not close by itself: an object has moved into a passage, and may
+leave again. It stands on cells that the robot has seen free, while a wall that narrows
+a passage stands on cells that were never seen before. So open and free floor is
+remembered. When a strategy is done and unexplored space remains behind floor that was
+open, the robot drives towards it as far as possible, stops at a distance so that the
+object has room to leave, and watches. Once the passage is free, it explores on. If
+nothing changes for a while, it gives up that passage, and the run ends as
 ``incomplete``.
 
-At the end the map forgets what has moved. Floor where a robot may be keeps the safety
-distance from all that was seen by then, so what stands on it, or so near to it, came
-later: an obstacle that stands is seen larger from afar, not smaller. Few cells are
-errors of poses and beams.
+At the end moved objects are removed from the map. Open floor keeps the safety distance
+from all obstacles seen so far, so an obstacle on it or that near to it came later: a
+standing obstacle looks larger from afar, not smaller. Small groups of cells are errors
+of poses and beams.
 """
 
 import math
@@ -38,22 +38,22 @@ from radarsim.autonomy.navigation.control import STOP, Twist, distance
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.geometry import Point
 
-ROOM: Final = 1.5  # m that are left between the robot and what closes its way
-NEAR: Final = 0.4  # m from the place to look from, where the robot has arrived
-LOOK_TIME: Final = 40.0  # s that it looks at a place
-MOST_LOOKS: Final = 30  # times that it explores on
-LEAST_AREA: Final = 0.25  # m² of floor that is worth telling
-SMALLEST: Final = 6  # cells, of a thing, on floor where the robot could have been
-GAP: Final = 0.1  # m between pieces of a thing, half of it
-MARGIN: Final = 0.13  # m by which the safety distance may be kept less, in whole tiles
+ROOM: Final = 1.5  # m between the robot and the obstacle in its path
+NEAR: Final = 0.4  # m from the watching position, within which it is reached
+LOOK_TIME: Final = 40.0  # s of watching at one position
+MOST_LOOKS: Final = 30  # times that the robot resumes exploring
+LEAST_AREA: Final = 0.25  # m² of floor; smaller pieces are not reported
+SMALLEST: Final = 6  # least number of cells of an object on floor that was open
+GAP: Final = 0.1  # m; half the gap between pieces of one object
+MARGIN: Final = 0.13  # m of tolerance for the safety distance, from whole tiles
 
 
 class Revisit(Strategy):
-    """Looks again at what has closed floor off to another strategy.
+    """Watches obstacles that have closed off floor from another strategy.
 
     Attributes:
-        unreached: A place in each piece of floor that borders on the unknown, and was
-            closed off until the end, m.
+        unreached: A point in each piece of floor that borders on unknown space and
+            stayed closed off until the end, m.
     """
 
     min_scans = 0
@@ -61,12 +61,12 @@ class Revisit(Strategy):
     def __init__(
         self, settings: ExplorationSettings, strategy: Strategy, *, fills: bool
     ) -> None:
-        """Begin with the other strategy.
+        """Create the strategy, which starts with another one.
 
         Args:
-            settings: How the robot explores.
+            settings: Settings of the exploration.
             strategy: The other strategy.
-            fills: Whether the robot explores on to floor not seen at short range, too.
+            fills: Whether the robot also covers floor not seen at short range.
         """
         super().__init__(settings)
         self.unreached: list[Point] = []
@@ -75,10 +75,10 @@ class Revisit(Strategy):
         self._grid: OccupancyGrid | None = None
         self._floor: TraversabilityMap
         self._was_open: Mask = np.zeros((0, 0), np.bool_)
-        self._may_open: Mask = self._was_open  # without that where it waited in vain
+        self._may_open: Mask = self._was_open  # except given-up passages
         self._was_free: Mask = self._was_open
-        self._since: float | None = None  # when it began to look; None while exploring
-        self._left: list[Point] = []  # what strategies have left alone
+        self._since: float | None = None  # start of watching; None while exploring
+        self._left: list[Point] = []  # targets that strategies have not explored
         self._looks = 0
         self._has_looked = False
 
@@ -95,7 +95,7 @@ class Revisit(Strategy):
             twist = self._strategy.step(observation, grid)
             if not self._strategy.is_done:
                 return twist
-            # By the map of this scan, as a passage may have closed just now.
+            # Evaluated for this scan, since a passage may have closed just now.
             self._path_follower = PathFollower(self._settings)
             self._path_follower.update_map(observation, grid)
             self._remember(grid)
@@ -112,16 +112,15 @@ class Revisit(Strategy):
     def find_unexplored(
         self, observation: Observation, grid: OccupancyGrid
     ) -> tuple[list[Point], list[Point]]:
-        """Find unexplored places; where no walls enclose the area, within its radius.
+        """Find unexplored floor; in an open area, only within its radius.
 
         Args:
-            observation: The latest one.
+            observation: The newest observation.
             grid: The map.
 
         Returns:
-            A place on each frontier of floor that the robot can reach, and on each
-            piece of floor where it would fit, but to which no passage leads, m, map
-            frame.
+            A point on each frontier that the robot can reach, and in each piece of
+            floor where it would fit but that no passage leads to, m, map frame.
         """
         floor = self._settings.traversability(grid)
         reachable = floor.reachable(observation.pose)
@@ -130,10 +129,10 @@ class Revisit(Strategy):
         return floor.places_of(frontiers, 0.0), floor.places_of(cut_off, LEAST_AREA)
 
     def forget_moved(self, grid: OccupancyGrid) -> None:
-        """Forget, on the map at the end, what came where floor was open.
+        """Remove obstacles that moved onto open floor from the final map.
 
-        Nothing if the robot has never looked again: then nothing has closed floor off,
-        and what little there is of such cells are errors of poses and beams.
+        Without any watching, nothing is removed: no floor was closed off, and the few
+        such cells are errors of poses and beams.
         """
         if not self._has_looked:
             return
@@ -144,10 +143,10 @@ class Revisit(Strategy):
         grid.free(moved_things(grid, was_open[:rows, :columns], safety))
 
     def _remember(self, grid: OccupancyGrid) -> None:
-        """Remember the floor where the robot may be."""
+        """Store the floor where the robot may be."""
         floor = self._path_follower.floor
         masks = [floor.open, floor.open, floor.free]
-        # A map that was rebuilt has other places for all that was seen.
+        # On a rebuilt map all seen cells have new positions, so the masks are replaced.
         if grid is self._grid:
             before = (self._was_open, self._may_open, self._was_free)
             masks = [
@@ -169,7 +168,7 @@ class Revisit(Strategy):
         self._look(observation)
 
     def _look(self, observation: Observation) -> None:
-        """Choose where to look from, explore on, or be done."""
+        """Choose a watching position, explore on, or finish."""
         floor, pose = self._floor, observation.pose
         assert self._since is not None
         beyond = self._reopened(self._may_open)
@@ -190,7 +189,7 @@ class Revisit(Strategy):
             self._since = None
             self._strategy = self._create(self._settings)
         elif observation.time > self._since + LOOK_TIME:
-            # Until it is open again: then it is remembered again.
+            # The passage is ignored until it is open again.
             shut = self._may_open & ~floor.open
             labels, _ = ndimage.label(shut, np.ones((3, 3)))
             number = labels[floor.nearest(shut, *path[at])]
@@ -202,7 +201,7 @@ class Revisit(Strategy):
             self._path_follower.plan(observation, target)
 
     def _targets(self, observation: Observation, also_open: Mask) -> Mask:
-        """Return floor that borders on the unknown, were some more floor open."""
+        """Return frontiers that would be reachable if more tiles were open."""
         floor = self._reopened(also_open)
         targets = floor.frontiers & floor.reachable(observation.pose)
         return targets & self._near_start(observation, floor)
@@ -215,7 +214,7 @@ class Revisit(Strategy):
         return floor.disc(start.x, start.y, self._settings.plan.radius)
 
     def _reopened(self, tiles: Mask) -> TraversabilityMap:
-        """Return the map without what came, where it stands on some tiles."""
+        """Return the map with moved obstacles removed from some tiles."""
         floor = self._floor
         labels, _ = ndimage.label(tiles & ~floor.open, np.ones((3, 3)))
         came = labels[self._was_free & floor.nearer_than(FREE_RADIUS - MARGIN)]
@@ -223,17 +222,17 @@ class Revisit(Strategy):
 
 
 def moved_things(grid: OccupancyGrid, was_open: Mask, safety: float) -> Mask:
-    """Return the cells of things that have moved to where they are, (R, C).
+    """Return the cells of objects that have moved onto open floor, (R, C).
 
     Args:
         grid: The map.
         was_open: Cells of floor where the robot could have been, (R, C).
-        safety: Distance of the robot's centre from what it could not enter, m.
+        safety: Safety distance between the robot's centre and obstacles, m.
     """
     blocked, size = grid.blocked_cells(), grid.frame.resolution
     reach = max(safety - MARGIN, 0.0) / size
     near = blocked & np.isfinite(distance_field(was_open, reach))
-    # Pieces near each other are one: between two beams there is a gap.
+    # Pieces near each other are one object: there is a gap between two beams.
     joined = np.isfinite(distance_field(near, GAP / size))
     labels, count = ndimage.label(joined, np.ones((3, 3)))
     sizes = np.bincount(labels[blocked & was_open], minlength=count + 1)

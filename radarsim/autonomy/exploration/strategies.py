@@ -1,12 +1,12 @@
 """Exploration strategies by name, and ``AutoStrategy``, which chooses among them.
 
-``auto`` chooses by the scans and the map. Where less than half of all directions end at
-something, the area is open: it drives a spiral from the start, and then to frontiers no
-farther from its start than the spiral has led. Otherwise it drives to frontiers. With
-walls all around and no frontier that it can reach, it follows the walls and covers the
+``auto`` chooses by the sensor readings. If less than half of all directions have a
+return, the area is open: the robot drives a spiral from the start, then to frontiers no
+farther from the start than the radius of the spiral. Otherwise it drives to frontiers.
+With walls all around and no reachable frontier, it follows the walls and covers the
 interior.
 
-When a strategy has nothing more to do, the rest of an area is explored as well.
+When a strategy is done, ``auto`` also explores the remaining areas.
 """
 
 import math
@@ -32,8 +32,8 @@ from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.plans import StrategyName
 
-MAX_FRONTIERS: Final = 4  # times that frontiers are chosen
-ENCLOSED_SHARE: Final = 0.5  # of the directions that end at something
+MAX_FRONTIERS: Final = 4  # number of times that frontiers may be chosen
+ENCLOSED_SHARE: Final = 0.5  # share of directions with a return in an enclosed area
 
 _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]] = {
     StrategyName.CONTOUR: ContourStrategy,
@@ -49,8 +49,8 @@ def create_strategy(
 
     Args:
         name: Name of the strategy.
-        settings: How the robot drives.
-        rng: Generator for strategies that use chance.
+        settings: Settings of the exploration.
+        rng: Random generator for strategies that use chance.
     """
     if name == StrategyName.TURN_AWAY:
         return RandomBounce(settings, rng)
@@ -60,7 +60,7 @@ def create_strategy(
 
 
 class AutoStrategy(Strategy):
-    """Chooses a strategy, and another when that one is done or no longer suitable.
+    """Chooses a strategy, and another one when it is done or no longer suitable.
 
     Attributes:
         chosen: Strategies chosen so far.
@@ -96,12 +96,13 @@ class AutoStrategy(Strategy):
         return is_untried and last == StrategyName.FRONTIERS and is_open
 
     def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
-        """Begin the first suitable strategy not chosen too often, if there is one."""
+        """Start the first suitable strategy with choices left, or finish."""
         self.is_done, self._current = True, None
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
-        # Counted, so that it ends: each may find something left by another.
+        # Counts are limited so that it ends, since
+        # each strategy may leave floor for another.
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),
@@ -125,5 +126,5 @@ class AutoStrategy(Strategy):
 
 
 def is_enclosed(observation: Observation) -> bool:
-    """Return whether most directions end at something."""
+    """Return whether most directions have a return."""
     return bool(np.isfinite(observation.ranges).mean() > ENCLOSED_SHARE)

@@ -1,13 +1,12 @@
-"""Traversability map: where a robot may go by the map so far, and its frontiers.
+"""Traversability map: open floor for a robot on the map, and its unexplored edges.
 
 Theory of operation
 ===================
-Cells of the map are joined to tiles of about 0.1 m. At a distance beams are so far
-apart that cells between them stay unknown, so a tile counts as unknown only where a
-small disc fits in which nothing was sensed, and all other tiles as sensed. Open tiles
-are sensed, and a robot may be there by the rule of passage. Frontiers are open tiles
-next to unknown ones. Unvisited tiles are open ones that no beam has passed at short
-range.
+Cells of the map are joined to tiles of about 0.1 m. At a distance, cells between beams
+stay unknown. So a tile is unknown only if it is part of a small disc without any sensed
+tile, and all other tiles are sensed. Open tiles are sensed tiles that keep
+the safety distance from obstacles. Frontiers are open tiles next to unknown ones.
+Unvisited tiles are open tiles that no beam has passed at short range.
 """
 
 import math
@@ -34,17 +33,17 @@ from radarsim.autonomy.navigation.grid_search import (
 )
 from radarsim.geometry import Floats, Point, Pose2
 
-TILE_SIZE: Final = 0.1  # m, about
-HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
-FREE_RADIUS: Final = 0.25  # m around a tile that counts as free
+TILE_SIZE: Final = 0.1  # m, approximately
+HOLE_RADIUS: Final = 0.25  # m; radius of the smallest unknown hole
+FREE_RADIUS: Final = 0.25  # m; radius around a free tile
 _PADDING: Final = 4  # unknown tiles around the map
 
 
 class TraversabilityMap:
-    """Tiles of the map at one moment; masks of tiles are (R, C).
+    """Tiles of the map at one time; masks of tiles are (R, C).
 
     Attributes:
-        safety: Distance to keep from the robot's center, m.
+        safety: Safety distance from the robot's centre, m.
         size: Side of a tile, m.
     """
 
@@ -53,7 +52,7 @@ class TraversabilityMap:
 
         Args:
             grid: The map.
-            safety: Distance from the robot's center to what it cannot enter, m.
+            safety: Safety distance between the robot's centre and obstacles, m.
         """
         self.safety = safety
         frame = grid.frame
@@ -68,7 +67,7 @@ class TraversabilityMap:
 
     @cached_property
     def unknown(self) -> Mask:
-        """Tiles in a disc in which nothing was sensed."""
+        """Tiles of discs of ``HOLE_RADIUS`` without any sensed tile."""
         return self._opening(~self._sensed, HOLE_RADIUS)
 
     @cached_property
@@ -78,7 +77,7 @@ class TraversabilityMap:
 
     @cached_property
     def free(self) -> Mask:
-        """Tiles in a disc of ``FREE_RADIUS`` in which all was sensed, and is free."""
+        """Tiles with only sensed tiles and no obstacle within ``FREE_RADIUS``."""
         is_sensed = np.isinf(self._distances(~self._sensed, FREE_RADIUS))
         return np.asarray(is_sensed & ~self.nearer_than(FREE_RADIUS))
 
@@ -93,7 +92,7 @@ class TraversabilityMap:
         return self._opening(self.open & ~self._near, self.size)
 
     def reopened(self, tiles: Mask) -> "TraversabilityMap":
-        """Return the map on which some more tiles are open."""
+        """Return the map with additional open tiles."""
         other = copy(self)
         other.__dict__ |= {"open": self.open | tiles}
         other.__dict__.pop("frontiers", None)
@@ -104,12 +103,12 @@ class TraversabilityMap:
         return other
 
     def tiles_of(self, other: "TraversabilityMap", tiles: Mask) -> Mask:
-        """Return the tiles of this map that some tiles of an earlier one are."""
+        """Return the tiles of this map that match given tiles of an earlier map."""
         left, bottom = self._corner
         column = round((other._corner[0] - left) / self.size)
         row = round((other._corner[1] - bottom) / self.size)
         result = np.zeros_like(self.open)
-        # Cut, as a map that was rebuilt need not have all of them.
+        # Cropped, since a rebuilt map may lack some of the tiles.
         tiles = tiles[max(-row, 0) :, max(-column, 0) :]
         place = result[max(row, 0) :, max(column, 0) :]
         rows, columns = np.minimum(place.shape, tiles.shape)
@@ -117,7 +116,7 @@ class TraversabilityMap:
         return result
 
     def cells_of(self, tiles: Mask) -> Mask:
-        """Return the cells of some tiles, with those beyond the map's last ones."""
+        """Return the cells of tiles, including cells beyond the edge of the grid."""
         inner = tiles[_PADDING:-_PADDING, _PADDING:-_PADDING]
         return inner.repeat(self._factor, axis=0).repeat(self._factor, axis=1)
 
@@ -135,7 +134,7 @@ class TraversabilityMap:
         return np.asarray(np.hypot(columns - x, rows[:, None] - y) <= radius)
 
     def nearest(self, tiles: Mask, x: float, y: float) -> Mask:
-        """Return only the tile that is nearest to a point, m, of some tiles."""
+        """Return a mask of the one given tile that is nearest to a point, m."""
         columns, rows = self.tile_centers()
         distance = np.hypot(columns - x, rows[:, None] - y)
         chosen = np.zeros_like(tiles)
@@ -143,7 +142,7 @@ class TraversabilityMap:
         return chosen & tiles
 
     def nearer_than(self, distance: float) -> Mask:
-        """Return the tiles nearer than that, m, to what robots cannot enter."""
+        """Return the tiles nearer than a distance, m, to an obstacle."""
         return np.asarray(self._clearance < distance)
 
     def area(self, tiles: Mask) -> float:
@@ -156,10 +155,10 @@ class TraversabilityMap:
         return self._is_inside(tile) and bool(self.open[tile])
 
     def is_line_cheap(self, pose: Pose2, x: float, y: float) -> bool:
-        """Return whether the robot may go straight to a point, m, for little cost."""
+        """Return whether the robot may drive straight to a point, m, at a low cost."""
         if not self.is_open(x, y):
             return False
-        # Two points in a tile, so that no tile is left out but at a corner.
+        # Two points per tile, so that no tile is skipped except at a corner.
         steps = max(2, math.ceil(math.hypot(x - pose.x, y - pose.y) / self.size * 2))
         points = np.linspace((pose.x, pose.y), (x, y), steps + 1)
         tiles = np.array([self._tile(*point) for point in points.tolist()])
@@ -167,15 +166,14 @@ class TraversabilityMap:
         rows, columns = tiles.T
         if not inside.all() or self.unknown[rows, columns].any():
             return False
-        # without the first: a robot that is too near to something may leave
+        # The first tile is excluded, since a robot too close to an obstacle may leave.
         costs = self._step_cost[rows, columns]
         return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
 
     def find_path(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
-        """Return the path to the nearest of some tiles, m; empty if there is none.
+        """Return the path to the nearest of given tiles, m; empty without a path.
 
-        A robot nearer to something than it should be may leave, as long as it gets no
-        nearer.
+        A robot too close to an obstacle may leave if it comes no closer.
         """
         start = self._tile(pose.x, pose.y)
         if not self._is_inside(start):
@@ -193,11 +191,11 @@ class TraversabilityMap:
         return np.asarray(flood_fill(passable, start) & self.open)
 
     def places_of(self, tiles: Mask, least_area: float) -> list[Point]:
-        """Return the tile in the middle of each connected piece of some tiles, m.
+        """Return the middle tile of each connected piece of given tiles, m.
 
         Args:
             tiles: (R, C).
-            least_area: m²; smaller pieces are left out.
+            least_area: m²; smaller pieces are skipped.
         """
         labels, count = ndimage.label(tiles, np.ones((3, 3)))
         x, y = self.tile_centers()
@@ -210,20 +208,20 @@ class TraversabilityMap:
         return places
 
     def outer_boundary(self, region: Mask) -> Mask:
-        """Return the tiles at the outer edge of a region that run along obstacles.
+        """Return the tiles at the outer edge of a region that are near obstacles.
 
-        The edges around islands within the region do not count.
+        Edges around islands within the region are excluded.
         """
-        # The padding is all around, so that one corner reaches all that is outside.
+        # The padding surrounds the map, so the fill from one corner reaches all of it.
         outside = flood_fill(~region, (0, 0))
         is_walled = self._clearance <= self.safety + 2 * self.size
         return np.asarray(region & self._dilated(outside) & is_walled)
 
     def _cost(self, pose: Pose2, start: Cell) -> Floats:
-        """Return the cost of a step into each tile; inf where the robot may not be."""
+        """Return the cost of a step into each tile; inf for closed tiles."""
         cost = np.where(self.open, self._step_cost, math.inf)
         if not self.open[start]:
-            # Out of what it is too near to, but no nearer to that, and not blindly.
+            # Away from the obstacle that is too close, and not into unknown tiles.
             escape = self.disc(pose.x, pose.y, ESCAPE_RADIUS) & ~self.open
             escape &= (self._clearance >= self._clearance[start]) & ~self.unknown
             cost[escape] = ESCAPE_COST
@@ -238,14 +236,14 @@ class TraversabilityMap:
         return bool(is_inside.all())
 
     def _tiles(self, cells: Mask) -> Mask:
-        # any cell counts: gaps between beams leave cells unknown within a sensed tile
+        # Any sensed cell counts: gaps between beams leave cells of a tile unknown.
         tiles = _blocks(cells, self._factor).any(axis=(1, 3))
-        # Unknown all around, so that floor at the border of the map is a frontier.
+        # Unknown tiles are added, so that floor at the border of the map is a frontier.
         return np.pad(tiles, _PADDING)
 
     def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
-        """Return the least clearance of each tile's cells, m; inf where it is large."""
-        # Farther away nothing costs more, so distances beyond are not computed.
+        """Return the least clearance of each tile's cells, m; inf beyond a limit."""
+        # Beyond the limit no step costs more, so larger distances are not computed.
         limit = self.safety + COSTLY + self.size
         cells = np.pad(blocked, _PADDING * self._factor)
         near = distance_field(cells, limit / resolution) * resolution
@@ -253,21 +251,21 @@ class TraversabilityMap:
         return tiles
 
     def _distances(self, tiles: Mask, max_distance: float) -> Floats:
-        """Return the distance to the nearest of some tiles, m; inf beyond the limit."""
+        """Return the distance to the nearest given tile, m; inf beyond the limit."""
         return distance_field(tiles, max_distance / self.size) * self.size
 
     def _dilated(self, tiles: Mask) -> Mask:
-        # Diagonal neighbours are 1.41 tiles away, and the next ones 2.
+        # Diagonal neighbours are 1.41 tiles away, and the next tiles 2.
         return np.isfinite(self._distances(tiles, 1.5 * self.size))
 
     def _opening(self, tiles: Mask, radius: float) -> Mask:
-        # eroded, then dilated: only where a disc of that radius fits
+        # Eroded, then dilated: keeps tiles where a disc of the radius fits.
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
 
 
 def _blocks(cells: NDArray[Any], factor: int, fill: float = 0) -> NDArray[Any]:
-    """Return cells by the tiles that they are in, (R, factor, C, factor)."""
+    """Return cells grouped by tile, (R, factor, C, factor)."""
     cells = np.pad(
         cells, [(0, -count % factor) for count in cells.shape], constant_values=fill
     )

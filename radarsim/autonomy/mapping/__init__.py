@@ -1,1 +1,1 @@
-"""Maps from scans, and where the robot is on them: no sockets, no clock, no scene."""
+"""SLAM and maps from scans: computation only, without sockets, clocks or a scene."""

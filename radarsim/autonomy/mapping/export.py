@@ -1,4 +1,4 @@
-"""Maps as files for other programs: UsarCommander's image, and nav2's map_server."""
+"""Export of maps as UsarCommander images and as files for nav2's map_server."""
 
 import io
 import json
@@ -19,7 +19,7 @@ from radarsim.autonomy.mapping.occupancy_grid import (
 NavMode: TypeAlias = Literal["trinary", "scale"]
 
 BLUE, WHITE, GREY, BLACK = (0, 0, 255), (255, 255, 255), (160, 160, 160), (0, 0, 0)
-# What the colours of UsarCommander mean.
+# Meanings of UsarCommander's colours.
 COMMANDER_CELLS: Final = {
     "unknown": BLUE,
     "sensed": WHITE,
@@ -27,26 +27,27 @@ COMMANDER_CELLS: Final = {
     "beams end": BLACK,
 }
 _COMMANDER_COLOURS: Final = np.array([*COMMANDER_CELLS.values()], np.uint8)
-MARGIN: Final = 0.5  # m of unknown cells around the sensed ones
-OPEN_SPACE: Final = 5.0  # m of open floor around all else
+MARGIN: Final = 0.5  # m of unknown cells around the sensed cells
+OPEN_SPACE: Final = 5.0  # m of open floor around other known cells
 OCCUPIED_LEVEL, UNKNOWN_LEVEL, FREE_LEVEL = 0, 205, 254
 OCCUPIED_FROM: Final = 0.65
-# Unknown is 50/255 = 0.19608; the 0.25 that many files have would make it free.
+# Unknown is 50/255 = 0.19608; the common value 0.25 would make it free.
 FREE_BELOW: Final = 0.196
 
-_LAST_BMP: Final = 0xFFFF  # JSON escapes characters beyond it by two surrogates
-# Files that hold it may be replaced by a later map; all others are kept.
+_LAST_BMP: Final = 0xFFFF  # JSON escapes later characters as surrogate pairs
+# Only files with this mark may be replaced by a later map.
 MARK: Final = "radarsim map"
-HEAD: Final = 64  # bytes at the beginning of a file that hold the mark
+HEAD: Final = 64  # bytes at the beginning of a file that contain the mark
 
 
 def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """Return all cells of a map in the colours of UsarCommander, (R, C, 3).
 
-    Blue is unknown, white sensed, grey free within the short range, in foliage too, and
-    black where beams end. The first row is the southernmost.
+    Unknown cells are blue, sensed cells white, cells free within the short range grey
+    (in foliage, too), and cells where beams end black. The first row is the
+    southernmost.
     """
-    # In this order: each colour overrules those before where a cell is both.
+    # In this order, each colour replaces the earlier ones.
     numbers = grid.sensed_cells().astype(np.uint8)
     numbers[grid.short_range_cells()] = 2
     numbers[grid.beam_end_cells()] = 3
@@ -64,9 +65,9 @@ def nav_map(
 ) -> dict[str, bytes]:
     """Return the files of a map for nav2's map_server.
 
-    Foliage is occupied, as robots cannot drive there. ``trinary`` is a PGM of occupied,
-    free and unknown. ``scale`` holds probabilities; in this mode unknown is
-    transparent, which a PGM cannot be, so it is a PNG, as map_saver writes it.
+    Foliage is occupied, since robots cannot drive there. ``trinary`` is a PGM with
+    occupied, free and unknown cells. ``scale`` holds probabilities, with unknown cells
+    transparent; a PGM has no transparency, so it is a PNG, as map_saver writes it.
 
     Args:
         grid: The map.
@@ -74,11 +75,11 @@ def nav_map(
         mode: Mode of map_server.
 
     Returns:
-        Contents of files by name: the image, and the YAML that names it.
+        The contents of the files by name: the image, and the YAML that names the image.
     """
     rows, columns = sensed_window(grid)
     if mode == "trinary":
-        # Free unless it is something else, and so is smoke: robots drive through it.
+        # All other classes are free, also smoke, since robots drive through it.
         levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
         levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
         levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
@@ -87,7 +88,7 @@ def nav_map(
         probability = grid.occupancy_probability()
         known = np.isfinite(probability)
         pixels = np.zeros((*probability.shape, 2), np.uint8)  # grey and opacity
-        # Dark is occupied, as ``negate: 0`` in the YAML says.
+        # Dark pixels are occupied, as ``negate: 0`` in the YAML declares.
         pixels[known, 0] = np.rint(255 * (1 - probability[known]))
         pixels[known, 1] = 255
         image, image_format = f"{name}.png", "png"
@@ -109,7 +110,7 @@ def nav_map(
 
 
 def _quoted(name: str) -> str:
-    """Return a name as an ASCII string of YAML, which has no pairs of surrogates."""
+    """Return a name as an ASCII string of YAML, which has no surrogate pairs."""
     letters = (
         f"\\U{ord(letter):08X}" if ord(letter) > _LAST_BMP else json.dumps(letter)[1:-1]
         for letter in name
@@ -118,11 +119,11 @@ def _quoted(name: str) -> str:
 
 
 def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
-    """Encode an image of cells, whose first row is the southernmost."""
+    """Encode an image of cells whose first row is the southernmost."""
     data, info = io.BytesIO(), PngInfo()
     info.add_text("Software", MARK)
     Image.fromarray(np.flip(pixels, axis=0)).save(data, image_format, pnginfo=info)
-    # A PGM has no text chunks as a PNG has: there the mark is a comment.
+    # A PGM has no text chunks like a PNG, so the mark is a comment there.
     if image_format == "png":
         return data.getvalue()
     magic, rest = data.getvalue().split(b"\n", 1)
@@ -132,9 +133,9 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
 def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
     """Return the rows and columns of the sensed cells with a margin of 0.5 m.
 
-    They are one cell if nothing is sensed. Open floor is left out beyond 5 m around all
-    cells that are not free or were seen at short range: beams that meet nothing sense
-    it up to their range.
+    Without sensed cells, one cell is returned. Open floor is cropped at 5 m around
+    cells that are not free or were seen at short range, since beams without a return
+    sense it up to their maximum range.
 
     Raises:
         ValueError: If the map has no cells.

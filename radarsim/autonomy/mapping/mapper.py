@@ -1,14 +1,14 @@
 """Mapper: combines the reports of one robot, from any connection, into a map.
 
 A mapper is passed every report of a robot: echoes, ranges, and poses. It finds the pose
-of each scan (``slam``) and adds the scan to the grid. Where a server sends echoes, a
-scan without all of its own serves for finding the pose but not for the map: the range
-of a radar alone does not tell foliage from a wall.
+of each scan (``slam``) and adds the scan to the grid. If a server sends echoes, a scan
+with missing echoes is used to find the pose but not for the map, since the range of a
+radar alone does not distinguish foliage from a wall.
 
-When a loop closes, all scans have other poses, and the grid is rebuilt from them.
-That takes seconds, in which a robot would drive on blindly. Some old scans are
-therefore added to the new grid with each new scan, which the old grid gets meanwhile;
-the new one replaces it when it holds all scans.
+When a loop closes, the poses of all scans change, and the grid is rebuilt from the
+scans. That takes seconds, in which a robot would drive on blindly. So with each new
+scan, which still goes to the old grid, some old scans are added to the new grid. The
+new grid replaces the old one when it holds all scans.
 """
 
 import math
@@ -40,22 +40,22 @@ from radarsim.protocol.reports import (
     Report,
 )
 
-MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
-TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
+MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion is unknown
+TRUTH_INTERVAL: Final = 0.05  # s; ground truth poses in between are not stored
 
-SCANS_AT_ONCE: Final = 25  # old scans that are added with each new one
-STANDING: Final = 0.02, 0.01  # m and rad within which a robot stands
-SCANS_STANDING: Final = 20  # that are kept of a robot that stands
-PLACE: Final = 1.0  # m between places from which something is seen
-SQUARE: Final = 0.25  # m; noise spreads the ends of beams over cells
+SCANS_AT_ONCE: Final = 25  # old scans added to the new grid with each new scan
+STANDING: Final = 0.02, 0.01  # m and rad; smaller motion counts as standing
+SCANS_STANDING: Final = 20  # scans stored of a robot at one standing position
+PLACE: Final = 1.0  # m between two viewpoints
+SQUARE: Final = 0.25  # m; larger than a cell, since noise spreads beam ends over cells
 _MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odometry"}
 
 
 class RebuildableGrid:
-    """A grid, and the scans that it consists of.
+    """A grid that can be rebuilt, with the scans that it consists of.
 
     Attributes:
-        grid: The map; another object once it was rebuilt.
+        grid: The map; a new object after a rebuild.
     """
 
     def __init__(
@@ -64,48 +64,48 @@ class RebuildableGrid:
         """Create an empty map.
 
         Args:
-            trajectory: The robot's, with a pose for each scan.
+            trajectory: Trajectory of the robot, with a pose for each scan.
             resolution: Side of a cell, m.
-            radius: Radius of the disc around the robot that is marked free, m; 0 for
-                none.
+            radius: Radius of the disc around the robot that is marked free, m; 0 for no
+                disc.
         """
         self.grid = OccupancyGrid(resolution)
         self._trajectory = trajectory
         self._radius = radius
-        # with the numbers of their poses
+        # scans with the numbers of their poses
         self._scans: list[tuple[int, PlanarScan]] = []
-        self._last: Pose2 | None = None  # of the last scan while driving
+        self._last: Pose2 | None = None  # pose of the last scan while driving
         self._standing = 0
         self._next: OccupancyGrid | None = None
-        self._added = 0  # scans that the next grid holds
+        self._added = 0  # number of scans in the next grid
 
     def add(self, scan: PlanarScan) -> None:
         """Add a scan at the last pose of the trajectory."""
         number = len(self._trajectory) - 1
         self._add(self.grid, number, scan)
-        # A robot that stands sees the same again and again: some of its scans will do.
+        # A standing robot sees the same again and again, so only some scans are stored.
         pose = self._trajectory.poses[-1]
         if self._last is None or pose.is_apart(self._last, *STANDING):
             self._last, self._standing = pose, 0
         self._standing += 1
         if self._standing <= SCANS_STANDING:
-            # in half the memory, since all scans of a run are kept
+            # Stored in half the memory, since all scans of a run are kept.
             self._scans.append((number, _converted(scan, np.int32, np.float32)))
         self._continue(SCANS_AT_ONCE)
 
     def rebuild(self) -> None:
-        """Begin to rebuild the grid, as the trajectory has changed."""
-        # If another grid was being built, it is dropped: its poses are no longer right.
+        """Start to rebuild the grid, since the trajectory has changed."""
+        # A rebuild in progress is dropped, since its poses are outdated.
         self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
 
     def finish(self) -> None:
-        """Build the rest of the new grid, if one was begun."""
+        """Complete the rebuild of the grid, if one is in progress."""
         self._continue(len(self._scans))
 
     def seen_from_one_place(self) -> float:
-        """Return the share of solid cells that were seen from only one place.
+        """Return the share of solid squares that were seen from only one viewpoint.
 
-        Places are at least 1 m from each other. Squares of 0.25 m are counted.
+        Viewpoints are at least 1 m apart. Squares have sides of 0.25 m.
         """
         seen: dict[Point, list[NDArray[np.int64]]] = {}
         for number, scan in self._scans:
@@ -127,7 +127,7 @@ class RebuildableGrid:
         if self._next is None:
             return
         for number, scan in self._scans[self._added : self._added + count]:
-            # in the types that the engine takes
+            # Converted to the types that the engine expects.
             self._add(self._next, number, _converted(scan, np.int64, np.float64))
             self._added += 1
         if self._added == len(self._scans):
@@ -141,27 +141,27 @@ class RebuildableGrid:
 
 
 def _squares(points: Floats) -> NDArray[np.int64]:
-    """Return the numbers of the squares that points are in, each once."""
+    """Return the unique numbers of the squares that contain points."""
     column, row = np.floor(points / SQUARE).astype(np.int64).T
     return np.unique((column << 32) + row)
 
 
 def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:
-    """Return a scan whose numbers are of other types."""
+    """Return a scan with its numbers converted to other types."""
     beams, near, far, layer = scan.hits
     hits = BeamHits(beams.astype(whole), near.astype(real), far.astype(real), layer)
     return replace(scan, known_range=scan.known_range.astype(real), hits=hits)
 
 
 class Mapper(ScanReader):
-    """Makes a map of what one scanner measures.
+    """Builds a map from the reports of one scanner.
 
     Attributes:
         slam: Estimates the robot's pose.
-        truth: True poses, as far as the server sends them.
+        truth: Ground truth poses, if the server sends them.
         scans: Number of scans on the map.
-        left_out: Number of scans that are not, as nobody knew where the robot was, and
-            as their echoes did not come.
+        left_out: Number of scans not on the map, by reason: the robot's pose was
+            unknown (``no_pose``), or echoes were missing (``no_echoes``).
     """
 
     def __init__(
@@ -179,14 +179,14 @@ class Mapper(ScanReader):
 
         Args:
             scanner: Scanner to map with.
-            motion_source: Where the robot's motion between scans is read from.
+            motion_source: Source of the robot's motion between scans.
             resolution: Side of a cell, m.
-            echo_wait: How long scans without echoes are not added to the map, since
-                their echoes may still come, s; 0 if no client asked for echoes.
-            map_range: Range of the scanner that is mapped, m; the pose is found with
-                all of it.
+            echo_wait: Time for which scans without echoes are not mapped, since their
+                echoes may still arrive, s; 0 if no client requested echoes.
+            map_range: Range up to which scans are mapped, m; the pose is found with the
+                full range.
             robot_radius: Radius of the disc around the robot that is marked free, m; 0
-                for none.
+                for no disc.
             clock: Returns the time in s, for servers without advancing time stamps.
         """
         super().__init__(scanner, clock, echo_wait)
@@ -199,7 +199,7 @@ class Mapper(ScanReader):
         self._spawn_pose: Pose2 | None = None
         self._motion = MotionReports()
         self._scans_since_report = 0
-        self._sources: set[str] = set()  # that sent poses
+        self._sources: set[str] = set()  # sources that sent poses
         self._missing_scan = f"scan of {scanner.name!r}"
         self._missing_pose = f"pose from {motion_source}"
         has_source = motion_source != "none"
@@ -212,7 +212,7 @@ class Mapper(ScanReader):
 
     @property
     def seen_from_one_place(self) -> float:
-        """The share of solid cells that were seen from only one place."""
+        """The share of solid squares that were seen from only one viewpoint."""
         return self._grid.seen_from_one_place()
 
     @property
@@ -222,21 +222,21 @@ class Mapper(ScanReader):
 
     @property
     def hint(self) -> str:
-        """The motion sources that are left, if poses of the wanted one are missing."""
+        """Other motion sources, if the requested source has sent no poses."""
         if self.missing != self._missing_pose:
             return ""
         others = self._sources - {self.slam.motion_source}
         return f"expected motion from {' or '.join([*sorted(others), 'none'])}"
 
     def finish(self) -> None:
-        """Complete the map, if it is being rebuilt after a loop was closed."""
+        """Complete the map, if it is being rebuilt after a loop closure."""
         self._grid.finish()
 
     def _take_other(self, report: Report) -> None:
         if not isinstance(report, Ins | GroundTruth | Odometry):
             return
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
-        if not isinstance(report, Odometry):  # which counts from anywhere
+        if not isinstance(report, Odometry):  # odometry starts at any pose
             self._spawn_pose = self._spawn_pose or pose
         source = _MOTION_SOURCES.get(type(report))
         if source is not None:
@@ -247,7 +247,7 @@ class Mapper(ScanReader):
             self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
-            # A pose that is due but for rounding is stored.
+            # The tolerance keeps a pose that is due except for rounding.
             if report.time > last + TRUTH_INTERVAL - 1e-9:
                 self.truth.add(report.time, pose)
 
@@ -255,7 +255,7 @@ class Mapper(ScanReader):
         source = self.slam.motion_source
         if source != "none":
             self._scans_since_report += 1
-        # By a source that has fallen silent all scans would be at one place.
+        # With a silent source all scans would be placed at one position.
         is_lost = self._scans_since_report > MAX_SCANS_WITHOUT_MOTION
         reported = self._motion.at(report.time)
         if source != "none" and (reported is None or is_lost):
@@ -263,17 +263,18 @@ class Mapper(ScanReader):
             self.left_out["no_pose"] += 1
             return None
         if not len(self.trajectory):
-            # An INS begins at its own first pose. All else begins at the first one that
-            # an INS or the ground truth reports, which comes after the mapper is made.
+            # An INS starts at its own first pose. Other sources
+            # start at the first pose from an INS or the ground
+            # truth, which arrives after the mapper is created.
             self.slam.start = None if source == "ins" else self._spawn_pose
         time, echoes, lacks_echoes = self._time_and_echoes(report)
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         revision = self.slam.revision
         pose = self.slam.step(scan, *(reported or ()))
-        # A loop has closed, or the map was turned: all scans have other poses now.
+        # A loop has closed, or the map was rotated, so the poses of all scans changed.
         if self.slam.revision > revision:
             self._grid.rebuild()
-        # The pose is found without them, so that the next scan has one to begin at.
+        # The pose is found without echoes, as a start for the next scan.
         if lacks_echoes:
             self.missing = f"echoes of {self.scanner.name!r}"
             self.left_out["no_echoes"] += 1
@@ -284,7 +285,7 @@ class Mapper(ScanReader):
         return self._observation(pose, scan)
 
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
-        # the nearest hit on each beam; robots pass smoke
+        # the nearest hit of each beam that blocks robots, so not smoke
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
         blocks = hits.layer != Layer.SMOKE

@@ -1,17 +1,17 @@
-"""Occupancy grid of evidence by layer, which grows where it is needed.
+"""Occupancy grid with evidence in layers, which grows as needed.
 
 Theory of operation
 ===================
-Cells are squares, numbered in whole numbers from the map's origin, so growing copies
-cells and never resamples them. Row 0 of an array is the southernmost row, column 0 the
+Cells are squares with integer numbers from the map's origin, so growing copies cells
+and never resamples them. Row 0 of an array is the southernmost row, column 0 the
 westernmost column.
 
-A radar that sees through foliage senses what a robot cannot drive through, so where a
-beam passed is not where a robot may drive: ``sensed`` and ``drivable`` are two
-questions. Evidence is therefore kept in a layer for each of solid things, foliage,
-smoke, and beam ends (see ``Layer``).
+A radar that sees through foliage senses cells that a robot cannot drive through, so a
+cell that a beam passed is not always drivable: ``sensed`` and ``drivable`` are separate
+properties. Evidence is therefore kept in layers for solid obstacles, foliage, smoke,
+and beam ends (see ``Layer``).
 
-The distances of cells from the nearest cell of a set are computed here as well.
+This module also computes the distances of cells from the nearest cell of a set.
 """
 
 import math
@@ -29,10 +29,10 @@ from radarsim.geometry import Floats, Pose2
 
 
 def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
-    """Return the distance from each cell to the nearest true one, center to center.
+    """Return the distance from each cell to the nearest true cell, center to center.
 
-    ``scipy.ndimage.distance_transform_edt`` finds the same, but has no limit of
-    distance and takes about six times as long on maps of 400 by 400 cells.
+    ``scipy.ndimage.distance_transform_edt`` returns the same, but has no distance limit
+    and takes about six times as long on maps of 400 by 400 cells.
 
     Args:
         cells: (R, C).
@@ -49,17 +49,17 @@ def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
 T = TypeVar("T", bound=np.generic)
 Mask = NDArray[np.bool_]
 
-RESOLUTION: Final = 0.05  # m
-SHORT_RANGE: Final = 3.0  # m, within which UsarCommander calls free space safe
+RESOLUTION: Final = 0.05  # m; default side of a cell
+SHORT_RANGE: Final = 3.0  # m; UsarCommander shows free space within this range as safe
 SENSED, NEAR = 1, 2  # flags of a cell, as in the engine's occupancy.hpp
-LOG_ODDS_FREE, LOG_ODDS_LIMIT = 2, 60  # tenths; as there
-GROWTH_STEP: Final = 64  # cells; growing by more at once is growing less often
+LOG_ODDS_FREE, LOG_ODDS_LIMIT = 2, 60  # tenths of log-odds, as in the engine
+GROWTH_STEP: Final = 64  # cells; larger steps mean less frequent growing
 MAX_SIDE: Final = 1 << 15  # cells
 MAX_CELLS: Final = 1 << 26
 
 
 class CellClass(IntEnum):
-    """What a cell is."""
+    """Class of a cell: unknown, free, or the kind of its obstacle."""
 
     UNKNOWN = 0
     FREE = 1
@@ -70,7 +70,7 @@ class CellClass(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class GridFrame:
-    """Where the cells of an array are.
+    """Position and size of an array of cells.
 
     Attributes:
         resolution: Side of a cell, m.
@@ -88,7 +88,7 @@ class GridFrame:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Shape of the array, rows and columns."""
+        """Shape of the array: rows and columns."""
         return self.rows, self.columns
 
     @property
@@ -97,7 +97,7 @@ class GridFrame:
         return self.column * self.resolution, self.row * self.resolution
 
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return row and column of the cell around a point, m; None if outside."""
+        """Return row and column of the cell at a point in m; None if outside."""
         row = math.floor(y / self.resolution) - self.row
         column = math.floor(x / self.resolution) - self.column
         is_inside = 0 <= row < self.rows and 0 <= column < self.columns
@@ -116,14 +116,14 @@ class GridFrame:
     def extended_to(
         self, low: tuple[float, float], high: tuple[float, float]
     ) -> "GridFrame":
-        """Return a frame that contains a box too, extended in steps of many cells.
+        """Return a frame extended to contain a box, in steps of many cells.
 
         Args:
             low: South-west corner, m.
             high: North-east corner, m.
 
         Raises:
-            MappingError: If it would have more than 32768 cells on a side, or 67
+            MappingError: If the frame would have more than 32768 cells on a side, or 67
                 million in all, which take 0.3 GB.
         """
         column, columns = _extended_axis(
@@ -143,7 +143,7 @@ class GridFrame:
         return GridFrame(self.resolution, column, row, columns, rows)
 
     def copy_into(self, cells: NDArray[T], larger: "GridFrame") -> NDArray[T]:
-        """Return an array in a larger frame with a copy of cells; all others are 0."""
+        """Return a zero array in a larger frame with a copy of the cells."""
         copy: NDArray[Any] = np.zeros(larger.shape, cells.dtype)
         row, column = self.row - larger.row, self.column - larger.column
         copy[row : row + self.rows, column : column + self.columns] = cells
@@ -153,7 +153,7 @@ class GridFrame:
 def _extended_axis(
     first: int, count: int, low: float, high: float, resolution: float
 ) -> tuple[int, int]:
-    """Return first cell and number of cells along one axis."""
+    """Return the first cell and the number of cells along one axis."""
     low_cell = math.floor(low / resolution)
     high_cell = math.floor(high / resolution)
     if count and first <= low_cell and high_cell < first + count:
@@ -166,14 +166,14 @@ def _extended_axis(
 
 
 class OccupancyGrid:
-    """Map that grows.
+    """An occupancy map that grows as needed.
 
     Attributes:
-        frame: Where its cells are; replaced when the map grows.
+        frame: Position and size of the array of cells; replaced when the map grows.
     """
 
     def __init__(self, resolution: float = RESOLUTION) -> None:
-        """Create an empty map of cells of a size, m."""
+        """Create an empty map with cells of a given side, m."""
         self.frame = GridFrame(resolution)
         self._evidence = np.zeros((len(Layer), 0, 0), np.int8)
         self._flags = np.zeros((0, 0), np.uint8)
@@ -182,18 +182,19 @@ class OccupancyGrid:
         """Add a scan.
 
         Args:
-            pose: Pose of the robot when the scan was taken, map frame.
+            pose: Pose of the robot at the scan, map frame.
             scan: The scan.
 
         Raises:
             MappingError: If the map gets too large.
-            ValueError: If a beam has no direction or no end.
+            ValueError: If the direction or the end of a beam is not finite.
         """
         sensor = pose.compose(scan.mount)
         angles = scan.angles + (pose.yaw + scan.mount.yaw)
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         ends = directions * scan.known_range[:, None]
-        # As numbers of cells they would be anything, and the map would grow to there.
+        # Converted to cells, such numbers would be
+        # arbitrary, and the map would grow there.
         if not np.isfinite(ends).all():
             raise ValueError("beams with angles or ranges that are no finite numbers")
         self._extend(sensor.x, sensor.y, ends)
@@ -222,29 +223,29 @@ class OccupancyGrid:
 
         Args:
             pose: Pose of the robot, map frame.
-            radius: Radius that the robot covers for sure, m.
+            radius: Radius that the robot certainly covers, m.
         """
         corner = np.array([radius, radius])
         self._extend(pose.x, pose.y, np.array([-corner, corner]))
         x, y = self.frame.cell_centers()
-        # Only the cells around the robot are looked at, however large the map is.
+        # Only the cells around the robot are computed, however large the map is.
         columns = slice(*np.searchsorted(x, (pose.x - radius, pose.x + radius)))
         rows = slice(*np.searchsorted(y, (pose.y - radius, pose.y + radius)))
         x, y = x[columns], y[rows]
         disc = np.hypot(x - pose.x, y[:, None] - pose.y) <= radius
         self._flags[rows, columns][disc] |= SENSED | NEAR
-        # As sure as can be, as the robot is there. Smoke may be around it all the same.
+        # The robot's position is certain evidence. Smoke may still surround the robot.
         for layer in (Layer.SOLID, Layer.FOLIAGE):
             self._evidence[layer, rows, columns][disc] = -LOG_ODDS_LIMIT
 
     def free(self, cells: Mask) -> None:
-        """Forget solid things in some cells, (R, C)."""
+        """Remove the solid evidence of some cells, (R, C)."""
         for layer in (Layer.SOLID, Layer.BEAM_END):
             evidence = self._evidence[layer]
             evidence[cells] = np.minimum(evidence[cells], -LOG_ODDS_FREE)
 
     def sensed(self, x: float, y: float) -> bool:
-        """Return whether any beam was in the cell around a point, m."""
+        """Return whether any beam was in the cell of a point, m."""
         cell = self.frame.cell(x, y)
         return cell is not None and bool(self._flags[cell] & SENSED)
 
@@ -253,14 +254,14 @@ class OccupancyGrid:
 
         Args:
             x: m, map frame.
-            y: m.
-            safety: Distance to keep from solid things and foliage, m.
+            y: m, map frame.
+            safety: Distance to keep from solid obstacles and foliage, m.
 
         Returns:
-            Whether the cell around it is sensed, and no cell that robots cannot enter
-            is within the distance, from center to center. Where a server sends no
-            echoes, foliage is known only by the points deep in it where beams end, so
-            the distance should be larger by that depth.
+            Whether the cell of the point is sensed, and all cells within the distance
+            are passable, from center to center. If a server sends no echoes, foliage is
+            known only by the beam ends deep inside it, so the distance should include
+            that depth.
         """
         cell = self.frame.cell(x, y)
         if cell is None or not self._flags[cell] & SENSED:
@@ -269,7 +270,7 @@ class OccupancyGrid:
         return not (away <= safety / self.frame.resolution).any()
 
     def sensed_cells(self) -> Mask:
-        """Return the cells where ``sensed`` holds, (R, C)."""
+        """Return the sensed cells, (R, C)."""
         return np.asarray((self._flags & SENSED) != 0)
 
     def short_range_cells(self) -> Mask:
@@ -277,7 +278,7 @@ class OccupancyGrid:
         return np.asarray((self._flags & NEAR) != 0)
 
     def beam_end_cells(self) -> Mask:
-        """Return the cells where beams rather end than pass, (R, C)."""
+        """Return the cells where more beams end than pass, (R, C)."""
         return np.asarray(self._evidence[Layer.BEAM_END] > 0)
 
     def blocked_cells(self) -> Mask:
@@ -289,23 +290,23 @@ class OccupancyGrid:
         """Return the ``CellClass`` of each cell, (R, C)."""
         sensed = self.sensed_cells()
         classes = np.where(sensed, CellClass.FREE, CellClass.UNKNOWN).astype(np.uint8)
-        # Of several kinds in a cell, the one that most keeps robots out comes last.
+        # The class that blocks robots most is written last.
         classes[self._evidence[Layer.SMOKE] > 0] = CellClass.SMOKE
         classes[self._evidence[Layer.FOLIAGE] > 0] = CellClass.FOLIAGE
         classes[self._evidence[Layer.SOLID] > 0] = CellClass.OBSTACLE
         return classes
 
     def occupancy_probability(self) -> Floats:
-        """Return the probability of being blocked, (R, C); nan where unknown."""
+        """Return the probability that a cell is blocked, (R, C); nan where unknown."""
         solid, foliage = self._evidence[Layer.SOLID], self._evidence[Layer.FOLIAGE]
-        # Either keeps robots out. Evidence is in tenths of log-odds.
+        # Solid and foliage both block robots. Evidence is in tenths of log-odds.
         log_odds = np.maximum(solid, foliage) / 10
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-log_odds)), np.nan)
 
     def _extend(self, x: float, y: float, offsets: Floats) -> None:
-        """Extend the map to a point and to offsets of (N, 2) m from it."""
-        # a cell more on each side, for rounding
-        # The point itself counts, too: a scan may have no beams.
+        """Extend the map to contain a point, m, and (N, 2) m offsets from it."""
+        # One cell is added on each side for rounding. The point itself is included,
+        # since a scan may have no beams.
         low = offsets.min(axis=0, initial=0.0) - self.frame.resolution
         high = offsets.max(axis=0, initial=0.0) + self.frame.resolution
         larger = self.frame.extended_to(
@@ -315,5 +316,5 @@ class OccupancyGrid:
         if larger != self.frame:
             layers = [self.frame.copy_into(layer, larger) for layer in self._evidence]
             flags = self.frame.copy_into(self._flags, larger)
-            # all at once, so that the map is whole if an interrupt comes in between
+            # assigned together, so that an interrupt leaves the map consistent
             self._evidence, self._flags, self.frame = np.stack(layers), flags, larger

@@ -2,8 +2,8 @@
 
 Theory of operation
 ===================
-Each pose is tied to the one before by the motion in between, and, where a loop is
-closed, to an older one by what the scans say. Both are edges: a measured pose of one
+Each pose is connected with the previous pose by the motion in between, and, where a
+loop closes, with an older pose by a scan match. Both are edges: a measured pose of one
 end in the frame of the other, with its information matrix. The poses with the least sum
 of squared errors are found by Gauss-Newton with sparse matrices; the first pose is
 fixed.
@@ -13,9 +13,10 @@ Source: Grisetti, Kümmerle, Stachniss and Burgard, "A tutorial on graph-based S
 
 A trajectory has a pose graph of its keyframes; the poses in between move with them.
 
-Between two keyframes the variance of the motion grows by what the motion source is
-unsure of, and shrinks by what each scan says: along a corridor it grows, across one it
-does not. When a loop closes, the error is spread over the loop in these proportions.
+Between two keyframes the covariance of the motion grows by the uncertainty of the
+motion source, and shrinks by the information of each scan: it grows along a corridor,
+but not across it. When a loop closes, the error is distributed over the loop in these
+proportions.
 """
 
 from typing import Final, NamedTuple
@@ -28,16 +29,16 @@ from scipy.sparse.linalg import splu
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
 MAX_ITERATIONS: Final = 20
-CONVERGED: Final = 1e-4  # m and rad
-# Points of a scan err together: they hold far less information than if each were alone.
+CONVERGED: Final = 1e-4  # m and rad; smaller steps end the iteration
+# Errors of the points of a scan are correlated, so this many count as one point.
 POINTS_PER_ERROR: Final = 10.0
 MOTION_SIGMA: Final = (0.002, 0.002, 0.0005)  # m, m and rad; least error of a motion
-CLOSURE_SIGMA: Final = (0.01, 0.01, 0.003)  # of a closure, which compares two maps
-MAX_SQUARED_ERROR: Final = 25.0  # of a closure, variances, beyond which it is false
+CLOSURE_SIGMA: Final = (0.01, 0.01, 0.003)  # least error of a closure
+MAX_SQUARED_ERROR: Final = 25.0  # largest squared error of a true closure, in variances
 
 
 class Edge(NamedTuple):
-    """A measured motion.
+    """A measured motion between two poses.
 
     Attributes:
         start: Number of the pose in whose frame the motion is.
@@ -54,18 +55,18 @@ class Edge(NamedTuple):
 
 
 def optimize(poses: Floats, edges: list[Edge]) -> Floats:
-    """Return the poses that fit all edges best.
+    """Return the poses with the least squared error over all edges.
 
     Args:
-        poses: (N, 3) x and y in m and yaw in rad to begin at; the first one stays.
-        edges: Motions, which connect each pose with the first one.
+        poses: (N, 3) initial x and y in m and yaw in rad; the first one is fixed.
+        edges: Motions that connect each pose with the first one.
 
     Returns:
         (N, 3).
     """
     poses = poses.copy()
     information = np.array([edge.information for edge in edges])
-    # each edge adds a block of (6, 6), of the unknowns of both of its ends
+    # each edge adds a (6, 6) block for the unknowns of both ends
     unknowns = (3 * _ends(edges)[:, :, None] + np.arange(3)).reshape(-1, 6)
     rows = np.repeat(unknowns, 6, axis=1).ravel()
     columns = np.tile(unknowns, (1, 6)).ravel()
@@ -76,14 +77,14 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
         weighted = jacobians.transpose(0, 2, 1) @ information
         gradient = np.zeros(size)
         forces = (weighted @ errors[:, :, None])[:, :, 0]
-        # Indexing would add only one of the edges that share a pose.
+        # Indexed addition would add only one of the edges that share a pose.
         np.add.at(gradient, unknowns, forces)
-        # The matrix sums entries of one place: edges that share a pose have such.
+        # The constructor sums duplicate entries, as from edges that share a pose.
         normal = csc_array(
             ((weighted @ jacobians).ravel(), (rows, columns)), shape=(size, size)
         )
         steps = np.zeros(size)
-        # without the rows of the first pose, which would leave the map free to move
+        # Without the rows of the first pose; otherwise the whole map could move.
         steps[3:] = splu(normal[3:, 3:]).solve(-gradient[3:])
         poses += steps.reshape(-1, 3)
         if np.abs(steps).max(initial=0.0) < CONVERGED:
@@ -92,7 +93,7 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
 
 
 def squared_errors(poses: Floats, edges: list[Edge]) -> Floats:
-    """Return the error of each edge, (E,), in variances: chi squared."""
+    """Return the squared error of each edge, (E,), in variances (chi squared)."""
     errors = _linearized(poses, edges)[0]
     information = np.array([edge.information for edge in edges])
     squares: Floats = np.einsum("ei,eij,ej->e", errors, information, errors)
@@ -100,7 +101,7 @@ def squared_errors(poses: Floats, edges: list[Edge]) -> Floats:
 
 
 def _linearized(poses: Floats, edges: list[Edge]) -> tuple[Floats, Floats, Floats]:
-    """Return errors, (E, 3), and their Jacobians by start and by end, (E, 3, 3)."""
+    """Return errors, (E, 3), and their Jacobians by start and end, (E, 3, 3)."""
     measured = np.array([(e.motion.x, e.motion.y, e.motion.yaw) for e in edges])
     starts, ends = _ends(edges).T
     yaws = poses[starts, 2]
@@ -108,14 +109,14 @@ def _linearized(poses: Floats, edges: list[Edge]) -> tuple[Floats, Floats, Float
     dx, dy, turn = (poses[ends] - poses[starts]).T
     ahead, left = c * dx + s * dy, c * dy - s * dx
     errors = np.column_stack([ahead, left, turn]) - measured
-    # turns are equal modulo whole ones
+    # turns are equal modulo full turns
     errors[:, 2] = np.arctan2(np.sin(errors[:, 2]), np.cos(errors[:, 2]))
     by_end = np.zeros((len(edges), 3, 3))
     by_end[:, 0, 0], by_end[:, 0, 1] = c, s
     by_end[:, 1, 0], by_end[:, 1, 1] = -s, c
     by_end[:, 2, 2] = 1.0
     by_start = -by_end
-    # A turn of the start moves the end around it, the other way.
+    # A turn of the start rotates the end the opposite way around it.
     by_start[:, 0, 2], by_start[:, 1, 2] = left, -ahead
     return errors, by_start, by_end
 
@@ -126,33 +127,33 @@ def _ends(edges: list[Edge]) -> NDArray[np.int64]:
 
 
 class KeyframeGraph:
-    """Motions between keyframes, and the poses that follow each of them.
+    """Motions between keyframes, and the trajectory poses that follow each keyframe.
 
     Attributes:
-        edges: Motions between keyframes, closures included.
+        edges: Motions between keyframes, including closures.
     """
 
     def __init__(self) -> None:
         self.edges: list[Edge] = []
-        self._closures: list[int] = []  # numbers of edges
-        self._poses: list[Pose2] = []  # of keyframes, when they were added
+        self._closures: list[int] = []  # indices of their edges
+        self._poses: list[Pose2] = []  # poses of keyframes, when they were added
         self._following: list[tuple[int, Pose2]] = []  # keyframe, and pose in its frame
         self._covariance: Floats = np.zeros((3, 3))
 
     def learn(self, sigma: Floats, information: Floats) -> None:
-        """Add the information on the next step to that since the last keyframe.
+        """Accumulate the covariance of the motion since the last keyframe.
 
         Args:
             sigma: (3,) standard deviations of the next step, m, m and rad.
-            information: (3, 3) information matrix of the next pose by a scan's points.
+            information: (3, 3) information matrix of the next pose from the scan.
         """
         moved = np.linalg.inv(self._covariance + np.diag(np.square(sigma)))
-        # Information adds up where both tell the same motion, as the scan's points and
-        # the motion source do: a corridor's points leave the variance along it.
+        # The motion source and the scan measure the same motion, so their information
+        # adds up: in a corridor the scan leaves the variance along it.
         self._covariance = _inverse(moved + information / POINTS_PER_ERROR)
 
     def add(self, pose: Pose2) -> None:
-        """Add a keyframe."""
+        """Add a keyframe at a pose."""
         if self._poses:
             last = self._poses[-1]
             information = _information(self._covariance, last.yaw, MOTION_SIGMA)
@@ -160,11 +161,11 @@ class KeyframeGraph:
             motion = pose.relative_to(last)
             self.edges.append(Edge(number - 1, number, motion, information))
         self._poses.append(pose)
-        # The next motion begins here, and the error of this one is in its edge.
+        # The next motion starts here; the error of this motion is stored in its edge.
         self._covariance = np.zeros((3, 3))
 
     def follow(self, pose: Pose2) -> None:
-        """Add a pose of the trajectory, which belongs to the last keyframe."""
+        """Add a pose of the trajectory that moves with the last keyframe."""
         if self._poses:
             pose = pose.relative_to(self._poses[-1])
         self._following.append((len(self._poses) - 1, pose))
@@ -174,23 +175,23 @@ class KeyframeGraph:
 
         Args:
             start: Number of an old keyframe.
-            pose: Where the last keyframe is by the map around the old one.
-            information: (3, 3) information matrix of that pose, on the map's axes.
+            pose: Pose of the last keyframe by the map around the old one.
+            information: (3, 3) information matrix of that pose on the map's axes.
 
         Returns:
-            The poses of all keyframes by all motions; None if the closure contradicts
-            these, or closures before, and is left out.
+            The optimized poses of all keyframes; None if the closure contradicts the
+            motions or earlier closures, and is dropped.
         """
         old = self._poses[start]
-        # 1/m² and 1/rad² more: points that are all in one place say nothing of a turn.
+        # 1/m² and 1/rad² are added, since points in one spot give no heading.
         covariance = _inverse(information / POINTS_PER_ERROR + np.eye(3))
         weight = _information(covariance, old.yaw, CLOSURE_SIGMA)
         edge = Edge(start, len(self._poses) - 1, pose.relative_to(old), weight)
         edges, closures = [*self.edges, edge], [*self._closures, len(self.edges)]
         rows = np.array([(each.x, each.y, each.yaw) for each in self._poses])
         rows = optimize(rows, edges)
-        # A wrong closure is worse than none, as it bends all of the map. It contradicts
-        # the motions, or a closure before that was right.
+        # A wrong closure is worse than none, since it bends the whole map. It
+        # contradicts the motions, or an earlier correct closure.
         if squared_errors(rows, edges)[closures].max() > MAX_SQUARED_ERROR:
             return None
         self.edges, self._closures = edges, closures
@@ -198,26 +199,26 @@ class KeyframeGraph:
         return self._poses
 
     def move(self, first: int, frame: Pose2) -> list[Pose2]:
-        """Move all keyframes from a number on, as long as no loop is closed.
+        """Move all keyframes from a number on, if no loop has been closed.
 
         Args:
             first: Number of the first keyframe that moves.
-            frame: Pose of the map that they are on now, map frame.
+            frame: Pose that the moved part of the map gets, map frame.
 
         Returns:
             The poses of all keyframes.
         """
         moved = [frame.compose(pose) for pose in self._poses[first:]]
         self._poses = [*self._poses[:first], *moved]
-        # All other motions are between keyframes that move together, or not at all.
+        # All other motions are between keyframes that move together or not at all.
         motion = self._poses[first].relative_to(self._poses[first - 1])
         self.edges[first - 1] = self.edges[first - 1]._replace(motion=motion)
         return self._poses
 
     def trajectory(self) -> list[Pose2]:
-        """Return the poses of the trajectory, as they follow the keyframes."""
+        """Return the poses of the trajectory, moved with their keyframes."""
         return [
-            # Poses before the first keyframe follow none, and stay.
+            # Poses before the first keyframe stay in place.
             pose if number < 0 else self._poses[number].compose(pose)
             for number, pose in self._following
         ]
@@ -226,19 +227,19 @@ class KeyframeGraph:
 def _information(
     covariance: Floats, yaw: float, least: tuple[float, float, float]
 ) -> Floats:
-    """Return the information matrix of a motion.
+    """Return the information matrix of a motion in the frame of its start.
 
     Args:
-        covariance: (3, 3) of x, y and yaw of its end, on the map's axes.
-        yaw: Heading of its start, rad, in whose frame the motion is.
-        least: Standard deviations that are added, m, m and rad.
+        covariance: (3, 3) covariance of x, y and yaw of its end, on the map's axes.
+        yaw: Heading of its start, rad.
+        least: Standard deviations to add, m, m and rad.
     """
     c, s = np.cos(yaw), np.sin(yaw)
     axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    # All points of a scan may err together, so a motion is never as sure as they agree.
+    # Errors of a scan's points are correlated, so the covariance has a lower limit.
     own = axes @ covariance @ axes.T + np.diag(np.square(least))
     information = _inverse(own)
-    # Rounding leaves the two halves a little different.
+    # Rounding makes the matrix slightly asymmetric.
     return (information + information.T) / 2
 
 

@@ -1,14 +1,14 @@
-"""Scans as maps use them: how far each beam is known, what ended it and what it hit.
+"""Scans for maps: the known length of each beam, its end, and its hits.
 
 Theory of operation
 ===================
-A range alone states how far a beam got. The beam of a radar that sees through foliage
-ends at something opaque or where its power runs out; echoes distinguish the two, and
-show where foliage and smoke begin and end. Where a server sends no echoes, each range
-is taken for something opaque, and nothing is known of foliage.
+A range alone is the distance that a beam reached. The beam of a radar that sees through
+foliage ends at an opaque obstacle or where its power runs out; echoes distinguish the
+two, and show where foliage and smoke begin and end. If a server sends no echoes, each
+range counts as an opaque obstacle, and foliage is unknown.
 
-A hit is a point on something opaque, or a stretch of the beam inside foliage or smoke.
-A range below the minimum range means nothing: a laser in smoke reads zero.
+A hit is a point on an opaque obstacle, or a section of the beam inside foliage or
+smoke. A range below the minimum range is invalid: a laser in smoke reads zero.
 """
 
 from collections.abc import Sequence
@@ -29,23 +29,23 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 class BeamEnd(IntEnum):
-    """What ended a beam."""
+    """The cause of a beam's end."""
 
-    NOTHING = 0  # it reached the maximum range
+    NOTHING = 0  # the beam reached the maximum range
     UNSURE = 1  # a range without echoes
-    HIT = 2  # something opaque
-    SPENT = 3  # its power ran out
+    HIT = 2  # an opaque obstacle
+    SPENT = 3  # the power of the beam ran out
     AIR = 4  # a drop of rain
-    BLIND = 5  # it measured nothing
+    BLIND = 5  # the beam measured nothing
 
 
 class Layer(IntEnum):
     """Kinds of hits, and the layers of a map that hold evidence for them."""
 
     SOLID = 0
-    FOLIAGE = 1  # and everything else that beams can enter but robots cannot
-    SMOKE = 2  # and everything else that both can enter
-    BEAM_END = 3  # where beams end, whatever ends them; only in maps
+    FOLIAGE = 1  # and other materials that beams enter but robots cannot
+    SMOKE = 2  # and other materials that both beams and robots enter
+    BEAM_END = 3  # beam ends of any cause; only in maps
 
 
 _ECHO_KINDS: Final = {
@@ -57,16 +57,16 @@ _END_OF_ECHO: Final = np.array(
 )
 _HIT: Final = _ECHO_KINDS["hit"]
 MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
-ROUNDING: Final = 0.006  # m; how far an echo on the wire may be beyond the maximum
+ROUNDING: Final = 0.006  # m; tolerance for rounded echo ranges at the maximum
 
 
 class BeamHits(NamedTuple):
-    """What beams hit, one row per hit.
+    """The hits of beams, one row per hit.
 
     Attributes:
         beams: (K,) int64, number of the beam.
-        near: (K,) m, where the hit begins.
-        far: (K,) m, where it ends; equal to ``near`` for a point.
+        near: (K,) m, range at which the hit begins.
+        far: (K,) m, range at which the hit ends; equal to ``near`` for a point.
         layer: (K,) int8, ``Layer`` that was hit.
     """
 
@@ -84,16 +84,16 @@ class BeamHits(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarScan:
-    """What a scanner measured at one time, in the plane.
+    """The measurements of a scanner at one time, in the plane.
 
     Attributes:
         time: s.
         mount: Pose of the scanner on the robot.
         angles: (N,) rad from the scanner's forward axis, counter-clockwise.
-        known_range: (N,) m, how far each beam is known: to its end, or to the maximum
-            range where there is none; 0 for a beam that measured nothing.
+        known_range: (N,) m, known length of each beam: up to its end, or the maximum
+            range without an end; 0 for a beam that measured nothing.
         ends: (N,) int8, ``BeamEnd`` of each beam.
-        hits: What the beams hit.
+        hits: The hits of the beams.
         sees_through: Whether the hits include foliage and smoke.
     """
 
@@ -106,13 +106,13 @@ class PlanarScan:
     sees_through: bool
 
     def points(self, *, sure: bool = True) -> tuple[Floats, Floats]:
-        """Return where beams ended, in the robot's frame.
+        """Return the end points of beams, in the robot's frame.
 
         Args:
-            sure: Leave out the points at which power ran out, if these are known.
+            sure: Omit points where the power ran out, if these are known.
 
         Returns:
-            (K, 2) m, and (K, 2) unit vectors along their beams.
+            (K, 2) m, and (K, 2) unit vectors along the beams.
         """
         chosen = (self.ends == BeamEnd.HIT) | (self.ends == BeamEnd.UNSURE)
         if not sure:
@@ -123,12 +123,12 @@ class PlanarScan:
         return points, along
 
     def within(self, distance: float) -> "PlanarScan":
-        """Return the scan of beams that end at a distance, m, if nothing is nearer."""
+        """Return the scan with beams cut at a distance, m."""
         is_cut = self.known_range > distance
         if not is_cut.any():
             return self
         ends, hits = self.ends.copy(), self.hits.chosen(self.hits.near <= distance)
-        # A beam that is cut ends at nothing: cells before are free all the same.
+        # A cut beam has no end, but the space in front of the cut is free all the same.
         ends[is_cut] = BeamEnd.NOTHING
         return replace(
             self,
@@ -146,18 +146,18 @@ def read_scan(
     min_range: float = 0.0,
     mount: Pose2 | None = None,
 ) -> PlanarScan:
-    """Convert the reports of a scan.
+    """Convert the reports of a scan to a ``PlanarScan``.
 
     Args:
         report: The ranges.
-        echoes: Echoes of the same scan; None where the server sends none.
-        max_range: Reading of a beam without return, m; ``inf`` if unknown.
+        echoes: Echoes of the same scan; None if the server sends none.
+        max_range: Reading of a beam without a return, m; ``inf`` if unknown.
         min_range: Minimum range, m; shorter ranges are ignored.
         mount: Pose of the scanner on the robot.
     """
     ranges = np.asarray(report.ranges, np.float64)
     angles: Floats = np.linspace(-report.fov / 2, report.fov / 2, len(ranges))
-    # Ranges are rounded on the wire, so that one without return may read a little less.
+    # Ranges are rounded on the wire, so a beam without a return may read slightly less.
     returned = ranges < no_return(max_range)
     ends = np.where(returned, BeamEnd.UNSURE, BeamEnd.NOTHING).astype(np.int8)
     known_range = np.where(returned, ranges, max_range)
@@ -167,8 +167,8 @@ def read_scan(
         hits = BeamHits(beams, points, points, layers)
     else:
         hits = _read_echoes(echoes, known_range, ends, max_range)
-    # Zero is no distance, whatever the minimum range: a laser in smoke reads it. The
-    # comparison is negated, so that nan is blind too.
+    # Zero is invalid for any minimum range, as a laser in smoke reads it. The
+    # comparison is negated, so that nan is invalid, too.
     blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(known_range)
     known_range[blind], ends[blind] = 0.0, BeamEnd.BLIND
     return PlanarScan(
@@ -185,7 +185,7 @@ def read_scan(
 def scan_of(
     scanner: ScannerInfo, report: RangeScan, echoes: Sequence[TargetEchoes] | None
 ) -> PlanarScan:
-    """Convert the reports of a scan of a scanner on a robot; see ``read_scan``."""
+    """Convert the reports of a scanner on a robot; see ``read_scan``."""
     mount = scanner.mount
     return read_scan(
         report,
@@ -203,13 +203,14 @@ def _sorted_echoes(
 ]:
     """Join the echoes of all lines; an object may have several lines.
 
-    Echoes of no beam, beyond the maximum range or of an unknown kind are left out.
+    Echoes with an invalid beam, beyond the maximum range or of an unknown kind are
+    dropped.
 
     Returns:
-        Beam, number of the target, range, kind and whether robots pass, of each echo;
-        sorted by beam, then by target, then by range.
+        Beam, target number, range, kind, and whether robots pass, of each echo, sorted
+        by beam, then by target, then by range.
     """
-    # Sorted, since the order of texts in a set differs from process to process.
+    # Sorted, since the iteration order of a set of strings differs between processes.
     names = sorted({(each.object, each.material) for each in echoes})
     number = {name: i for i, name in enumerate(names)}
     counts = [len(each.beams) for each in echoes]
@@ -222,7 +223,7 @@ def _sorted_echoes(
     passes = np.repeat(np.array([each.robot_passes for each in echoes], bool), counts)
     known = (beam >= 0) & (beam < beams) & (kind >= 0)
     known &= (ranges >= 0) & (ranges <= max_range + ROUNDING)
-    # The last key counts most.
+    # The last key is the primary one.
     order = np.lexsort([ranges, target, beam])
     order = order[known[order]]
     return beam[order], target[order], ranges[order], kind[order], passes[order]
@@ -234,14 +235,14 @@ def _read_echoes(
     ends: NDArray[np.int8],
     max_range: float,
 ) -> BeamHits:
-    """Return what beams hit, and correct how far they are known and what ended them.
+    """Return the hits of beams, and update the known lengths and the ends of beams.
 
-    A beam that has a range and no end comes from a scanner that sends one echo per
-    beam: at something passable, beyond which it measured nothing.
+    A beam with a range but no end comes from a scanner that sends one echo per beam:
+    the echo is from a passable material, beyond which the beam measured nothing.
     """
     beams, targets, ranges, kinds, passes = _sorted_echoes(echoes, len(ends), max_range)
     ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
-    # Of several ends of a beam the farthest is written last, and stays.
+    # Of several ends of a beam, the farthest is written last and stays.
     last = np.flatnonzero(kinds >= _HIT)
     last = last[np.argsort(ranges[last], kind="stable")]
     known_range[beams[last]] = ranges[last]
@@ -256,6 +257,6 @@ def _read_echoes(
 
 
 def _joined(columns: Sequence[ArrayLike], dtype: type[Number]) -> NDArray[Number]:
-    # with an empty one, as a scan may have no echoes
+    # the empty array allows scans without echoes
     arrays = [np.asarray(column, dtype) for column in columns]
     return np.concatenate([np.zeros(0, dtype), *arrays])

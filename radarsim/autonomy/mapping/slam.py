@@ -1,23 +1,24 @@
-"""SLAM: estimates the robot's pose by matching each scan with the scans before.
+"""SLAM: estimates the robot's pose by matching each scan with the previous scans.
 
 Theory of operation
 ===================
-The motion since the last scan, as INS or odometry reports it, predicts the pose; the
+The motion since the last scan, as reported by INS or odometry, predicts the pose; the
 scan corrects it (``scan_matching``). An INS reports its motion on the axes of the map,
-odometry on those of the robot. Where scans come more often than reports, the motion
-goes on as it was, and its sigma grows by what the speed may have changed meanwhile.
-With neither, poses all around the last one and the pose that its motion leads to are
-tried, and the best of them is corrected.
+odometry on the axes of the robot. If scans arrive more often than reports, the motion
+is extrapolated, and its sigma grows by the possible change of speed. Without INS and
+odometry, poses around the last pose and the extrapolated pose are tried, and the best
+is refined.
 
 A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
-since the last keyframe; so do the first scans while it stands, which have the start's
-pose and make the map dense. A place that is seen again is matched against what was seen
-first, unless the robot has been so far away in between that its pose may have drifted.
-Then the loop is looked for (``loop_closure``), and when it closes, the error is spread
-over all poses since (``pose_graph``), also those of earlier scans.
+since the last keyframe. The first scans also become keyframes while the robot stands:
+they have the start pose and make the map dense. A place that is seen again is matched
+with its first scans, unless the robot has been so far away in between that its pose may
+have drifted. In that case a loop closure is searched (``loop_closure``). It distributes
+the error over all poses since the first visit (``pose_graph``), including the poses of
+earlier scans.
 
-Navigators may take the poses of their scans from here: what they have kept by them can
-be corrected when a loop closes, or the map is turned back to its start.
+Navigators may use the poses of their scans from this module: stored scans can be
+corrected when a loop closes, or when the map is rotated back to its start.
 """
 
 import math
@@ -46,42 +47,42 @@ from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.plans import MotionSource
 from radarsim.geometry import Pose2, wrap_angle
 
-FIRST_KEYFRAMES: Final = 10  # scans that are keyframes wherever the robot is
-MIN_POINTS: Final = 3  # points that are worth matching
-SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s, of a robot between two reports
-# m; standard deviation of where across its beam an echo comes from: N / 300 for a radar
-# with side rays N units away
+FIRST_KEYFRAMES: Final = 10  # scans that are always keyframes
+MIN_POINTS: Final = 3  # least number of points for a match
+SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s; between two reports
+# m; standard deviation of an echo's position across its beam: N / 300 for a radar with
+# side rays N units away
 BEAM_SPREAD: Final = 0.08
-# rad/m; standard deviation of the turn that odometry does not measure: wheels half a
-# metre apart whose sizes differ by 0.75 %
+# rad/m; standard deviation of the turn that odometry does not measure, for wheels half
+# a metre apart with sizes that differ by 0.75 %
 WHEEL_DRIFT: Final = 0.015
 KEYFRAME_STEP: Final = (0.2, 0.1)  # m and rad between keyframes
-# m and rad that a robot gets between two scans, where no source reports its motion
+# m and rad that a robot moves between two scans, without a motion source
 SEARCH: Final = (0.12, 0.45)
 
 
 class MotionReports:
     """The last two reports of a motion source, and the motion at the times of scans.
 
-    Scans between two reports are taken while the robot moves on: the motion between the
-    last two reports is continued up to the time of the scan. By how much the robot has
-    changed its speed since is unknown.
+    The robot keeps moving between two reports, so the motion between the last two
+    reports is extrapolated to the time of a scan. The change of speed since then is
+    unknown.
     """
 
     def __init__(self) -> None:
-        self._last: tuple[float, Pose2] | None = None  # s, and the pose
+        self._last: tuple[float, Pose2] | None = None  # time, s, and pose
         self._before: tuple[float, Pose2] | None = None
-        self._ahead = 0.0  # s; of the last pose that was returned, after its report
-        self._is_new = False  # whether a report has come since
+        self._ahead = 0.0  # s; time of the last returned pose after its report
+        self._is_new = False  # whether a report has arrived since then
 
     def add(self, time: float, pose: Pose2) -> None:
         """Add a report.
 
         Args:
-            time: Of its time stamp, s; nan if it has none.
-            pose: In the frame of the source.
+            time: Time stamp of the report, s; nan without a stamp.
+            pose: Pose in the frame of the source.
         """
-        # Two reports of one time tell no speed.
+        # Two reports with the same time give no speed.
         if self._last is None or time != self._last[0]:
             self._before = self._last
         self._last, self._is_new = (time, pose), True
@@ -90,11 +91,11 @@ class MotionReports:
         """Return the pose at the time of a scan; None before the first report.
 
         Args:
-            time: Of the time stamp of the scan, s; times of scans increase.
+            time: Time stamp of the scan, s; times of scans increase.
 
         Returns:
-            The pose in the frame of the source, and the time, s, of the motion since
-            the pose before that was continued and not reported.
+            The pose in the frame of the source, and the extrapolated time, s, in the
+            motion since the previously returned pose.
         """
         if self._last is None:
             return None
@@ -102,14 +103,14 @@ class MotionReports:
         before_time, before = self._before or self._last
         interval = last_time - before_time
         ahead = time - last_time
-        # Stamps that are missing, or do not advance, tell nothing; nan compares false.
+        # Missing or constant stamps give no time difference; nan compares false.
         if not (interval > 0 and math.isfinite(ahead)):
             ahead, interval = 0.0, math.inf
         guessed = abs(self._ahead) + abs(ahead) if self._is_new else ahead - self._ahead
         self._ahead, self._is_new = ahead, False
         if ahead == 0:
             return pose, guessed
-        # By a source that falls silent the robot does not go on for long.
+        # With a silent source, the motion is extrapolated only by one interval.
         share = max(-1.0, min(ahead / interval, 1.0))
         motion = pose.relative_to(before)
         further = Pose2(share * motion.x, share * motion.y, share * motion.yaw)
@@ -117,19 +118,19 @@ class MotionReports:
 
 
 class Slam:
-    """Localisation, and the map of points that it needs.
+    """Localization, with the point map that it needs.
 
     Attributes:
-        motion_source: Where the robot's motion between scans is read from.
-        map: The keyframes, and the local map that is made of them.
+        motion_source: Source of the robot's motion between scans.
+        map: The keyframes, and the local map of their points.
         start: Pose of the robot at its first scan, map frame; None for the first pose
-            of the motion source, or the origin if there is none.
+            of the motion source, or the origin without a source.
         pose: Pose of the robot at the last scan.
         trajectory: The pose at the time of each scan.
-        dead_reckoning: The same by the motion source alone, which never sees a scan.
-        closures: Number of loops closed.
-        revision: How often the poses before changed, too: at each loop, and when the
-            map was turned back to its start.
+        dead_reckoning: The pose by the motion source alone at the time of each scan.
+        closures: Number of closed loops.
+        revision: Number of changes of earlier poses, at each loop closure, and when the
+            map is rotated back to its start.
     """
 
     def __init__(
@@ -140,14 +141,14 @@ class Slam:
         drift: float = 0.1,
         rest_sigma: tuple[float, float] = (0.005, 0.001),
     ) -> None:
-        """Begin without scans.
+        """Create an empty map.
 
         Args:
-            motion_source: Where the robot's motion between scans is read from.
+            motion_source: Source of the robot's motion between scans.
             start: See the attribute.
-            drift: Standard deviation of the reported motion as a share of its length
-                and turn.
-            rest_sigma: Standard deviations of that of a robot at rest, m and rad.
+            drift: Standard deviation of the reported motion, relative to its length and
+                turn.
+            rest_sigma: Standard deviations of the reported motion at rest, m and rad.
         """
         self.motion_source = motion_source
         self.map = KeyframeMap()
@@ -167,21 +168,20 @@ class Slam:
     def step(
         self, scan: PlanarScan, prior: Pose2 | None = None, guessed: float = 0.0
     ) -> Pose2:
-        """Estimate where the robot was when it took a scan.
+        """Estimate the pose of the robot at a scan.
 
         Args:
             scan: The next scan.
             prior: Pose by the motion source, in its own frame; only its changes count.
-                None if it reported nothing: the pose is searched.
-            guessed: Time of the motion since the last scan that it did not report, but
-                that was continued, s.
+                None without a report: then the pose is searched.
+            guessed: Extrapolated time in the motion since the last scan, s.
 
         Returns:
             The robot's pose, map frame.
         """
         has_source = self.motion_source != "none"
-        # Without a motion source every point is needed, also those where power ran out.
-        # They move with the robot in foliage, so that no spot can be relied on then.
+        # Without a motion source every point is needed, also those where the power ran
+        # out. These move with the robot in foliage, so no spot is reliable.
         places, along = scan.points(sure=has_source)
         uses_spots = scan.sees_through and has_source
         normals = inward_normals(places, along)
@@ -201,14 +201,14 @@ class Slam:
             self.dead_reckoning.add(scan.time, reckoned)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
-        # The first scans count wherever the robot is: they alone have the start's pose.
+        # The first scans are always keyframes, since only they have the start pose.
         is_keyframe = len(places) > 0 and self._is_keyframe()
         if is_keyframe:
             self.map.add(Keyframe(self.pose, points, self._length))
             self._graph.add(self.pose)
-        # After the keyframe: the pose of its own scan moves with it as well.
+        # After the keyframe is added, so that the pose of its own scan moves with it.
         self._graph.follow(self.pose)
-        # Last of all, as ``_move`` takes all poses from the graph, this one too.
+        # Last, since ``_move`` takes all poses from the graph, including this one.
         if is_keyframe:
             self._close_loop()
             self._anchor()
@@ -218,7 +218,7 @@ class Slam:
         if self._fit is None:
             return
         closure = self.map.find_closure(self._fit)
-        # the graph refuses a closure that contradicts those before
+        # the graph rejects a closure that contradicts earlier ones
         closed = None if closure is None else self._graph.close(*closure)
         if closed is not None:
             self.closures += 1
@@ -229,25 +229,26 @@ class Slam:
     ) -> Pose2:
         can_match = len(points.places) >= MIN_POINTS and len(self.map.keyframes) > 0
         has_source = self.motion_source != "none"
-        # A motion needs the poses of two scans; without it the pose is searched for.
+        # A motion needs the poses of two scans; otherwise the pose is searched.
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
-        # Reports are off by a share of the motion, and a little at rest.
+        # The error of a report is a share of the motion, plus a little at rest.
         before, drift = self._prior, self._drift
         predicted = self._moved(self.pose, before, prior)
         length = math.hypot(prior.x - before.x, prior.y - before.y)
         sigma_distance, sigma_turn = self._rest_sigma
         sigma_distance += drift * length
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
-        # Wheels of two sizes turn a robot that drives straight on, always to the same
-        # side: a surer prior bends the map. An INS does not know of wheels.
+        # Wheels of different sizes turn a robot that drives straight, always to the
+        # same side; a smaller sigma would bend the map. An INS is not affected by
+        # wheels.
         if self.motion_source == "odometry":
             sigma_turn += WHEEL_DRIFT * length
         sigma_distance += guessed * SPEED_CHANGE[0]
         sigma_turn += guessed * SPEED_CHANGE[1]
         sigma = np.array([sigma_distance, sigma_distance, sigma_turn])
         if not can_match:
-            # The scan shows nothing, so the whole error of the motion is left.
+            # Without information from the scan, the whole error of the motion remains.
             self._graph.learn(sigma, np.zeros((3, 3)))
             return predicted
         table = self.map.points.table
@@ -257,15 +258,15 @@ class Slam:
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
         """Return a pose after the motion from one reported pose to another."""
-        # Odometry measures on the axes of the robot; an INS has a heading of its own,
-        # and reports motions on the axes of the map.
+        # Odometry measures on the axes of the robot; an INS has its own heading, and
+        # reports motions on the axes of the map.
         if self.motion_source != "ins":
             return pose.compose(after.relative_to(before))
         x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
         return Pose2(x, y, wrap_angle(pose.yaw + after.yaw - before.yaw))
 
     def _search(self, points: ScanPoints) -> Pose2:
-        """Find the pose, knowing only how far a robot gets between scans."""
+        """Find the pose from the limits of the robot's motion between scans."""
         distance, turn = SEARCH
         sigma = np.array([distance, distance, turn])
         candidates = [
@@ -277,8 +278,8 @@ class Slam:
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
         table = self.map.points.table
         best = candidates[best_start(table, points, starts)]
-        # The best start of a sample can lead to a local optimum; unchanged motion is
-        # tried too.
+        # The best start of a sample can lead to a local optimum, so the extrapolated
+        # motion is tried as well.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
@@ -296,13 +297,13 @@ class Slam:
         if self._anchorings >= MOST_ANCHORINGS or self._length < due:
             return
         self._anchorings += 1
-        # A loop has tied the map to its start already.
+        # A loop closure has already tied the map to its start.
         if self.closures or len(self.map.keyframes) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self.map, FIRST_KEYFRAMES)
         if correction is None:
             return
-        # Off by less than the first scans can tell: it stays where it is, for good.
+        # An error below the accuracy of the first scans is never corrected.
         if self._anchorings == 1 and abs(correction.yaw) < LEAST_TURN:
             self._anchorings = MOST_ANCHORINGS
             return
@@ -312,5 +313,5 @@ class Slam:
         self.revision += 1
         self.map.move(poses)
         self.pose = poses[-1]
-        # The trajectory itself stays: stored scans know their poses by it and a number.
+        # The trajectory object stays: stored scans refer to it by their pose numbers.
         self.trajectory.poses = self._graph.trajectory()

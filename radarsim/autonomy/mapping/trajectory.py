@@ -1,4 +1,4 @@
-"""Trajectories, and the errors of an estimated one."""
+"""Trajectories, and the errors of an estimated trajectory."""
 
 import math
 
@@ -11,7 +11,7 @@ class Trajectory:
     """Poses with their times.
 
     Attributes:
-        times: s, in the order in which they were added.
+        times: Times in s, in the order in which they were added.
         poses: Poses of the robot, map frame.
     """
 
@@ -37,23 +37,23 @@ class Trajectory:
 def trajectory_errors(
     estimate: Trajectory, truth: Trajectory, *, rpe_over: float = 1.0
 ) -> dict[str, float]:
-    """Compare a trajectory with the true one.
+    """Compare an estimated trajectory with the ground truth.
 
-    The trajectories are not aligned first, as both begin at a known pose. The truth is
-    interpolated at the times of the estimate; poses before its first and after its last
-    time are left out.
+    The trajectories are not aligned first, since both begin at a known pose. The ground
+    truth is interpolated at the times of the estimate; poses outside its time range are
+    ignored.
 
     Returns:
-        poses: Number of poses compared.
+        poses: Number of compared poses.
         length: Length of the true path, m.
         ate: Absolute trajectory error, root mean square, m.
-        ate_max: Largest absolute error of a position, m.
-        yaw: Absolute error of the heading, root mean square, rad.
-        yaw_max: Largest absolute error of the heading, rad.
-        rpe: Relative pose error: that of the motion over ``rpe_over`` metres of the
-            path, root mean square, m; nan if the path is shorter.
-        rpe_yaw: Relative error of the heading over the same distance, rad.
-        rpe_over: Length of the motions compared, m.
+        ate_max: Largest absolute position error, m.
+        yaw: Absolute heading error, root mean square, rad.
+        yaw_max: Largest absolute heading error, rad.
+        rpe: Relative pose error of the motion over ``rpe_over`` metres of the path,
+            root mean square, m; nan if the path is shorter.
+        rpe_yaw: Relative heading error over the same distance, root mean square, rad.
+        rpe_over: Path length of the compared motions, m.
 
     Raises:
         ValueError: If there is no pose to compare.
@@ -70,9 +70,9 @@ def trajectory_errors(
     turned = _wrapped(poses[:, 2] - true[:, 2])
     steps = np.hypot(*np.diff(true[:, :2], axis=0).T)
     path = np.concatenate([[0.0], np.cumsum(steps)])
-    # of all motions over that length of the path, each in the frame of its start
+    # errors of all motions over that path length, each in the frame of its start
     ends = np.searchsorted(path, path + rpe_over)
-    # The last poses begin no motion of that length.
+    # No motion of that length begins at the last poses.
     starts = np.flatnonzero(ends < len(path))
     rpe = rpe_yaw = math.nan
     if len(starts):
@@ -95,7 +95,7 @@ def trajectory_errors(
 
 
 def tum_text(trajectory: Trajectory) -> str:
-    """Return a trajectory in the format of TUM's tools.
+    """Return a trajectory in the TUM format.
 
     One line per pose: time, x, y, z and the quaternion x, y, z, w.
     """
@@ -108,17 +108,17 @@ def tum_text(trajectory: Trajectory) -> str:
 
 
 def _interpolated(truth: Trajectory, times: Floats) -> Floats:
-    """Return the true poses at some times, (N, 3)."""
+    """Return the true poses at given times, (N, 3)."""
     rows, known = truth.rows(), np.array(truth.times)
     order = np.argsort(known, kind="stable")
     rows, known = rows[order], known[order]
-    rows[:, 2] = np.unwrap(rows[:, 2])  # or it would turn back between pi and -pi
+    rows[:, 2] = np.unwrap(rows[:, 2])  # avoids a turn back between pi and -pi
     columns = [np.interp(times, known, column) for column in rows.T]
     return np.column_stack(columns)
 
 
 def _motions(starts: Floats, ends: Floats) -> Floats:
-    """Return each end in the frame of its start, (N, 3)."""
+    """Return each end pose in the frame of its start pose, (N, 3)."""
     c, s = np.cos(starts[:, 2]), np.sin(starts[:, 2])
     dx, dy, turn = (ends - starts).T
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turn])

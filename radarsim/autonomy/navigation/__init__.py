@@ -1,4 +1,4 @@
-"""Goal-directed navigation by what a USARSim client receives: Bug1, Bug2, and plans.
+"""Goal-directed navigation with Bug1, Bug2, tangent bug and planned paths.
 
-A navigator sees scans and poses, as any client does, and never the scene.
+A navigator receives scans and poses, as any USARSim client does, and never the scene.
 """

@@ -1,24 +1,25 @@
-"""The boundary that a robot follows, and what it remembers of it.
+"""The boundary that a robot follows: its points, its landmarks and its circuits.
 
-Points between which the robot does not fit belong to one obstacle. So a robot that goes
-around one of two poles does not change to the other where that is as near.
+Points with a gap between them that is too narrow for the robot belong to one obstacle.
+So a robot that circles one of two poles does not change to the other pole when both
+are equally near.
 
-A robot that drives by looks like an obstacle, and a path around it closes like a
-circuit. So before a navigator concludes that there is no path, it looks again at the
-points of the boundary that it has followed: those that beams go through have gone.
-Beams go through panes as well, and off mirrors. So what it meets where something seemed
-to have gone stands there.
+A moving robot looks like an obstacle, and a path around it closes like a circuit. So
+before a navigator concludes that no path exists, it checks the points of the followed
+boundary in the newest scan: points that beams pass through have gone. Beams also pass
+through panes and reflect off mirrors. So an obstacle that the robot meets again, where
+it seemed to have gone, is taken to stand.
 
-It also checks whether the robot followed the obstacle that it hit: then its first
-points are near the hit point, and a circuit passes there again.
+The boundary also checks whether the followed obstacle is the obstacle that was hit: its
+first points have to be near the hit point, and a circuit has to pass there again.
 
-The yaw of an INS drifts with the angles turned, so a point has gone only if beams go
-through wherever it may be by now. Otherwise a robot that has come back after a long
-circuit would not find what stands there.
+The yaw of an INS drifts with the turned angle, so a point counts as gone only if beams
+pass through all of its possible positions. Otherwise a robot that returns after a long
+circuit would miss an obstacle that still stands.
 
-Poses drift, so the very same point is never met again. But a robot that follows the
-same boundary in the same direction crosses the line perpendicular to its path there,
-not far from the point. So a point is recognised by that line: a landmark.
+Poses drift, so a robot never meets exactly the same point again. But a robot that
+follows the same boundary in the same direction crosses the line perpendicular to its
+path near the point. So a point is recognised by that line: a landmark.
 """
 
 import math
@@ -33,29 +34,29 @@ from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.wall_following import WallFollower
 from radarsim.geometry import Point, Pose2, wrap_angle
 
-LEAST_CIRCUIT: Final = 1.5  # m; a shorter closed path is no circuit
+LEAST_CIRCUIT: Final = 1.5  # m; a shorter closed path is not a circuit
 LANDMARK_SPACING: Final = 2.0  # m between landmarks on a boundary
-LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within an obstacle
-NEARER: Final = 0.15  # m by which another obstacle is nearer if it is steered by
+LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within one obstacle
+NEARER: Final = 0.15  # m; an obstacle that is nearer by more is followed
 _REACH: Final = 0.6  # m that the nearest point may jump between two scans
-NEAR = 0.6  # m from what was hit to the points of its boundary there
-FIRST = 4  # such points
-SPACING = 0.25  # m between the points that are kept
-MAX_DISTANCE = 10.0  # m; points farther away are not looked at
-MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
-DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
-MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
-_BESIDE = 0.15  # m from a point, at which beams still count as beams to it
+NEAR = 0.6  # m from the hit point to the first points of its boundary
+FIRST = 4  # points that have to be near the hit point
+SPACING = 0.25  # m between two stored points
+MAX_DISTANCE = 10.0  # m; points farther away are not checked
+MARGIN = 0.4  # m by which a beam has to pass a point that has gone
+DRIFT = 0.03  # rad; the yaw drifts by this times the root of the turned angle
+MOST_GONE: Final = 20  # obstacles that have gone, before the robot gives up
+_BESIDE = 0.15  # m from a point to the beams that are compared with it
 
 
 class Landmark:
-    """A point of a path, and the direction of the path there.
+    """A point of a path and the path's direction, to recognise a second pass.
 
     Attributes:
-        x: m, map frame.
-        y: m, map frame.
-        direction: rad, map frame.
-        max_offset: Distance at which a path still passes the point, m.
+        x: Position, m, map frame.
+        y: Position, m, map frame.
+        direction: Direction of the path, rad, map frame.
+        max_offset: Greatest distance from the point at which a path still passes it, m.
     """
 
     def __init__(self, pose: Pose2, direction: float, *, max_offset: float) -> None:
@@ -64,7 +65,8 @@ class Landmark:
         Args:
             pose: A pose at the point.
             direction: Direction of the path, rad, map frame.
-            max_offset: Distance at which a path still passes the point, m.
+            max_offset: Greatest distance from the point at which a path still passes
+                it, m.
         """
         self.x, self.y = pose.x, pose.y
         self.direction = direction
@@ -72,17 +74,18 @@ class Landmark:
         self._progress = 0.0  # m past the landmark, along its direction
 
     def observe(self, pose: Pose2, *, onward: bool = True) -> bool:
-        """Take the next pose of a path; return whether it has just passed this point.
+        """Add the next pose of a path; return whether it has just passed the point.
 
         Args:
-            pose: The robot's pose now.
-            onward: Whether the pass counts along the landmark's direction, or against.
+            pose: The newest pose of the robot.
+            onward: Whether passes in the landmark's direction count, or against it.
         """
         dx, dy = pose.x - self.x, pose.y - self.y
         c, s = math.cos(self.direction), math.sin(self.direction)
         before, self._progress = self._progress, c * dx + s * dy
         offset = abs(c * dy - s * dx)
-        # Only now that the progress is noted, or a later step would seem to pass it.
+        # The progress is stored first; otherwise a
+        # later step would seem to pass the point.
         if offset > self.max_offset:
             return False
         return before < 0 <= self._progress if onward else before > 0 >= self._progress
@@ -91,7 +94,7 @@ class Landmark:
 def _linked_beams(
     observation: Observation, point: Point, bumpers: Bumpers
 ) -> NDArray[np.bool_]:
-    """Return which beams end on the obstacle that a point belongs to, (N,)."""
+    """Return which beams end on the obstacle of a point, (N,) booleans."""
     gap = 2 * bumpers.safety_distance + LINK
     near = np.flatnonzero(observation.ranges < bumpers.pressed_below + gap)
     pose = complex(observation.pose.x, observation.pose.y)
@@ -106,22 +109,22 @@ def _linked_beams(
 
 
 class FollowedBoundary:
-    """The boundary that is followed, and its points and landmarks so far.
+    """The boundary that the robot follows, with its points and landmarks.
 
     Passing one of its landmarks again closes a circuit. The hit point itself may lie
     off the path of a robot that follows the boundary. Then the first landmark on that
     path closes the circuit.
 
     Attributes:
-        follower: Follows it.
-        hit_place: The point of it that was hit, m, map frame.
-        travelled: m along it.
-        least: m to be followed before it is left for a place nearer to the goal.
-        reached_at: When the robot reached it, s.
-        goal_distance: Its least distance from the goal so far, m.
-        landmarks: Where on the path along it each is, m, the hit point first; none
-            before a circuit around it begins.
-        circuit_start: Where on the path along it the last circuit began, m.
+        follower: Computes the motion along the boundary.
+        hit_place: The point of the boundary that was hit, m, map frame.
+        travelled: Distance driven along the boundary, m.
+        least: Distance to drive along the boundary before the robot leaves it, m.
+        reached_at: Time at which the robot reached the boundary, s.
+        goal_distance: Least distance of the boundary from the goal so far, m.
+        landmarks: Distance along the path, m, and landmark, the hit point first; empty
+            until a circuit begins.
+        circuit_start: Distance along the path at which the last circuit began, m.
     """
 
     def __init__(self, follower: WallFollower) -> None:
@@ -130,41 +133,41 @@ class FollowedBoundary:
         self.travelled = 0.0
         self.least = 0.0
         self.reached_at = -math.inf
-        self.goal_distance = -math.inf  # so that it is not left before it is reached
+        self.goal_distance = -math.inf  # prevents leaving before it is reached
         self.landmarks: list[tuple[float, Landmark]] = []
         self.circuit_start = 0.0
-        self._nearest: Point | None = None  # point of it, map frame
-        self._seen: Point | None = None  # nearest point of the last look, likewise
-        # points of it, m; where along the path each was seen, m, and the rad turned by
-        # then, to look at them again
+        self._nearest: Point | None = None  # nearest point of the boundary, map frame
+        self._seen: Point | None = None  # nearest point in the last scan, map frame
+        # points of the boundary, m, each with the distance travelled, m, and the angle
+        # turned, rad, when it was seen, for a later check
         self._points: list[tuple[Point, float, float]] = []
         self._turned = 0.0  # rad
-        self._yaw: float | None = None  # rad; of the last pose
+        self._yaw: float | None = None  # rad; yaw of the last pose
 
     @property
     def is_reached(self) -> bool:
-        """Whether the robot has reached it."""
+        """Whether the robot is next to the boundary."""
         return self._nearest is not None
 
     def reach(self, observation: Observation, bearing: float, goal: Point) -> float:
-        """Begin at it, where a bumper is pressed towards a bearing, rad.
+        """Begin to follow, next to a boundary that presses a bumper at a bearing, rad.
 
         Returns:
-            The direction along it, rad, map frame.
+            Direction along the boundary, rad, map frame.
         """
         self.hit_place, along = self.follower.hit(observation, bearing)
         self._nearest = self.hit_place
         self.reached_at = observation.time
-        # Known before it is looked at: else any place would be nearer to the goal.
+        # Set before the first look, or any point would count as nearer to the goal.
         self.goal_distance = math.dist(self.hit_place, goal)
         return along
 
     def look(self, observation: Observation, goal: Point) -> Observation:
-        """Return a scan without the beams that end on other obstacles.
+        """Return the scan without the beams that end on other obstacles.
 
-        If another one is clearly nearer on the boundary's hand, or this one is out of
-        sight, the whole scan is returned: then the nearest one is followed. The least
-        distance of the boundary from a goal is updated.
+        If another obstacle is clearly nearer on the boundary's side, or this boundary
+        is out of sight, the whole scan is returned, so the nearest obstacle is
+        followed. The least distance of the boundary from a goal is updated.
         """
         assert self._nearest is not None
         ends = _linked_beams(observation, self._nearest, self.follower.bumpers)
@@ -184,22 +187,22 @@ class FollowedBoundary:
         return part
 
     def remember(self, yaw: float, step: float) -> None:
-        """Remember its nearest point, after a look.
+        """Store the nearest point of the boundary, after ``look``.
 
         Args:
-            yaw: The robot's, rad.
-            step: m that the robot has driven along it since the last scan.
+            yaw: Yaw of the robot, rad.
+            step: Distance driven along the boundary since the last scan, m.
         """
         self.travelled += step
         if self._seen is not None:
             self.add(self._seen, yaw)
 
     def add(self, point: Point, yaw: float) -> None:
-        """Add a point of it, if that is away from the last.
+        """Add a point of the boundary, if it is far enough from the last one.
 
         Args:
             point: m, map frame.
-            yaw: The robot's, rad; needed at every step.
+            yaw: Yaw of the robot, rad; needed at every step.
         """
         self._turned, self._yaw = self._turned_until(yaw), yaw
         if not self._points or math.dist(point, self._points[-1][0]) >= SPACING:
@@ -211,11 +214,12 @@ class FollowedBoundary:
         return self._turned + abs(wrap_angle(yaw - self._yaw))
 
     def has_gone(self, observation: Observation, gone: list[Point]) -> bool:
-        """Return whether it has driven away since it was followed.
+        """Return whether the obstacle has driven away since the robot followed it.
 
         Args:
             observation: The newest scan.
-            gone: Where others were hit that had gone, m, map frame; this one is added.
+            gone: Hit points of obstacles that have gone, m, map frame; this hit point
+                is added if its obstacle has gone.
         """
         is_there_again = any(self._passes(each, 0.0) for each in gone)
         if is_there_again or len(gone) >= MOST_GONE or self._stands(observation):
@@ -224,18 +228,19 @@ class FollowedBoundary:
         return True
 
     def _stands(self, observation: Observation) -> bool:
-        """Return whether no more points have gone than stand, of those in sight.
+        """Return whether at least as many visible points stand as have gone.
 
-        A boundary without a point in sight has gone as well: a robot that follows one
-        that stands sees some of it.
+        A boundary without any visible point has gone as well, since a robot that
+        follows a standing boundary sees some of its points.
         """
         points = np.array([each for each, *_ in self._points]).reshape(-1, 2)
         pose = observation.pose
         x, y = (points - (pose.x, pose.y)).T
         distances = np.hypot(x, y)
         bearings = np.arctan2(y, x) - pose.yaw
-        # The yaw walks at random as the robot turns: it is off by the root of the turn
-        # since a point was seen. So all beams count on which the point may be by now.
+        # The yaw drifts as a random walk with the turns, by
+        # the root of the angle turned since a point was seen.
+        # So beams to all possible bearings of the point count.
         turned_at = np.array([at for *_, at in self._points])
         turned = self._turned_until(pose.yaw) - turned_at
         spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
@@ -246,14 +251,14 @@ class FollowedBoundary:
         is_beam = np.abs(offsets) <= spread[is_near, None]
         beams = np.where(is_beam, observation.ranges, math.inf)
         beyond = beams.min(axis=1, initial=math.inf) - distances
-        # Points behind something nearer are neither gone nor known to stand.
+        # A point hidden behind something nearer counts neither as gone nor as standing.
         gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
         return bool(gone.sum() <= standing.sum() and standing.any())
 
     def _passes(self, point: Point, station: float) -> bool:
-        """Return whether it came near a point, m, map frame, after a station.
+        """Return whether the boundary passes a point, m, after a distance travelled, m.
 
-        If none of its points is known, that is not known, and counts as passed.
+        Without any stored point the answer is unknown, and yes is returned.
         """
         return not self._points or any(
             at >= station and math.dist(each, point) <= NEAR
@@ -261,11 +266,11 @@ class FollowedBoundary:
         )
 
     def is_what_was_hit(self) -> bool:
-        """Return whether the last circuit went around what the robot has hit.
+        """Return whether the last circuit went around the obstacle that the robot hit.
 
-        Most of the first points of that are near the hit point. Where the robot hits
-        something in a gap, what it follows may be the other side of the gap; and in a
-        gap that it follows it may get to another obstacle, and not back.
+        Then most of the first points are near the hit point. After a hit in a gap, the
+        robot may follow the other side of the gap instead, and while it follows a gap
+        it may change to another obstacle and not return.
         """
         hit = self.hit_place
         first = [math.dist(each, hit) <= NEAR for each, *_ in self._points[:FIRST]]
@@ -273,26 +278,26 @@ class FollowedBoundary:
         return begins_there and self._passes(hit, self.circuit_start)
 
     def closes_circuit(self, pose: Pose2, direction: float) -> bool:
-        """Take the next step along it; return whether that ends a circuit.
+        """Add the next step next to the boundary; return whether it ends a circuit.
 
-        To be called after ``remember``. A landmark is set there if it is time for one.
+        Call this after ``remember``. It also sets a landmark at regular distances.
 
         Args:
-            pose: Of the robot.
-            direction: Along it, rad, map frame.
+            pose: Pose of the robot.
+            direction: Direction along the boundary, rad, map frame.
         """
         if not self.landmarks:
             self.add_landmark(pose, direction, 0.0)
-        # Each of them has to see every step.
+        # Every landmark has to observe every pose to detect a pass.
         passed = [at for at, mark in self.landmarks if mark.observe(pose)]
         if self.travelled - self.landmarks[-1][0] >= LANDMARK_SPACING:
             self.add_landmark(pose, direction, self.travelled)
-        # The landmarks that were just set are passed by noise alone.
+        # Noise alone passes landmarks that were just set, so they do not count.
         closing = [at for at in passed if self.travelled - at >= LEAST_CIRCUIT]
         self.circuit_start = closing[0] if closing else self.circuit_start
         return bool(closing)
 
     def add_landmark(self, pose: Pose2, direction: float, at: float) -> None:
-        """Add a landmark at a pose, m along the path; arguments as those before."""
+        """Add a landmark at a pose, m along the path, with a direction in rad."""
         reach = self.follower.target_distance
         self.landmarks.append((at, Landmark(pose, direction, max_offset=reach)))

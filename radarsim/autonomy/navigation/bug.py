@@ -1,19 +1,20 @@
-"""Bug1 and Bug2: straight towards the goal, and along the boundaries of obstacles.
+"""Bug1 and Bug2: drive straight to the goal, and follow the boundaries of obstacles.
 
 A ``Bug`` decides at every scan how to move. It heads for the goal until the bumper in
-that direction is pressed, turns until the boundary is abeam, and follows it as long as
-its boundary policy says. Things beyond the goal are no obstacles.
+that direction is pressed, turns until the boundary is abeam, and follows the boundary
+until its policy decides to leave. Obstacles beyond the goal are ignored.
 
 Theory of operation
 ===================
-Bug1 drives all the way around, notes where it is nearest to the goal, and drives back
-there the shorter way round. If the goal's direction leads into the obstacle there,
-there is no path. Bug2 leaves where it meets the line from start to goal again, nearer
-to the goal than at the hit point, unless the line leads into the obstacle there.
+Bug1 drives all the way around an obstacle, stores the point nearest to the goal, and
+returns to that point the shorter way round. If the direction of the goal leads into the
+obstacle there, no path exists. Bug2 leaves the boundary where it meets the line from
+start to goal again, nearer to the goal than at the hit point, unless the line leads
+into the obstacle there.
 
-When Bug2 gives up is an option. Choset and others: when it meets its hit point, here
-or another point of its own path, again. The thesis: already when it meets the line
-and is no nearer to the goal there, which gives up on maps that have a path.
+The user chooses when Bug2 gives up. By Choset and others, it gives up when it meets its
+hit point, or another point of its own path, again. By the thesis, it gives up as soon
+as it meets the line no nearer to the goal, even on some maps that have a path.
 
 Source: H. Choset et al., Principles of Robot Motion, MIT Press 2005, chapter 2; a
 thesis on navigation with a radar in USARSim, section 5.1.
@@ -41,30 +42,28 @@ from radarsim.autonomy.navigation.wall_following import BumperWallFollower, Wall
 from radarsim.autonomy.plans import Algorithm, GiveUp, Rule
 from radarsim.geometry import Point, Pose2
 
-AT_LINE = 0.1  # m from the line to the goal that still count as on it
-LEAST_GAIN = 0.1  # m nearer to the goal that count as nearer
-GRAZE = (
-    0.1  # m beyond the safety distance at which something at the side blocks the path
-)
-NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
-MOST_OTHERS = 3  # circuits around another obstacle, before it gives up nevertheless
-_MOST_MISSES = 3  # leave points that are not found again, likewise
-_LOST = 1.5  # circles without a boundary after which the boundary is given up
-_MOST_REVERSALS = 3  # of the turn until a boundary is abeam
+AT_LINE = 0.1  # m from the line to the goal, within which the robot is on it
+LEAST_GAIN = 0.1  # m; smaller decreases of the goal distance do not count
+GRAZE = 0.1  # m beyond the safety distance, within which obstacles block the path
+NOISE = 0.1  # m by which noise may move a wall near the goal towards the robot
+MOST_OTHERS = 3  # circuits around obstacles that were not hit, before giving up
+_MOST_MISSES = 3  # leave points not found, after which the side stays the same
+_LOST = 1.5  # circles without a boundary in sight before the robot gives it up
+_MOST_REVERSALS = 3  # changes of the turning direction until a boundary is abeam
 
 
 class Decision(Enum):
-    """What to do next at a boundary."""
+    """The next action at a boundary."""
 
     ONWARD = auto()
-    BACK = auto()  # along the same boundary, in the other direction
+    BACK = auto()  # along the same boundary, in the opposite direction
     LEAVE = auto()
-    LEAVE_UNSURE = auto()  # as the leave point was not found again
+    LEAVE_UNSURE = auto()  # the robot did not find its leave point again
     NO_PATH = auto()
 
 
 class Bug1Policy:
-    """Bug1 at one boundary: all the way around, then to the point nearest to the goal.
+    """Bug1 at one boundary: circle it, then return to the point nearest to the goal.
 
     Attributes:
         boundary: The boundary.
@@ -76,24 +75,24 @@ class Bug1Policy:
 
         Args:
             boundary: The boundary that was hit, with a landmark there.
-            goal: m, map frame.
+            goal: Position of the goal, m, map frame.
         """
         self.boundary, self.circuits, self._goal = boundary, 0, goal
         # goal distance, path length, pose and direction of every step
         self._steps: list[tuple[float, float, Pose2, float]] = []
         self._leave: Landmark
-        # lengths of the circuit and of the way back to the leave point, and where along
-        # the path that way began, m
+        # lengths of the circuit and of the path back to the leave point, and the
+        # distance travelled when the robot turned back, m
         self._perimeter = self._return_length = self._turned_at = math.nan
         self._onward = True
         self._turned_back = False
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """Decide what to do next.
+        """Return the next action.
 
         Args:
-            pose: Of the robot.
-            direction: Of the boundary, rad, map frame.
+            pose: Pose of the robot.
+            direction: Direction of the boundary, rad, map frame.
             free: Whether the boundary is not between the robot and the goal; another
                 obstacle may be.
         """
@@ -105,13 +104,13 @@ class Bug1Policy:
         if not self.boundary.closes_circuit(pose, direction):
             return Decision.ONWARD
         self.circuits, began = 1, self.boundary.circuit_start
-        # Only steps of the circuit: the way to where it began may not be part of it.
+        # Steps before the circuit began are ignored: they may lie off the boundary.
         _, at, nearest, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
         reach = self.boundary.follower.target_distance
         self._leave = Landmark(nearest, direction, max_offset=reach)
-        self._leave.observe(pose)  # from here on it knows on which side it is
+        self._leave.observe(pose)  # store on which side of the point the robot is now
         self._perimeter = travelled - began
         back = travelled - at
         self._onward = at - began <= back
@@ -122,18 +121,18 @@ class Bug1Policy:
         passed = self._leave.observe(pose, onward=self._onward)
         travelled = self.boundary.travelled
         returned = travelled - self._turned_at
-        # Poses drift, so the way back may measure shorter or longer than the way there.
+        # Poses drift, so the ways out and back may differ in measured length.
         slack = max(1.0, 0.2 * self._return_length)
         close = distance(pose, self._leave.x, self._leave.y) < LEAST_GAIN
-        # Before that the robot may pass the landmark on another side of the obstacle.
+        # Earlier the robot may pass the landmark on another side of the obstacle.
         due = self._turned_back or returned >= self._return_length - slack
         if due and (passed or close):
-            # A robot that lost its path cannot tell which obstacle hides the goal here
+            # A robot that lost its path does not know which obstacle hides the goal.
             if self._turned_back:
                 return Decision.LEAVE_UNSURE
             return Decision.LEAVE if free else Decision.NO_PATH
         if returned > self._return_length + 2 * slack:
-            # It turns back once, for up to a whole circuit; then it leaves anywhere.
+            # The robot turns back once, for up to a circuit, and then leaves anywhere.
             if self._turned_back:
                 return Decision.LEAVE_UNSURE
             self._turned_back = True
@@ -144,9 +143,9 @@ class Bug1Policy:
 
 
 class Bug2Policy:
-    """Bug2 at one boundary: until the line to the goal is met, nearer to the goal.
+    """Bug2 at one boundary: leave it at the line to the goal, nearer to the goal.
 
-    Attributes are those of ``Bug1Policy``.
+    The attributes are those of ``Bug1Policy``.
     """
 
     def __init__(
@@ -160,55 +159,55 @@ class Bug2Policy:
         """Create the policy at a hit point.
 
         Args:
-            boundary: See ``Bug1Policy``.
-            goal: Likewise.
-            hit: The pose at the hit point.
-            starts: Starts of the lines to the goal; it leaves at any of them. At least
-                one. Where it gives up at a line, that is the last one.
-            give_up: When to conclude that there is no path.
+            boundary: The boundary that was hit, with a landmark at the hit point.
+            goal: Position of the goal, m, map frame.
+            hit: Pose of the robot at the hit point.
+            starts: Start poses of the lines to the goal; the robot may leave at any of
+                them, and gives up only at the last one. At least one.
+            give_up: When to conclude that no path exists.
         """
         self.boundary, self.circuits, self._goal = boundary, 0, goal
         self._lines = [_Line(start, goal) for start in starts]
         self._hit, self._give_up = hit, give_up
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """See ``Bug1Policy.step``."""
-        # All lines are asked, since each remembers on which side the robot was.
+        """Return the next action; see ``Bug1Policy.step``."""
+        # Every line gets every pose, since each stores the side the robot was on.
         met = [line.meets(pose) for line in self._lines]
         at_line, crossed = any(at for at, _ in met), met[-1][1]
         hit_distance = distance(self._hit, *self._goal)
         nearer = distance(pose, *self._goal) < hit_distance - LEAST_GAIN
-        # Before anything is decided: the landmarks have to see every step, too.
+        # The landmarks need every pose, so they are updated before any decision.
         closes_circuit = self.boundary.closes_circuit(pose, direction)
         if at_line and nearer and free:
             return Decision.LEAVE
         if closes_circuit:
             self.circuits += 1
             return Decision.NO_PATH
-        # At its hit point the robot is at the line as well.
+        # At its hit point the robot is on the line as well.
         is_away = pose.distance(self._hit) > LEAST_CIRCUIT / 2
         gives_up = crossed and not nearer and self._give_up == GiveUp.LINE
         return Decision.NO_PATH if gives_up and is_away else Decision.ONWARD
 
 
 class _Line:
-    """The line from a start to the goal, which Bug2 has to meet."""
+    """The line from a start to the goal, where Bug2 leaves a boundary."""
 
     def __init__(self, start: Pose2, goal: Point) -> None:
         self._start, self._goal = start, goal
         self._side: float | None = None
 
     def meets(self, pose: Pose2) -> tuple[bool, bool]:
-        """Return whether the robot is at the line, and whether it just crossed it.
+        """Return whether the robot is on the line, and whether it just crossed it.
 
-        The line ends at the goal, since there is no shorter way beyond; that a path
-        crosses it counts before the start, too.
+        The line ends at the goal, since no shorter path leads on from beyond. A
+        crossing also counts on the extension of the line.
         """
         goal_x, goal_y = self._goal
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
         length = math.hypot(dx, dy)
         x, y = pose.x - self._start.x, pose.y - self._start.y
-        # Times the length of the line, by which nothing is divided, as it may be 0.
+        # Scaled by the length of the line, which may be 0, so nothing is divided by it.
         side, along = dx * y - dy * x, dx * x + dy * y
         before, self._side = self._side, side
         crossed = before is not None and before * side <= 0
@@ -218,14 +217,14 @@ class _Line:
 
 
 class BoundaryController(Controller):
-    """What algorithms have in common that follow boundaries."""
+    """Base class of the algorithms that follow boundaries."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
-        self._boundary: FollowedBoundary  # that it is at, unless it is going
-        # where it hit obstacles that had gone when they were looked at, m, map frame
+        self._boundary: FollowedBoundary  # the current boundary; unset while going
+        # hit points of obstacles that later turned out to have gone, m, map frame
         self._gone: list[Point] = []
-        self._others = 0  # number of times that another obstacle was circled
+        self._others = 0  # number of circuits around obstacles that were not hit
 
     def _begin_goal(self, pose: Pose2) -> None:  # noqa: ARG002 - subclasses need it
         self._gone, self._others = [], 0
@@ -233,15 +232,15 @@ class BoundaryController(Controller):
     def _begin_boundary(
         self, kind: type[WallFollower] = WallFollower, *, wall_on_left: bool
     ) -> None:
-        """Turn to the boundary of the obstacle ahead, to keep it on one side."""
+        """Turn to the boundary of the blocking obstacle, and keep it on one side."""
         limits, self.activity = self._settings.speed_limits, Activity.ALIGNING
         follower = kind(self._settings.bumpers, limits, wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(follower)
 
     def _conclude(self, observation: Observation) -> Twist:
-        """Give up after a circuit, unless what was circled does not close the way.
+        """Give up after a circuit, unless the circled obstacle does not block the way.
 
-        It may have driven away meanwhile, or be another obstacle than was hit.
+        The obstacle may have driven away, or be a different one than was hit.
         """
         has_gone = self._boundary.has_gone(observation, self._gone)
         is_hit = self._boundary.is_what_was_hit()
@@ -254,29 +253,29 @@ class BoundaryController(Controller):
 
     @abstractmethod
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
-        """Leave what was circled, which does not close the way to the goal.
+        """Leave the circled obstacle, which does not block the way to the goal.
 
         Args:
             observation: The newest scan.
-            is_other: Whether it is another obstacle than was hit.
+            is_other: Whether it is a different obstacle than the robot hit.
         """
 
 
 class Bug(BoundaryController):
-    """Bug1 or Bug2; attributes are those of ``Controller``."""
+    """Bug1 or Bug2; the attributes are those of ``Controller``."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
-        self._wall_on_left = settings.mission.side == "left"  # of the next boundary
-        self._policy: Bug1Policy | Bug2Policy  # for the boundary that it is at
-        self._starts: list[Pose2] = []  # of the lines; Bug2 has to meet one
-        self._lost = 0.0  # m driven without a boundary
-        self._turn = 0.0  # rad/s; of the last step of aligning
-        self._reversals = 0  # of that turn
-        self._best_leave = math.inf  # m from the goal
-        self._leaving = False  # whether it is still at the boundary it has left
+        self._wall_on_left = settings.mission.side == "left"  # at the next boundary
+        self._policy: Bug1Policy | Bug2Policy  # for the boundary that the robot is at
+        self._starts: list[Pose2] = []  # start poses of the lines to leave at
+        self._lost = 0.0  # m driven without a boundary in sight
+        self._turn = 0.0  # rad/s; turn rate of the last alignment step
+        self._reversals = 0  # changes of the turning direction while aligning
+        self._best_leave = math.inf  # m; least distance to the goal at a leave point
+        self._leaving = False  # whether the boundary just left is still near
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
-        self._misses = 0  # number of leave points that it did not find again
+        self._misses = 0  # number of leave points that were not found again
 
     def _begin_goal(self, pose: Pose2) -> None:
         super()._begin_goal(pose)
@@ -285,7 +284,7 @@ class Bug(BoundaryController):
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
-        # The first goal begins at the first scan, each other where one was reached.
+        # The first goal starts at the first scan, others where the last was reached.
         if not self._starts:
             self._starts = [observation.pose]
         if self.activity is Activity.GOING:
@@ -298,7 +297,7 @@ class Bug(BoundaryController):
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
             twist, aligned = self._boundary.follower.align(observation, bearing)
-            # Before a mirror the nearest point may change to and fro with each turn.
+            # Next to a mirror, the nearest point may change sides with each turn.
             self._reversals += twist.turn * self._turn < 0
             self._turn = twist.turn
             if aligned or self._reversals >= _MOST_REVERSALS:
@@ -307,12 +306,12 @@ class Bug(BoundaryController):
         return self._follow(observation, driven)
 
     def _is_open(self, observation: Observation) -> bool:
-        """Return whether nothing is in the way to the goal, nor too near to it."""
+        """Return whether the path to the goal is free, with room on both sides."""
         bumpers, bearing = self._settings.bumpers, self._goal_bearing(observation.pose)
         ahead = bumpers.towards(observation, bearing)
         if ahead.blocked and not self._is_beyond(observation, ahead.distance):
             return False
-        # a robot that has followed a boundary into a gap may go on in it
+        # a robot that has followed a boundary into a gap may drive on in the gap
         graze = 0.0 if self._leaving else GRAZE
         return self._side_distance(observation) >= bumpers.safety_distance + graze
 
@@ -325,12 +324,12 @@ class Bug(BoundaryController):
         return self._boundary.follower.leads_into_boundary(part, goal)
 
     def _is_beyond(self, observation: Observation, obstacle: float) -> bool:
-        """Return whether an obstacle at a distance, m, is beyond the goal."""
+        """Return whether an obstacle at a distance in m is beyond the goal."""
         goal = self._goal_distance(observation.pose)
         return goal + self._settings.bumpers.safety_distance - NOISE <= obstacle
 
     def _side_distance(self, observation: Observation) -> float:
-        """Return the distance, m, of the nearest thing at the sides of the path."""
+        """Return the distance of the nearest obstacle next to the path, m."""
         bumpers, goal = self._settings.bumpers, self._goal_bearing(observation.pose)
         sides = (goal - bumpers.width, goal + bumpers.width)
         return min(bumpers.towards(observation, side).distance for side in sides)
@@ -357,8 +356,8 @@ class Bug(BoundaryController):
             return self._leave(observation)
         boundary, policy = self._boundary, self._policy
         follower = boundary.follower
-        # By the part of the scan that shows it: where another obstacle is as near, the
-        # robot would change to that.
+        # Only beams on the followed boundary count; the robot would otherwise change to
+        # another obstacle that is equally near.
         part = boundary.look(observation, self.goals[0])
         boundary.remember(part.pose.yaw, step)
         direction = follower.tangent(part)
@@ -370,7 +369,7 @@ class Bug(BoundaryController):
             return self._leave_or_conclude(observation)
         if decision is Decision.LEAVE_UNSURE:
             if self._misses < _MOST_MISSES:
-                # what it hits next it may have circled before
+                # The robot may have circled the next obstacle before.
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
@@ -382,13 +381,13 @@ class Bug(BoundaryController):
             self.activity = Activity.RETURNING
         twist, found = follower.step(observation, part)
         self._lost = 0.0 if found else self._lost + step
-        # It has driven around where the boundary should be, and nothing is there.
+        # The robot has driven around the expected boundary without seeing it.
         if self._lost > _LOST * 2 * math.pi * follower.target_distance:
             return self._leave(observation)
         return twist
 
     def _leave_or_conclude(self, observation: Observation) -> Twist:
-        """Leave, unless a circuit of Bug1 has brought it no nearer to the goal."""
+        """Leave, unless a Bug1 circuit has brought the robot no nearer to the goal."""
         near, mission = self._goal_distance(observation.pose), self._settings.mission
         is_no_nearer = near > self._best_leave - mission.tolerance
         self._best_leave = min(self._best_leave, near)
@@ -398,29 +397,29 @@ class Bug(BoundaryController):
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
         if is_other:
-            # The other side of a gap, or a thing behind it: on the same hand the robot
-            # would come back there.
+            # The other obstacle is across a gap, or behind it: with the wall on the
+            # same hand, the robot would come back to it.
             self._change_hand()
         self._best_leave = math.inf
-        # A robot in a gap may circle what the first line to the goal never meets, as on
-        # the random maps 108, 357 and 458: the line from here counts, too.
+        # A robot in a gap may circle an obstacle that never meets the first line, as on
+        # the random maps 108, 357 and 458, so the line from here counts as well.
         self._starts.append(observation.pose)
         return self._leave(observation)
 
     def _change_hand(self) -> None:
-        """Follow the next boundaries on the other hand, and forget where it has left.
+        """Follow the next boundaries on the other hand, and reset the best leave point.
 
-        A gap may be wide enough in one direction and closed in the other, by noise. On
-        the same hand the robot would come back to it.
+        Noise may close a gap in one direction and leave it open in the other. With the
+        wall on the same hand, the robot would come back to the gap.
         """
         self._wall_on_left = not self._wall_on_left
         self._best_leave = math.inf
 
     def _sees_goal(self, observation: Observation) -> bool:
-        """Return whether the goal is so near that no boundary is needed any more.
+        """Return whether the goal is near and visible, so that the robot can leave.
 
-        After another hit on the way there the robot has to come nearer before the next
-        attempt, or it would try for ever where the goal is too near to something.
+        After another hit, the robot has to come nearer before it tries again. Otherwise
+        it would try forever at a goal that is too near to an obstacle.
         """
         bumpers = self._settings.bumpers
         near = self._goal_distance(observation.pose)

@@ -1,17 +1,17 @@
-"""Long-range bumpers: sectors of beams around the robot, each pressed or not.
+"""Long-range bumpers: sectors of beams around the robot, with a pressed state each.
 
 Theory of operation
 ===================
-Four to eight bumpers are easier to steer by than hundreds of beams. Each one is a
+Four to eight bumpers are easier to steer by than hundreds of beams. Each bumper is a
 sector around the robot. It is pressed when a share of its beams is shorter than the
 safety distance plus half a metre (the band), and too near when that share is shorter
 than the safety distance itself.
 
 The literal rule of the thesis is stricter: a bumper is pressed if all of its beams are
-between the safety distance s and s + 0.5 m. Of n bumpers, the one that faces a flat
-wall at the distance d sees it from d to d / cos(pi / n), so the rule can be met at all
-only for s <= d <= (s + 0.5) cos(pi / n): with eight bumpers up to s = 6.07 m, with four
-up to s = 1.21 m, and never by a pole or a corner. ``too_near`` works with it as well.
+between the safety distance s and s + 0.5 m. Of n bumpers, the bumper that faces a flat
+wall at the distance d sees ranges from d to d / cos(pi / n), so the rule can hold only
+for s <= d <= (s + 0.5) cos(pi / n): with eight bumpers up to s = 6.07 m, with four up
+to s = 1.21 m, and never for a pole or a corner. ``too_near`` works with it as well.
 
 Source: a thesis on navigation with a radar in USARSim, section 5.2.
 """
@@ -27,7 +27,7 @@ from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.plans import LEAST_SHARE, Rule
 from radarsim.geometry import Floats
 
-BAND = 0.5  # m beyond the safety distance, in which bumpers are pressed
+BAND = 0.5  # m beyond the safety distance in which bumpers are pressed
 MOST = 36  # bumpers; narrower sectors would hold too few beams
 
 EIGHT = (
@@ -42,10 +42,10 @@ class Bumper:
 
     Attributes:
         name: Name of the sector, such as ``front_left``.
-        pressed: Whether it is pressed, by the rule.
-        too_near: Whether a share of the beams is nearer than the safety distance.
-        distance: Distance within which a share of the beams ended, m; ``inf`` if they
-            have no return.
+        pressed: Whether the bumper is pressed by the rule.
+        too_near: Whether a share of the beams is shorter than the safety distance.
+        distance: Length of the longest beam in the nearest share, m; ``inf`` without a
+            return.
     """
 
     name: str
@@ -55,19 +55,19 @@ class Bumper:
 
     @property
     def blocked(self) -> bool:
-        """Whether the robot must not go in that direction."""
+        """Whether the robot must not drive in the direction of the bumper."""
         return self.pressed or self.too_near
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bumpers:
-    """Sectors of equal width around the robot, the first one about its front.
+    """Sectors of equal width around the robot, the first one centred on its front.
 
     Attributes:
-        safety_distance: m from the robot's centre.
+        safety_distance: Safety distance from the robot's centre, m.
         count: Number of bumpers, 4 to 36.
         share: Share of a bumper's beams that press it, above 0 and at most 1.
-        rule: When a bumper is pressed.
+        rule: The rule by which a bumper is pressed.
     """
 
     safety_distance: float
@@ -96,7 +96,7 @@ class Bumpers:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names, counter-clockwise from the front."""
+        """Names of the bumpers, counter-clockwise from the front."""
         if self.count in (4, 8):
             return EIGHT[:: 8 // self.count]
         return tuple(f"at_{round(360 * k / self.count)}" for k in range(self.count))
@@ -110,18 +110,18 @@ class Bumpers:
         )
 
     def towards(self, observation: Observation, bearing: float) -> Bumper:
-        """Return the state that the front bumper would have, facing a bearing, rad."""
+        """Return the state of a front bumper turned to a bearing, rad."""
         offsets = wrap_angles(observation.bearings - bearing)
         within = np.abs(offsets) <= self.width / 2
         return self._state("front", observation.ranges[within])
 
     def blind(self, angles: Floats) -> tuple[str, ...]:
-        """Return the names of bumpers without beams, for beams at angles, (N,) rad."""
+        """Return the names of bumpers without beams, given beam angles, (N,) rad."""
         covered = set(self._sectors(angles).tolist())
         return tuple(name for k, name in enumerate(self.names) if k not in covered)
 
     def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
-        # Half a sector on, since the front is the middle of the first one.
+        # Shifted by half a sector, since the first sector is centred on the front.
         turns = (bearings + self.width / 2) / self.width
         return np.floor(turns).astype(np.int64) % self.count
 
@@ -132,7 +132,7 @@ class Bumpers:
         if self.rule == Rule.SHARE:
             pressed = distance < self.pressed_below
         else:
-            # A beam without return is inf: one is enough to release the bumper.
+            # A beam without a return is inf, so a single one releases the bumper.
             least, most = float(ranges.min()), float(ranges.max())
             pressed = self.safety_distance <= least and most <= self.pressed_below
         too_near = distance < self.safety_distance
@@ -140,13 +140,13 @@ class Bumpers:
 
 
 def nearest_share(ranges: Floats, share: float) -> float:
-    """Return the distance within which a share of some ranges lies, m.
+    """Return the longest range in the nearest share of some ranges, m.
 
     Args:
         ranges: (N,) m, at least one.
-        share: Above 0 and at most 1; at least one range counts.
+        share: Above 0 and at most 1; at least one range is counted.
     """
-    # Less a little, since rounding of the product must not add one range.
+    # The small term keeps rounding of the product from adding a range.
     count = max(1, math.ceil(share * len(ranges) - 1e-9))
     return float(np.partition(ranges, count - 1)[count - 1])
 

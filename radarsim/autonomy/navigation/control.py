@@ -1,7 +1,7 @@
-"""Motion commands, the loop that sends them, and detectors of robots that get nowhere.
+"""Motion commands, the control loop that sends them, and detectors of stuck robots.
 
-The loop turns scans into wheel speeds. While no scan arrives it stops the robot, and a
-little later it gives up with an error that names what was missing.
+The loop turns scans into wheel speeds. It stops the robot while no scan arrives, and
+raises an error that names the missing report when the timeout is over.
 """
 
 import math
@@ -16,13 +16,13 @@ from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.protocol.reports import Report
 
-HEADING_GAIN = 2.5  # 1/s: rad/s of turning for each rad of heading error
-STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
-STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
-STUCK_AFTER_TURN: Final = 2 * math.tau  # rad that it was to turn without turning
-STANDSTILL_LIMIT: Final = 60.0  # s
-_LONGEST_STEP: Final = 1.0  # s between two scans that counts as commanded
-MOVED: Final = (0.1, 0.3)  # m and rad that a robot has moved; less is due to noise
+HEADING_GAIN = 2.5  # 1/s: turn rate in rad/s for each rad of heading error
+STOP_AFTER = 0.5  # s without a scan before the robot is stopped
+STUCK_AFTER = 3.0  # m of commanded distance without motion
+STUCK_AFTER_TURN: Final = 2 * math.tau  # rad of commanded turn without turning
+STANDSTILL_LIMIT: Final = 60.0  # s without motion before an error is raised
+_LONGEST_STEP: Final = 1.0  # s; cap on the time between two scans
+MOVED: Final = (0.1, 0.3)  # m and rad; a smaller change of the pose is noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ STOP = Twist(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimits:
-    """Greatest forward speed, m/s, and greatest turn rate on the spot, rad/s."""
+    """Highest forward speed, m/s, and highest turn rate on the spot, rad/s."""
 
     speed: float = 0.3
     turn: float = 0.8
@@ -49,50 +49,50 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Return a twist that turns to a bearing, and is fast once it faces it.
+        """Return a twist that turns towards a bearing, and speeds up when facing it.
 
         Args:
-            bearing: rad from the robot's front.
+            bearing: Bearing in rad from the robot's front.
             most: Upper limit of the speed, m/s.
         """
         turn = max(-self.turn, min(self.turn, HEADING_GAIN * bearing))
         facing = max(0.0, math.cos(bearing))
-        # By the fourth power: a quarter of the speed at 45 degrees off, so that the
-        # robot turns before it goes.
+        # The fourth power leaves a quarter of the speed at 45 degrees off, so that the
+        # robot turns before it drives.
         return Twist(min(self.speed, most) * facing**4, turn)
 
 
 def bearing_of(pose: Pose2, x: float, y: float) -> float:
-    """Return the direction of a point as seen from a pose, rad from its front."""
+    """Return the bearing of a point from a pose, rad from the robot's front."""
     return wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.yaw)
 
 
 def distance(pose: Pose2, x: float, y: float) -> float:
-    """Return the distance of a point from a pose, m."""
+    """Return the distance between a pose and a point, m."""
     return math.hypot(x - pose.x, y - pose.y)
 
 
 class StuckDetector:
-    """Notices that a robot does not move or turn though it is commanded to."""
+    """Detects a robot that does not move or turn although it is commanded to."""
 
     def __init__(self) -> None:
         self._last_time = 0.0
-        self._place: Pose2 | None = None  # before the commanded distance
-        self._distance = 0.0  # m
-        self._heading: Pose2 | None = None  # before the commanded turn
-        self._turn = 0.0  # rad
+        self._place: Pose2 | None = None  # at the start of the commanded distance
+        self._distance = 0.0  # commanded distance, m
+        self._heading: Pose2 | None = None  # at the start of the commanded turn
+        self._turn = 0.0  # commanded turn, rad
 
     def check(self, observation: Observation, twist: Twist) -> None:
-        """Compare a scan, and the twist decided by it, with those before.
+        """Compare a scan, and the twist decided on it, with the earlier ones.
 
         Raises:
-            NavigationError: If the robot stays where it is.
+            NavigationError: If the commanded robot does not move.
         """
-        # In a long gap the robot was stopped, or its program had no time to tell it.
+        # In a long gap the loop stopped the robot, or had no time to command it.
         elapsed = min(observation.time - self._last_time, _LONGEST_STEP)
         self._last_time = observation.time
         pose, command = observation.pose, ""
-        # What is commanded counts, not the time: who waits is not stuck.
+        # Commanded motion counts instead of time, so a waiting robot is not stuck.
         if self._place is None or pose.distance(self._place) > MOVED[0]:
             self._place, self._distance = pose, 0.0
         else:
@@ -115,13 +115,13 @@ class StuckDetector:
 
 
 class StandstillDetector:
-    """Notices that a robot has neither moved nor turned for long, for any reason."""
+    """Detects a robot that has not moved or turned for a minute, for any reason."""
 
     def __init__(self) -> None:
         self._reference: Observation | None = None
 
     def check(self, observation: Observation) -> None:
-        """Compare a scan with those before.
+        """Compare a scan with earlier ones.
 
         Raises:
             NavigationError: If the robot has stood for a minute.
@@ -139,7 +139,7 @@ class StandstillDetector:
 
 
 class ControlLoop:
-    """Drives one robot: yields observations, and sends wheel speeds."""
+    """Controls one robot: yields observations, and sends wheel speeds."""
 
     def __init__(
         self,
@@ -152,10 +152,10 @@ class ControlLoop:
         """Create the loop.
 
         Args:
-            client: The connection; its robot is spawned.
+            client: The connection, with a spawned robot.
             robot_info: Properties of the robot.
             source: Receives every report.
-            timeout: Time without a scan after which the run is given up, s.
+            timeout: Time without a scan before an error is raised, s.
         """
         self._client = client
         self._robot_info = robot_info
@@ -180,16 +180,16 @@ class ControlLoop:
         start, stopped = clock(), False
         received: set[str] = set()
         while (waited := clock() - start) < self._timeout:
-            # A robot keeps its wheel speeds until the next command: it drives blindly.
+            # A robot keeps its last wheel speeds, so without scans it drives blindly.
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STOP)
                 stopped = True
             reports: list[Report] = []
-            # Nothing came this time, which is no error before the whole time is over.
+            # A timeout of one read is no error until the whole timeout is over.
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))
-            newest = None  # of several scans that came at once: the others are stale
+            newest = None  # of several scans at once only the last counts
             for report in reports:
                 newest = self._source.take(report) or newest
                 received.add(type(report).__name__)

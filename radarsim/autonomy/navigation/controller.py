@@ -1,7 +1,7 @@
-"""What all algorithms have in common: goals in turn, and a decision at every scan.
+"""Base class of the navigation algorithms: drive to goals in order, scan by scan.
 
-A ``Controller`` decides by each scan how the robot is to move until the next one.
-Subclasses are the algorithms.
+A ``Controller`` returns for each scan the robot's motion until the next scan. Each
+algorithm is a subclass.
 """
 
 from abc import ABC, abstractmethod
@@ -24,17 +24,17 @@ from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.autonomy.plans import Mission
 from radarsim.geometry import Floats, Point, Pose2, wrap_angle
 
-HEADING_TOLERANCE: Final = 0.05  # rad from the wanted heading at which it is reached
+HEADING_TOLERANCE: Final = 0.05  # rad of heading error that counts as aligned
 
 
 class Activity(StrEnum):
-    """What a controller is doing."""
+    """The current activity of a controller."""
 
     GOING = "going"
     ALIGNING = "aligning"
     FOLLOWING = "following"
     RETURNING = "returning"
-    TURNING = "turning"  # at the last goal, to the wanted heading
+    TURNING = "turning"  # at the last goal, to the requested heading
     REACHED = "reached"
     NO_PATH = "no_path"
 
@@ -45,10 +45,10 @@ class ControllerSettings:
 
     Attributes:
         mission: The mission, with at least one goal.
-        bumpers: The bumpers that it steers by.
-        speed_limits: Greatest speeds.
-        footprint: What planned paths have to be wide enough for, where the safety
-            distance is not kept; None to keep it everywhere.
+        bumpers: The bumpers that the controller steers by.
+        speed_limits: Highest speeds.
+        footprint: The footprint that planned paths have to fit where the safety
+            distance is not kept; None to keep the safety distance everywhere.
     """
 
     mission: Mission
@@ -58,18 +58,18 @@ class ControllerSettings:
 
 
 class Controller(ABC):
-    """Drives to one goal after the other.
+    """Drives a robot to a list of goals, one after the other.
 
     Attributes:
-        activity: What it is doing; in ``REACHED`` and ``NO_PATH`` it stands still.
-        goals: The goals that are left, the next one first, m, map frame.
-        hit_points: Where it turned to boundaries, m, map frame.
-        leave_points: Where it left boundaries, m, map frame.
+        activity: Current activity; in ``REACHED`` and ``NO_PATH`` the robot stands.
+        goals: The remaining goals, the next one first, m, map frame.
+        hit_points: Positions where the robot turned to boundaries, m, map frame.
+        leave_points: Positions where the robot left boundaries, m, map frame.
         circuits: Number of complete circuits around obstacles.
     """
 
     def __init__(self, settings: ControllerSettings) -> None:
-        """Create it before the first scan."""
+        """Create the controller before the first scan."""
         self.activity = Activity.GOING
         self.goals = list(settings.mission.goals)
         if not self.goals:
@@ -87,11 +87,11 @@ class Controller(ABC):
 
     @property
     def is_done(self) -> bool:
-        """Whether it has reached its last goal, or given up."""
+        """Whether the robot has reached its last goal, or has given up."""
         return self.activity in (Activity.REACHED, Activity.NO_PATH)
 
     def step(self, observation: Observation) -> Twist:
-        """Decide by a scan how to move until the next one."""
+        """Return the motion until the next scan."""
         pose = observation.pose
         driven = 0.0 if self._previous is None else pose.distance(self._previous)
         self._previous = pose
@@ -106,11 +106,11 @@ class Controller(ABC):
         return STOP if self.is_done else self._decide(observation, driven)
 
     def reconsider(self, pose: Pose2, _: Callable[[Observation], Observation]) -> None:
-        """Start again towards the goal, as some of what was seen does not stand there.
+        """Restart towards the goal, since some of the seen obstacles do not exist.
 
         Args:
-            pose: The robot's pose.
-            _: Corrects a scan of earlier, for those who keep some.
+            pose: Pose of the robot.
+            _: Corrects the pose of an earlier scan, for controllers that store scans.
         """
         if self.is_done:
             return
@@ -120,24 +120,24 @@ class Controller(ABC):
         self.activity = Activity.GOING
 
     def avoid(self, places: Floats) -> bool:  # noqa: ARG002 - planners need it
-        """Keep out of the way of what meets the robot; return whether it does so.
+        """Avoid an approaching object; return whether the controller does so.
 
-        If the controller does not, the robot waits.
+        If it returns False, the robot waits.
 
         Args:
-            places: Where that is and will be soon, (M, 2) m, map frame; M is 0 if
-                nothing meets it.
+            places: Positions of the object now and soon, (M, 2) m, map frame; M is 0
+                if nothing approaches.
         """
         return False
 
     def _is_at_goal(self, pose: Pose2) -> bool:
-        # A turn on the spot is not broken off, though the pose drifts meanwhile.
+        # A turn on the spot is completed even if the pose drifts meanwhile.
         if self.activity is Activity.TURNING:
             return True
         return self._goal_distance(pose) <= self._settings.mission.tolerance
 
     def _turn_to_go(self, pose: Pose2) -> float:
-        """Return how far the robot has still to turn at its last goal, rad."""
+        """Return the remaining turn at the last goal, rad."""
         heading = self._settings.mission.heading
         if heading is None or len(self.goals) > 1:
             return 0.0
@@ -151,13 +151,13 @@ class Controller(ABC):
         return bearing_of(pose, *self.goals[0])
 
     def _towards(self, pose: Pose2, point: Point) -> Twist:
-        """Return the twist towards a point, m, slower the nearer the goal is."""
-        # 5 cm/s are left at the goal itself, or the robot would never get there
+        """Return the twist towards a point, m, slower near the goal."""
+        # 5 cm/s remain at the goal itself, or the robot would never reach it.
         most = 0.05 + 0.8 * self._goal_distance(pose)
         return self._settings.speed_limits.towards(bearing_of(pose, *point), most=most)
 
     def _head_for(self, observation: Observation, point: Point) -> Twist:
-        """Return the same, but only the turn where something ahead is too near."""
+        """Return ``_towards``, without speed if an obstacle ahead is too near."""
         twist = self._towards(observation.pose, point)
         safety_distance = self._settings.bumpers.safety_distance
         is_near = leads_too_near(observation, safety_distance)
@@ -165,13 +165,13 @@ class Controller(ABC):
 
     @abstractmethod
     def _begin_goal(self, pose: Pose2) -> None:
-        """Forget what was known about the way to the goal that has been reached."""
+        """Reset the state of the algorithm for the next goal."""
 
     @abstractmethod
     def _decide(self, observation: Observation, driven: float) -> Twist:
-        """Decide how to move until the next scan.
+        """Return the motion until the next scan.
 
         Args:
             observation: The newest scan; the next goal is not reached.
-            driven: Distance from the pose of the scan before, m.
+            driven: Distance from the pose of the previous scan, m.
         """

@@ -1,9 +1,9 @@
-"""Follow the path of a rectangle, slowly where there is little room.
+"""Follow the path of a rectangular footprint, slowly in tight spaces.
 
-The robot is led back to the line of each straight motion, and turns on the spot at its
-ends. A motion that would bring the footprint nearer to obstacles than a centimetre
-is not made, and a path that leads so near is no longer followed: another has to be
-planned.
+The robot is steered back to the line of each straight motion, and turns on the spot at
+the ends. A motion is not made if it would bring the footprint closer than a centimetre
+to a seen point, and a path that leads so close is no longer followed: the caller has to
+plan another.
 """
 
 import math
@@ -19,43 +19,43 @@ from radarsim.autonomy.navigation.control import (
 from radarsim.autonomy.navigation.footprint_planning import SLACK, Footprint
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
-LEAST_ROOM: Final = 0.01  # m that the footprint keeps from obstacles
-TOUCHING: Final = 0.001  # m, from which on the footprint touches something
-OFF: Final = 0.06  # m, or more than the rad below, off a path that is not followed
-OFF_TURN: Final = 0.3  # rad
-SLOW: Final = 0.08  # m/s where there is hardly any room
-SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of room around the footprint
-SLOW_TURN: Final = 0.5  # rad/s; so the corners of the footprint are as slow
-AT_END: Final = 0.01  # m before the end of a straight motion
-ALIGNED: Final = 0.03  # rad, with the heading of the next motion
-AHEAD: Final = 0.4  # s that a motion goes on until the next decision, and more
-LINE_GAIN: Final = 2.0  # rad of heading for each m off the line
-_MOST: Final = 0.25  # rad, towards the line
+LEAST_ROOM: Final = 0.01  # m of clearance between the footprint and seen points
+TOUCHING: Final = 0.001  # m of clearance, below which the footprint touches a point
+OFF: Final = 0.06  # m from the path, beyond which it is not followed
+OFF_TURN: Final = 0.3  # rad; the same for the heading
+SLOW: Final = 0.08  # m/s where there is hardly any clearance
+SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of clearance around the footprint
+SLOW_TURN: Final = 0.5  # rad/s; keeps the corners of the footprint slow
+AT_END: Final = 0.01  # m from the end of a straight motion, within which it is done
+ALIGNED: Final = 0.03  # rad of heading error that counts as aligned
+AHEAD: Final = 0.4  # s for which a motion is predicted, longer than a scan takes
+LINE_GAIN: Final = 2.0  # rad of heading correction for each m off the line
+_MOST: Final = 0.25  # rad; greatest heading correction
 
 
 class FootprintFollower:
-    """Leads a robot along a path, motion by motion."""
+    """Steers a robot along a path, motion by motion."""
 
     def __init__(self, footprint: Footprint, path: Floats, limits: SpeedLimits) -> None:
-        """Create it at the beginning of a path.
+        """Create the follower at the beginning of a path.
 
         Args:
             footprint: The footprint.
             path: (P, 3) m and rad, as ``plan_footprint`` returns it.
-            limits: Greatest speeds where there is room.
+            limits: Highest speeds where there is enough clearance.
         """
         self._footprint = footprint
         self._path = path
         self._limits = limits
-        self._next = 1  # the pose that it is on the way to
+        self._next = 1  # index of the pose that the robot drives to
 
     @property
     def path(self) -> Floats:
-        """The rest of the path, (Q, 3), from the beginning of this motion on."""
+        """The rest of the path, (Q, 3), from the beginning of the current motion."""
         return self._path[self._next - 1 :]
 
     def is_blocked(self, points: Floats) -> bool:
-        """Return whether the path leads too near to one of some points, (N, 2) m."""
+        """Return whether the path leads too close to one of some points, (N, 2) m."""
         least = _least(self._footprint.clearance(points, self.path[0]))
         return bool((self._footprint.clearances(points, self.path) < least).any())
 
@@ -63,11 +63,11 @@ class FootprintFollower:
         """Return the motion until the next scan.
 
         Args:
-            pose: Of the robot.
-            points: Obstacles that are seen, (N, 2) m, map frame.
+            pose: Pose of the robot.
+            points: Seen points, (N, 2) m, map frame.
 
         Returns:
-            None if the path has ended, or cannot be followed from here.
+            None if the path has ended, or cannot be followed from this pose.
         """
         here = np.array([pose.x, pose.y, pose.yaw])
         room = self._footprint.clearance(points, here)
@@ -85,19 +85,19 @@ class FootprintFollower:
         return None
 
     def _turn(self, here: Floats, end: Floats) -> Twist | None:
-        """Return the turn to a heading; None there."""
+        """Return the turn to the heading of a pose; None if the robot is aligned."""
         error = wrap_angle(end[2] - here[2])
         return None if abs(error) < ALIGNED else Twist(0.0, self._turn_rate(error))
 
     def _turn_rate(self, error: float) -> float:
-        """Return the turn rate that corrects an error of the heading, rad."""
+        """Return the turn rate that corrects a heading error, rad."""
         most = min(self._limits.turn, SLOW_TURN)
         return max(-most, min(most, HEADING_GAIN * error))
 
     def _straight(
         self, here: Floats, begin: Floats, end: Floats, room: float
     ) -> Twist | None:
-        """Return the motion along a line; None at its end."""
+        """Return the motion along a line; None at the end of the line."""
         c, s = math.cos(end[2]), math.sin(end[2])
         dx, dy = end[:2] - here[:2]
         sign = math.copysign(1.0, c * (end[0] - begin[0]) + s * (end[1] - begin[1]))
@@ -111,7 +111,7 @@ class FootprintFollower:
         return Twist(sign * speed, self._turn_rate(error))
 
     def _is_off(self, here: Floats, begin: Floats, end: Floats) -> bool:
-        """Return whether the robot is not where the path leads."""
+        """Return whether the robot is too far off the current motion of the path."""
         way, to = end[:2] - begin[:2], here[:2] - begin[:2]
         share = way @ to / (way @ way) if way.any() else 0.0
         off = math.dist(to, share * way)
@@ -120,13 +120,13 @@ class FootprintFollower:
 
 
 def _least(room: float) -> float:
-    """Return how near to something a motion may lead that begins with some room, m."""
-    # It may lead hardly nearer than where it begins, as when the path was planned.
+    """Return the least allowed clearance during a motion, given the current one, m."""
+    # A motion may hardly reduce a small clearance, the same rule as in planning.
     return max(min(LEAST_ROOM, room - SLACK), TOUCHING)
 
 
 def _moved_by(pose: Floats, twist: Twist) -> Floats:
-    """Return the pose after a motion, (3,)."""
+    """Return the pose after a motion of ``AHEAD`` seconds, (3,)."""
     turned = pose[2] + twist.turn * AHEAD
     middle, way = (pose[2] + turned) / 2, twist.speed * AHEAD
     step = np.array([way * math.cos(middle), way * math.sin(middle)])

@@ -1,23 +1,23 @@
-"""Paths of a rectangle: where a robot passes by its footprint, and a disc does not.
+"""Path planning for a rectangular footprint, through gaps too narrow for a disc.
 
 Theory of operation
 ===================
-A path is a sequence of motions that are either a turn on the spot or a straight motion
-along the robot's axis, forward or backward: what a robot with wheels on two sides does
-well. A* searches for the cheapest one over cells and 16 headings, each of which leads
-from the centre of a cell to that of another. The grid is laid by the robot's pose, so
-that this pose is one of its states, whatever it is.
+A path is a sequence of motions: turns on the spot, and straight motions along the
+robot's axis, forward or backward, as a differential-drive robot makes them. A* searches
+for the cheapest path over cells and 16 headings, each of which leads from the centre of
+a cell to the centre of another cell. The grid is aligned with the robot's pose, so any
+start pose is one of its states.
 
-For each cell a mask has the orientations and margins for which the rectangle is
-free of the points where something was seen. Those are exact to a centimetre, as the
-margins are no wider. A turn also needs the orientation between two headings, and
-between these the corners of the footprint lead less than the least margin farther out.
+For each cell a mask stores the orientations in which seen points are within the margins
+around the rectangle. The points are rounded to a centimetre, since the margins are no
+wider. A turn also checks the orientation between two headings; between these the
+corners of the footprint reach less than the least margin farther out.
 
-The cost of the same way for a robot that could move in all directions guides the
-search, which begins only once it is sure that there is a path: to find that there is
-none, it would visit all poses. In the end straight motions replace detours of the
-lattice where they keep as far from everything. Their clearance is exact: a straight
-motion sweeps a rectangle.
+The cost of the same path for a robot that can move in all directions is the heuristic.
+The search begins only after a check that a path exists, since it would otherwise visit
+all poses to find that there is none. At the end straight motions replace detours of the
+lattice where they keep the same clearance. Their clearance is exact: a straight motion
+sweeps a rectangle.
 """
 
 import itertools
@@ -33,35 +33,35 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Point, Pose2, wrap_angle
 
 CELL: Final = 0.05  # m
-LEAST_MARGIN: Final = 0.02  # m around the footprint, within which nothing may be
-MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; within the others a step costs more
-MORE: Final = (3.0, 1.0)  # that it costs more within each of the others, per metre
-REVERSE: Final = 2.0  # times the cost of going forward
-TURN: Final = 0.1  # m that a turn to the next heading costs as much as
-AROUND: Final = 1.0  # m around all that was seen, within which paths are searched
-_PARTS: Final = 5  # of a cell on each axis, to which places of points are rounded
-SLACK: Final = 0.01  # m that rounded places may be off
-_ANGLE: Final = math.radians(3)  # between two poses of a turn that are looked at
-_NEAR: Final = 0.5  # m from a path, beyond which clearances do not matter
-# Cells from one centre to the next along each heading; the others are the opposite.
+LEAST_MARGIN: Final = 0.02  # m around the footprint that have to be free
+MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; a step costs more within the wider ones
+MORE: Final = (3.0, 1.0)  # extra cost per metre within each wider margin
+REVERSE: Final = 2.0  # times the cost of driving forward
+TURN: Final = 0.1  # m; a turn to the next heading costs as much as this distance
+AROUND: Final = 1.0  # m around all seen points in which paths are searched
+_PARTS: Final = 5  # parts of a cell per axis, to which points are rounded
+SLACK: Final = 0.01  # m; error of rounded positions
+_ANGLE: Final = math.radians(3)  # rad between two checked poses of a turn
+_NEAR: Final = 0.5  # m from a path, beyond which clearances are ignored
+# Cells from one centre to the next along each heading; the other half is opposite.
 _AHEAD: Final = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))
 _HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
 _LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
-# Of each motion at each heading: forward, backward, and the turns to the next headings.
+# Costs of each motion per heading: forward, backward, and turns to the next headings.
 _COSTS: Final = np.column_stack([_LENGTHS, _LENGTHS * REVERSE, *np.full((2, 16), TURN)])
-# A path over 8 neighbours is at most that much longer than one over 16.
+# Greatest ratio of a path length over 8 neighbours to one over 16.
 _LONGER: Final = (1 + math.sqrt(2)) / math.sqrt(5)
-# Bits of a mask for each margin: one for each heading of half a turn, and one between.
+# Bits of a mask for each margin: one per heading of half a turn, and one in between.
 _BITS: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A rectangle about the robot's centre, and how far it is from points.
+    """A rectangle about the robot's centre, with its clearance from points.
 
     Attributes:
-        length: m.
-        width: m.
+        length: Length along the robot's axis, m.
+        width: Width across the robot's axis, m.
     """
 
     length: float
@@ -69,18 +69,18 @@ class Footprint:
 
     @property
     def radius(self) -> float:
-        """Half its diagonal, m."""
+        """Half the diagonal, m."""
         return math.hypot(self.length, self.width) / 2
 
     def distances(
         self, points: Floats, poses: Floats, longer: float | Floats = 0.0
     ) -> Floats:
-        """Return how far points are from it at some poses, (P, N) m; 0 inside.
+        """Return distances of points from the footprint at poses, (P, N) m; 0 inside.
 
         Args:
             points: (N, 2) m.
             poses: (P, 3) m and rad.
-            longer: How much longer than its length it is, m; a number, or (P, 1).
+            longer: Length to add to the footprint, m; a number, or (P, 1).
         """
         c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
         x, y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
@@ -90,16 +90,16 @@ class Footprint:
         return outside
 
     def clearance(self, points: Floats, pose: Floats) -> float:
-        """Return how far the nearest of some points is at a pose, m; ``inf``: none."""
+        """Return the distance of the nearest point at a pose, m; ``inf`` if none."""
         return float(self.distances(points, pose[None]).min(initial=math.inf))
 
     def motion_clearance(self, points: Floats, begin: Floats, end: Floats) -> float:
-        """Return the least distance of points during a motion, m.
+        """Return the least distance of points from the footprint during a motion, m.
 
         Args:
             points: (N, 2) m.
             begin: (3,) m and rad.
-            end: (3,): at the same place or with the same heading, ahead or behind.
+            end: (3,) m and rad, at the same position or with the same heading as begin.
         """
         way, middle = math.dist(begin[:2], end[:2]), (begin[:2] + end[:2]) / 2
         reach = self.radius + _NEAR + way / 2
@@ -113,7 +113,7 @@ class Footprint:
         return float(self.distances(near, poses).min(initial=_NEAR))
 
     def clearances(self, points: Floats, poses: Floats) -> Floats:
-        """Return ``motion_clearance`` of the motions from pose to pose, (P - 1,) m."""
+        """Return the clearances of the motions between successive poses, (P - 1,) m."""
         pairs = itertools.pairwise(poses)
         return np.array([self.motion_clearance(points, *pair) for pair in pairs])
 
@@ -123,19 +123,19 @@ def plan_footprint(
 ) -> Floats | None:
     """Plan a path of a footprint among points.
 
-    No motion leads nearer to a point than the least margin, less a centimetre, or than
-    the footprint is at the start.
+    No motion comes closer to a point than the least margin, less a centimetre, or than
+    the clearance at the start if that is smaller.
 
     Args:
         footprint: The footprint.
-        points: Where something is, (N, 2) m.
-        start: m and rad.
+        points: Obstacle points, (N, 2) m.
+        start: Pose of the robot, m and rad.
         goal: m; the path ends in the cell that holds it, and at the goal itself if the
             footprint can turn there.
 
     Returns:
-        (P, 3) m and rad, from the start on: from pose to pose it turns on the spot, or
-        moves along its axis; None if there is no path.
+        (P, 3) m and rad, from the start on; between successive poses the robot turns on
+        the spot or moves along its axis. None if there is no path.
     """
     grid = _PoseGrid(footprint, points, start, goal)
     path = grid.search()
@@ -150,14 +150,14 @@ def plan_footprint(
 
 
 class _PoseGrid:
-    """Cells and masks in the frame of a start, which is the centre of a cell."""
+    """Cells and masks in the frame of the start pose, which is the centre of a cell."""
 
     def __init__(
         self, footprint: Footprint, points: Floats, start: Pose2, goal: Point
     ) -> None:
         self._start = start
         c, s = math.cos(start.yaw), math.sin(start.yaw)
-        self._turned = np.array([[c, -s], [s, c]])  # to the map frame, by rows
+        self._turned = np.array([[c, -s], [s, c]])  # rotates to the map frame, by rows
         places = np.vstack([points, [goal], [[start.x, start.y]]])
         places = (places - (start.x, start.y)) @ self._turned
         low = np.floor((places.min(axis=0) - AROUND) / CELL)
@@ -178,8 +178,8 @@ class _PoseGrid:
 
         Args:
             footprint: The footprint.
-            places: (N, 2) m, in the frame of the grid.
-            least: Least margin, m; below 0 for a footprint that is a little smaller.
+            places: Obstacle points, (N, 2) m, in the frame of the grid.
+            least: Least margin, m; below 0 for a slightly smaller footprint.
         """
         rows, columns = self._shape
         masks = np.zeros(rows * columns, np.int64)
@@ -192,7 +192,7 @@ class _PoseGrid:
         shifts = np.array([(dx, dy) for dx in steps for dy in steps])
         for part in np.ndindex(_PARTS, _PARTS):
             chosen = numbers[(parts == part).all(axis=1)]
-            # from the centres of the cells around it to the place of the point
+            # from the centres of the surrounding cells to the position of the point
             ways = ((np.array(part) + 0.5) / _PARTS - 0.5 - shifts) * CELL
             bits = _bits(footprint, ways, least)
             for (dx, dy), bit in zip(shifts[bits > 0], bits[bits > 0], strict=True):
@@ -200,7 +200,7 @@ class _PoseGrid:
         return masks.reshape(rows, columns)
 
     def search(self) -> Floats | None:
-        """Return the cheapest path as poses in the map frame, (P, 3)."""
+        """Return the cheapest path as poses in the map frame, (P, 3), or None."""
         rows, columns = self._shape
         cost = np.ones(self._shape)
         column, row = -self._first
@@ -209,13 +209,14 @@ class _PoseGrid:
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
-            # in no orientation is it farther away
+            # in every orientation a point is within this margin
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
         if not math.isfinite(guide.flat[start]):
             return None
-        # A state is the number of a cell times 16, and the number of a heading.
+        # The number of a state is 16 times the number
+        # of the cell plus that of the heading.
         parents = np.zeros((rows * columns, len(_HEADINGS)), np.int32)
         state = engine.search_states(
             self._masks, _HEADINGS, _COSTS, *MORE, guide, start, self._goal, parents
@@ -233,15 +234,15 @@ class _PoseGrid:
 
 
 def _bits(footprint: Footprint, ways: Floats, least: float) -> NDArray[np.int64]:
-    """Return the masks of a point, as seen from the centres of some cells.
+    """Return the mask bits that a point sets in the cells around it.
 
     Args:
         footprint: The footprint.
-        ways: (N, 2) m, from the centres to the point.
+        ways: (N, 2) m, vectors from the centres of the cells to the point.
         least: Least margin, m.
 
     Returns:
-        (N,); for each margin a bit for each orientation in which the point is nearer.
+        (N,); a bit for each margin and orientation in which the point is too close.
     """
     yaws = np.arctan2(*_HEADINGS.T[::-1])[: _BITS // 2 + 1]
     yaws[-1] = math.pi
@@ -260,9 +261,9 @@ def _bits(footprint: Footprint, ways: Floats, least: float) -> NDArray[np.int64]
 
 
 def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
-    """Return a path with straight motions in place of detours, (P, 3).
+    """Return the path with straight motions in place of detours, (P, 3).
 
-    They keep as far from everything as the detours, or as the widest margin.
+    Straight motions keep the clearance of the detours, or the widest margin.
     """
     path = _merged(path)
     clearances = footprint.clearances(points, path)
@@ -271,14 +272,14 @@ def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
     is_back = is_leg & ((np.diff(path[:, :2], axis=0) * ahead).sum(axis=1) < 0)
     done, i = [path[0]], 0
     while i < len(path) - 1:
-        # up to where it goes backward
+        # up to the next backward motion
         limit = i + int(np.append(is_back[i:], True).argmax())
         for j in range(limit, i + 1, -1):
             way = path[j, :2] - path[i, :2]
             if not way.any():
                 continue
             yaw = math.atan2(way[1], way[0])
-            # turn, go, and turn to how the path goes on
+            # turn, drive, and turn to the next heading of the path
             motions = np.array(
                 [done[-1], [*path[i, :2], yaw], [*path[j, :2], yaw], path[j]]
             )
@@ -294,7 +295,7 @@ def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
 
 
 def _merged(path: Floats) -> Floats:
-    """Return a path without stops between turns, or between equal straight motions."""
+    """Return a path without stops between turns or between equal straight motions."""
     kept = [path[0]]
     for pose, after in zip(path[1:], [*path[2:], None], strict=True):
         if after is not None:

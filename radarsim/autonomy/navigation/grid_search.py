@@ -1,9 +1,9 @@
-"""Searches on grids, and the rule of passage: where a robot may be, at what cost.
+"""Searches on grids, and the cost of driving near obstacles.
 
-The robot's centre keeps the safety distance from what blocks robots, so a passage is
-wide enough if twice the safety distance, and what the sensor and the cells blur, fits
-in. Where there is room, paths keep farther away. All planners that work on grids follow
-this rule, so that what one of them can reach is what all can reach.
+The robot's centre keeps the safety distance from obstacles, so a passage has to be
+twice the safety distance wide, plus the blur of the sensor and the cells. Where there
+is space, paths keep farther away. All grid planners use the same costs, so they all
+reach the same cells.
 """
 
 import math
@@ -16,20 +16,20 @@ from scipy import ndimage
 from radarsim.engine import engine
 from radarsim.geometry import Floats
 
-COSTLY: Final = 0.4  # m beyond the safety distance, where a step costs more
-COSTLY_FACTOR: Final = 3.0  # added at its inner edge to the cost of a step, which is 1
-CHEAP: Final = 2.0  # cost of a step that a short cut may lead over
-ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
+COSTLY: Final = 0.4  # m beyond the safety distance in which a step costs more
+COSTLY_FACTOR: Final = 3.0  # extra cost of a step at the inner edge
+CHEAP: Final = 2.0  # highest cost of a step on a short cut
+ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too close to an obstacle
 ESCAPE_COST: Final = 10.0
 
 
 def step_cost(clearance: Floats, safety_distance: float) -> Floats:
-    """Return the cost of a step of one cell into each; inf where none may be made.
+    """Return the cost of a step of one cell into each cell; inf for closed cells.
 
     Args:
-        clearance: (R, C) m from the centre of each cell to the nearest centre of a cell
-            that blocks robots; inf if that is far away.
-        safety_distance: m from the robot's centre.
+        clearance: (R, C) m from the centre of each cell to the nearest centre of a
+            blocked cell; inf if none is near.
+        safety_distance: Safety distance from the robot's centre, m.
 
     Returns:
         (R, C).
@@ -47,12 +47,12 @@ _EIGHT_NEIGHBORS = np.ones((3, 3), np.bool_)
 def shortest_path(
     cost: Floats, start: Cell, targets: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Return the cheapest path from a cell to any of the targets, over all 8 neighbors.
+    """Return the cheapest path from a cell to any target over all 8 neighbors.
 
     Args:
-        cost: (R, C) cost of a step of one cell into each; inf for closed cells.
-        start: Row and column, closed or not.
-        targets: (R, C).
+        cost: (R, C) cost of a step of one cell into each cell; inf for closed cells.
+        start: Row and column of the start, which may be closed.
+        targets: (R, C), true for target cells.
 
     Returns:
         (N, 2) rows and columns, both ends included; N is 0 if there is no path, and 1
@@ -68,17 +68,17 @@ def shortest_path(
 
 
 def path_costs(cost: Floats, start: Cell) -> Floats:
-    """Return the cost of the cheapest path from a cell to each, (R, C).
+    """Return the cost of the cheapest path from a cell to each cell, (R, C).
 
     Args:
-        cost: (R, C) cost of a step of one cell into each; inf for closed cells.
-        start: Row and column, closed or not.
+        cost: (R, C) cost of a step of one cell into each cell; inf for closed cells.
+        start: Row and column of the start, which may be closed.
     """
     return _search(cost, start, np.zeros(cost.shape, np.bool_))[2]
 
 
 def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
-    """Return all cells connected with the start, which is one of them, (R, C)."""
+    """Return a mask of all cells connected with the start, and the start, (R, C)."""
     cells = passable.copy()
     cells[start] = True
     labels, _ = ndimage.label(cells, _EIGHT_NEIGHBORS)
@@ -86,10 +86,10 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
 
 
 def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
-    """Return whether two cells are joined with the border, and not with each other.
+    """Return whether two cells both connect to the border, but not to each other.
 
-    Then a path between them may lead around what the grid shows. To an end that is
-    closed nothing leads.
+    Then a path between them may lead around the area of the grid. A closed end cell
+    cannot be reached, so the result is False.
     """
     border = np.ones(passable.shape, np.bool_)
     border[1:-1, 1:-1] = False
@@ -102,14 +102,14 @@ def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> boo
 def _search(
     cost: Floats, start: Cell, targets: NDArray[np.bool_]
 ) -> tuple[int, NDArray[np.int64], Floats]:
-    """Visit cells by cost until one is a target.
+    """Visit cells in order of cost until one is a target.
 
-    Unlike ``scipy.sparse.csgraph`` it stops at the first target, needs no graph, and
-    always chooses the same of several paths of equal cost.
+    Unlike ``scipy.sparse.csgraph``, the search stops at the first target, needs no
+    graph, and always returns the same path of several with equal cost.
 
     Returns:
-        The number of the target, or -1; the number of the cell before each, and the
-        cost of the path to each.
+        The number of the target, or -1; the number of the previous cell of each cell,
+        and the cost of the path to each cell.
     """
     parents, best = np.full(cost.shape, -1, np.int64), np.full(cost.shape, np.inf)
     end = engine.search_grid(cost, *start, targets, parents, best)

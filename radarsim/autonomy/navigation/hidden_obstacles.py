@@ -1,38 +1,39 @@
-"""Obstacles that the newest scan does not show: what was touched, and what vanished.
+"""Obstacles that the newest scan does not show: touched ones and vanished ones.
 
 Theory of operation
 ===================
-A beam that meets a mirror goes on elsewhere, and ends in a place that seems to be
-behind the mirror. So what seems to stand before a mirror stands there, and what seems
-to be behind it may not. A robot drives into things that it cannot see, and its touch
-sensors report a touch, but not its place. That is on the side of the footprint that
-led: its points moved outward.
+A mirror reflects a beam, so the beam ends at a point that appears behind the mirror.
+Points that appear in front of a mirror are real, and points that appear behind it may
+not be. A robot drives into an obstacle that it cannot see. Its touch sensors report the
+contact, but not its position. The contact is on the leading side of the footprint,
+whose points moved outward.
 
-A box as wide as that part of the footprint is kept there, in the map frame. From then
-on beams end at it, and what they showed behind it does not count. Where two boxes are
-so near to each other that the robot does not fit between them, beams end there as well.
-So all that steers by scans treats what was touched as it treats what it sees.
+A box as wide as the leading side is stored there in the map frame. From then on beams
+end at the box, and returns from behind it are dropped. If the gap between two boxes is
+too narrow for the robot, beams end there as well. So every algorithm that steers by
+scans treats touched obstacles like seen ones.
 
-The robot goes back the way it came, which was free, until all that it sees or has
-touched is as far away as the safety distance. It keeps nothing if it stood: then
-something has driven into it, and will drive away. Along a mirror the way back leads
-along it. So where that ends, it takes the motion that leads its centre away and its
-footprint past all that it sees or has touched. It does the same instead of a motion
-that would press its footprint against what it sees or has touched, such as a turn at
-it: nothing is touched twice. If it touches something on that way, it goes back on that.
+The robot backs up along the path it came, which was free, until everything seen or
+touched is as far away as the safety distance. A robot that stood stores no box: another
+robot has driven into it, and will drive away. Along a mirror the path back also leads
+along the mirror. So at the end of that path, the robot chooses the motion that moves
+its centre away and its footprint past all seen and touched obstacles. It does the same
+instead of a motion that would press its footprint against an obstacle, such as a turn
+next to one, so it touches nothing twice. If it touches an obstacle on the way out, it
+backs up again.
 
-In a mirror that it faces it sees itself come as it comes. It may stop before its image,
-and stand there for good; in a gap whose sides are mirrors it may turn to and fro. So
-where it gets nowhere it takes what it faces for touched.
+A robot that faces a mirror sees its own image approach. It may stop in front of the
+image for good, and in a gap between mirrors it may turn to and fro. So a robot that
+makes no progress treats the obstacle ahead as touched.
 
-The end of a plate is thin, and beams pass by it: one scan shows it, and the next
-one does not. Where the plate is a mirror, what beams show instead is far away. A robot
-that steers by each scan alone would turn away from the end in one and on towards it in
-the next, until it touches it.
+The end of a plate is thin, and beams pass next to it: one scan shows the end, and the
+next scan does not. If the plate is a mirror, the beams show a far point instead. A
+robot that steers by single scans would turn away from the end in one scan and towards
+it in the next, until it touches it.
 
-So what a scan has shown near the robot, and the next one looks through, is kept for a
-few seconds: beams end there as if they had met it. What has moved is not kept: it is
-seen next to its place, or a little farther away.
+So a point that one scan shows near the robot, and that the next scan looks through, is
+stored for a few seconds: beams end there as if they had hit it. A moving object is not
+stored, since it is seen next to its old position, or slightly farther away.
 """
 
 import math
@@ -48,51 +49,51 @@ from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import HORIZON
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
-DEPTH: Final = 0.1  # m; of a box, so that it is seen from its end, too
-LEAST_WIDTH: Final = 0.2  # m; of a box, so that bumpers notice it
-STOOD: Final = 0.5  # s without a command to move, after which the robot stood
-HELD: Final = 8.0  # s for which it gets nowhere and does not wait
-LONGEST_WAY_BACK: Final = 1.0  # m
-LEAST_SPEED: Final = 0.02  # m/s; less is no motion
-LEAST_TURN: Final = 0.05  # rad/s
-_MOTIONS: Final = 200  # that are kept
-_POINTS: Final = 5  # on each side of the footprint
-_LEADING: Final = 0.5  # of the highest outward speed, above which a point may have led
-_CLOSE: Final = 0.02  # m from the footprint to a box, within which it may touch that
-_SOON: Final = (0.15, 0.3)  # s ahead at which a motion is judged that a bug decided on
-_AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s; likewise, one that leads away
-_GAIN: Final = 0.01  # m that this has to lead away
-_SPEEDS: Final = (0.2, -0.2)  # m/s of motions that may
-_TURNS: Final = (0.0, 0.1, -0.1, 0.2, -0.2, 0.4, -0.4, 0.8, -0.8)  # rad/s, likewise
+DEPTH: Final = 0.1  # m; depth of a box, so that it is visible from its ends
+LEAST_WIDTH: Final = 0.2  # m; of a box, so that bumpers detect it
+STOOD: Final = 0.5  # s without a motion command, after which the robot stands
+HELD: Final = 8.0  # s without progress or waiting, after which an obstacle is assumed
+LONGEST_WAY_BACK: Final = 1.0  # m of the path that the robot drives back
+LEAST_SPEED: Final = 0.02  # m/s; slower counts as standing
+LEAST_TURN: Final = 0.05  # rad/s; slower counts as standing
+_MOTIONS: Final = 200  # motions stored for driving back
+_POINTS: Final = 5  # points on each side of the footprint
+_LEADING: Final = 0.5  # of the highest outward speed; faster points are leading
+_CLOSE: Final = 0.02  # m from the footprint to a box that it may touch
+_SOON: Final = (0.15, 0.3)  # s ahead at which a decided motion is checked
+_AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s ahead; for a motion away from obstacles
+_GAIN: Final = 0.01  # m that such a motion has to lead away
+_SPEEDS: Final = (0.2, -0.2)  # m/s of motions away from obstacles
+_TURNS: Final = (0.0, 0.1, -0.1, 0.2, -0.2, 0.4, -0.4, 0.8, -0.8)  # rad/s
 _SAMPLE: Final = 0.05  # m between two points of a box
-_SAME: Final = 0.6  # m from a box within which the same thing was touched again
-_PART: Final = 0.15  # m from the point that is nearest to the box, likewise
-KEPT_FOR: Final = 3.0  # s for which what has vanished is kept
-REACH: Final = 0.65  # m; beyond, a pole may be between two beams for long
-_SAME_PLACE: Final = 0.1  # m within which what has vanished is the same
-_HALF: Final = 0.05  # m; half the side of the box that is kept of it
+_SAME: Final = 0.6  # m from a box to a second contact with the same obstacle
+_PART: Final = 0.15  # m around the contact point that the new box covers
+KEPT_FOR: Final = 3.0  # s for which a vanished point is stored
+REACH: Final = 0.65  # m; farther away, a pole may stay between two beams for long
+_SAME_PLACE: Final = 0.1  # m between vanished points that count as one
+_HALF: Final = 0.05  # m; half the side of the box of a vanished point
 
 Points: TypeAlias = NDArray[np.complex128]  # x + iy, m
 
 
 class TouchedPlaces:
-    """Boxes where something was touched, and what scans show with them."""
+    """Boxes at touched obstacles, with scans that end at them."""
 
     def __init__(self, gap: float) -> None:
-        """Create it without boxes.
+        """Create an empty collection.
 
         Args:
-            gap: Widest gap between two boxes through which the robot does not fit, m.
+            gap: Widest gap between two boxes that the robot cannot pass, m.
         """
         self._gap = gap
         self._corners: Points = np.zeros((0, 4), np.complex128)  # map frame
-        self._walls: Points = np.zeros((0, 2), np.complex128)  # both ends of each
+        self._walls: Points = np.zeros((0, 2), np.complex128)  # both ends of each wall
 
     def __len__(self) -> int:
         return len(self._corners)
 
     def add(self, corners: Points) -> None:
-        """Add a box by its corners in turn, (4,), map frame."""
+        """Add a box by its corners in order, (4,), map frame."""
         walls = [np.column_stack([corners, np.roll(corners, -1)])]
         for other in self._corners:
             gaps = np.abs(corners[:, None] - other)
@@ -103,7 +104,7 @@ class TouchedPlaces:
         self._walls = np.vstack([self._walls, *walls])
 
     def distances(self, points: Points) -> Floats:
-        """Return how far points, (N,), map frame, are from the nearest box, (N,) m."""
+        """Return distances of points, (N,), map frame, to the nearest box, (N,) m."""
         begins, along = self._walls[:, 0], np.diff(self._walls)[:, 0]
         to = points[:, None] - begins
         share = (to * along.conj()).real / np.maximum(np.abs(along) ** 2, 1e-12)
@@ -121,7 +122,7 @@ class TouchedPlaces:
         return seen
 
     def hide(self, observation: Observation) -> Observation:
-        """Return a scan whose beams end at the boxes, without things behind them."""
+        """Return the scan with beams that end at boxes, without returns behind."""
         if not len(self):
             return observation
         pose, farther = observation.pose, observation.farther
@@ -131,8 +132,8 @@ class TouchedPlaces:
         return replace(observation, ranges=ranges, farther=farther[is_before])
 
     def _lengths(self, pose: Pose2, bearings: Floats) -> Floats:
-        """Return how far beams get until they meet a box, (N,) m; ``inf`` if none."""
-        # turned so that each beam leads along x
+        """Return the lengths of beams up to a box, (N,) m; ``inf`` if none."""
+        # rotated so that each beam lies along x
         beams = np.exp(-1j * (bearings + pose.yaw))
         ends = (self._walls - complex(pose.x, pose.y)) * beams[:, None, None]
         begin, end = ends[..., 0], ends[..., 1]
@@ -145,17 +146,17 @@ class TouchedPlaces:
 
 
 class TransientObstacles:
-    """Keeps what has vanished from one scan to the next."""
+    """Stores obstacles that one scan shows and the next one does not."""
 
     def __init__(self) -> None:
         self._last: Observation | None = None
-        self._kept: deque[tuple[float, Points]] = deque()  # since when, and the box
+        self._kept: deque[tuple[float, Points]] = deque()  # time stored, s, and box
 
     def add_to(self, observation: Observation) -> Observation:
-        """Return a scan whose beams end at what has vanished; to be called at each.
+        """Return the scan with beams that end at vanished points; call it at each scan.
 
         Args:
-            observation: The newest scan, as it came.
+            observation: The newest scan, unchanged.
         """
         last, self._last = self._last, observation
         while self._kept and observation.time - self._kept[0][0] >= KEPT_FOR:
@@ -171,7 +172,7 @@ class TransientObstacles:
 
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
-    """Return boxes, (4,) corners each, map frame, of what a scan no longer shows."""
+    """Return boxes, (4,) corners each, map frame, of points that the new scan lost."""
     near = last.offsets(last.ranges < REACH)
     points = complex(last.pose.x, last.pose.y) + near
     boxes: list[Points] = []
@@ -180,26 +181,26 @@ def _vanished(last: Observation, now: Observation) -> list[Points]:
     for point in points[now.looks_through(points)].tolist():
         if all(abs(point - centre) > _SAME_PLACE for centre in centres):
             centres.append(point)
-            # its front is where the beam ended
+            # the near side of the box is where the beam ended
             turn = np.exp(1j * np.angle(point - complex(now.pose.x, now.pose.y)))
             boxes.append(point + turn * (square + _HALF))
     return boxes
 
 
 class TouchMemory:
-    """Remembers what the footprint touches, and leads back from it.
+    """Stores the contacts of the footprint, and steers back from them.
 
     Attributes:
-        places: Where it has touched something.
+        places: Boxes at the contacts.
     """
 
     def __init__(self, length: float, width: float, safety_distance: float) -> None:
-        """Create it.
+        """Create an empty memory.
 
         Args:
-            length: Of the footprint, m.
-            width: Likewise.
-            safety_distance: How far back it leads, m from the robot's centre.
+            length: Length of the footprint, m.
+            width: Width of the footprint, m.
+            safety_distance: Distance from the robot's centre to back up to, m.
         """
         self.places = TouchedPlaces(math.hypot(length, width))
         self._safety_distance = safety_distance
@@ -208,21 +209,21 @@ class TouchMemory:
         # how it came: the durations of its motions, s, and their reverse
         self._way_back: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
         self._last: Observation | None = None
-        self._motion = STOP  # the last one that was commanded
-        self._ahead = 1.0  # or -1: whether the robot last went forward, or backward
-        self._moved_at = -math.inf  # s
-        # where it last was elsewhere, or had to wait, and when, s
+        self._motion = STOP  # the last motion command other than STOP
+        self._ahead = 1.0  # 1 or -1: whether the robot last drove forward or backward
+        self._moved_at = -math.inf  # time of the last motion command, s
+        # last pose with progress, or at which the robot had to wait, and its time, s
         self._place: Pose2 | None = None
         self._moved_on_at = math.inf
-        self._gone_back: float | None = None  # m since it touched something
-        self._reverses = False  # whether its motion leads back the way it came
+        self._gone_back: float | None = None  # m driven back since the contact
+        self._reverses = False  # whether the current motion leads back along the path
 
     def notice(self, observation: Observation, twist: Twist) -> bool:
-        """Note a scan as it came; return whether something was touched, and is kept.
+        """Process a scan; return whether a contact was detected and stored.
 
         Args:
-            observation: The newest scan.
-            twist: The motion that was commanded since the scan before.
+            observation: The newest scan, unchanged.
+            twist: The motion command since the previous scan.
         """
         last, self._last = self._last, observation
         if twist != STOP:
@@ -240,13 +241,13 @@ class TouchMemory:
             return False
         self._moved_on_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # Who touches something on the way back takes another way out, and so does who
-        # got nowhere, whose way back leads nowhere.
+        # After a contact on the way back, or without progress, driving back does not
+        # help, so the robot searches another way out.
         self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
     def _add_motion(self, last: Observation, now: Observation) -> None:
-        """Add the motion between two scans, by their poses, to the way back."""
+        """Add the motion between two scans, reversed, to the way back."""
         elapsed, pose = now.time - last.time, last.pose
         if elapsed <= 0:
             return
@@ -258,17 +259,17 @@ class TouchMemory:
             self._way_back.append((elapsed, back))
 
     def note_decision(self, observation: Observation, twist: Twist | None) -> None:
-        """Note what was decided by a scan: a motion, or None to wait."""
+        """Store the decision on a scan: a motion, or None to wait."""
         pose = observation.pose
         place = self._place
         if twist is None or place is None or pose.is_apart(place, *MOVED):
             self._place, self._moved_on_at = pose, observation.time
 
     def retreat(self, observation: Observation) -> Twist | None:
-        """Return the motion back from what was touched; None away from it.
+        """Return the motion back from an obstacle; None if the robot is away from it.
 
         Args:
-            observation: The newest scan, after ``notice``, without what boxes hide.
+            observation: The newest scan after ``notice``, without returns behind boxes.
         """
         if self._gone_back is None:
             return None
@@ -283,21 +284,21 @@ class TouchMemory:
             self._reverses = True
             return back
         way_out = None if is_away else self._way_out(observation)
-        # Who is on the way out does not go back on that, unless it touches something.
+        # On the way out the robot does not drive back again without another contact.
         self._gone_back = None if way_out is None else math.inf
         return way_out
 
     def keep_off(self, observation: Observation, twist: Twist) -> Twist:
-        """Return a motion, or one that leads away if it would touch a box again.
+        """Return the motion, or a motion away from the obstacle that it would touch.
 
         Args:
             observation: The newest scan, after ``retreat``.
-            twist: The motion that was decided on.
+            twist: The motion that the controller decided on.
         """
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # The footprint may come as near to what it sees as planned paths lead.
+        # Planned paths lead close to seen points, so the footprint may come as close.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -314,7 +315,7 @@ class TouchMemory:
         return soon >= min(least, now)
 
     def _way_out(self, observation: Observation) -> Twist | None:
-        """Return the motion that leads away from boxes, past all else; None if none."""
+        """Return a motion away from boxes and clear of all points, or None."""
         boxes = self.places.samples(observation.pose)
         seen = _ends(observation)
         points = np.concatenate([boxes, seen])
@@ -334,9 +335,9 @@ class TouchMemory:
         """Return how far the footprint will be from points, m; < 0 inside.
 
         Args:
-            points: (N,) m.
-            twist: The motion.
-            time: s from now.
+            points: (N,) m, robot's frame.
+            twist: The motion of the footprint.
+            time: Duration of the motion, s.
         """
         place, turned = _motion_after(twist, time)
         there = (points - place) * np.exp(-1j * turned)
@@ -346,7 +347,7 @@ class TouchMemory:
         return float(distances.min(initial=math.inf))
 
     def _touched_box(self, pose: Pose2) -> Points:
-        """Return the corners of a box at the side that led, map frame."""
+        """Return the corners of a box at the leading part of the outline, map frame."""
         points, normals = self._outline, self._normals
         velocity = self._motion.speed + 1j * self._motion.turn * points
         outward = (velocity * normals.conj()).real
@@ -355,7 +356,7 @@ class TouchMemory:
         place = complex(pose.x, pose.y)
         away = np.where(led, self.places.distances(place + to_map * points), math.inf)
         if away.min() < _SAME:
-            # most likely more of the same thing
+            # most likely another part of the same obstacle
             nearest = int(away.argmin())
             led &= np.abs(points - points[nearest]) <= _PART
             normal = normals[nearest]
@@ -373,16 +374,16 @@ class TouchMemory:
 
 
 def _ends(observation: Observation) -> Points:
-    """Return the ends of beams, (N,) m, robot's frame."""
+    """Return the end points of beams, (N,) m, robot's frame."""
     near = observation.ranges < HORIZON
     ends: Points = observation.ranges[near] * np.exp(1j * observation.bearings[near])
     return ends
 
 
 def _motion_after(twist: Twist, time: float) -> tuple[complex, float]:
-    """Return where a motion leads, m, robot's frame, and by how much it turns, rad."""
+    """Return the displacement of a motion, m, robot's frame, and its turn, rad."""
     turned = twist.turn * time
-    # of the arc its chord, by its middle; exact enough for a second
+    # The arc is replaced by a chord in the mean direction; exact enough for a second.
     return twist.speed * time * complex(
         math.cos(turned / 2), math.sin(turned / 2)
     ), turned
@@ -396,7 +397,7 @@ def _footprint_outline(length: float, width: float) -> tuple[Points, Points]:
     """Return points on the outline and the directions outward there, robot's frame.
 
     Returns:
-        (N,) each; corners are points of both sides.
+        (N,) each; every corner is a point of both of its sides.
     """
     points, normals = [], []
     across = np.linspace(-1.0, 1.0, _POINTS)

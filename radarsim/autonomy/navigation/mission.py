@@ -23,26 +23,26 @@ CONTROLLERS: Final[dict[Algorithm, type[Controller]]] = {
     Algorithm.TANGENT_BUG: TangentBug,
     Algorithm.PLANNED: PathPlanning,
 }
-MARGIN = 0.13  # m added to the least safety distance, for noise and braking
+MARGIN = 0.13  # m added to the smallest safety distance, for noise and braking
 
 
 def spawn_robot(
     client: Client, plan: DrivePlan, info: RobotInfo | None = None
 ) -> tuple[RobotInfo, ScannerInfo, float, SpeedLimits]:
-    """Spawn the robot of a plan, and ask for its properties.
+    """Spawn the robot of a plan, and query its properties.
 
     Args:
         client: The connection.
         plan: The plan.
-        info: Properties of the robot that the client has; None to spawn one.
+        info: Properties of an existing robot; None to spawn one.
 
     Returns:
-        Its properties, the scanner to use, the safety distance, m, and the speed limits
-        of the plan, as far as the robot can drive that fast.
+        The properties of the robot, its scanner, the safety distance, m, and the speed
+        limits of the plan, capped at the speed of the robot.
 
     Raises:
-        ClientError: If the server does not send the needed reports.
-        NavigationError: If the robot cannot do what the plan asks for.
+        ClientError: If the server does not send the properties.
+        NavigationError: If the robot cannot carry out the plan.
     """
     if info is None:
         client.spawn(plan.robot_class, start=plan.start, pose=plan.pose)
@@ -62,18 +62,18 @@ def run_mission(
     *,
     info: RobotInfo | None = None,
 ) -> Result:
-    """Spawn a robot and drive it to its goals; it stands at the end.
+    """Spawn a robot and drive it to its goals; the robot stands at the end.
 
     Args:
         client: A connection without a robot, unless ``info`` is given.
         mission: The mission.
         observe: Called at every scan.
-        info: Properties of the robot that the client has, such as of
-            ``LocalRobot.as_client``; None to spawn that of the mission.
+        info: Properties of an existing robot, such as one from
+            ``LocalRobot.as_client``; None to spawn the robot of the mission.
 
     Raises:
-        ClientError: If the server does not send the needed reports.
-        NavigationError: If the robot cannot do what the mission asks for.
+        ClientError: If the server does not send the required reports.
+        NavigationError: If the robot cannot carry out the mission.
     """
     info, scanner, safety_distance, speed_limits = spawn_robot(client, mission, info)
     bumpers = Bumpers(
@@ -82,7 +82,7 @@ def run_mission(
         share=mission.share,
         rule=mission.rule,
     )
-    # Before anything is driven: what a blind bumper faces would be hit.
+    # Checked before the robot drives, since it would hit obstacles at a blind bumper.
     check_field_of_view(bumpers, scanner)
     footprint = footprint_for(info, mission)
     settings = ControllerSettings(mission, bumpers, speed_limits, footprint)
@@ -104,11 +104,12 @@ def safety_distance_for(
 
     Args:
         robot_info: Properties of the robot.
-        wanted: m; None for the least one that is safe, and a margin.
-        penetration_depth: How far the sensor sees into foliage, m.
+        wanted: Requested safety distance, m; None for the smallest safe one plus a
+            margin.
+        penetration_depth: Depth to which the sensor sees into foliage, m.
 
     Raises:
-        NavigationError: If the wanted one is too small.
+        NavigationError: If the requested safety distance is too small.
     """
     least = robot_info.clearance + penetration_depth
     if wanted is None:
@@ -124,9 +125,9 @@ def safety_distance_for(
 
 
 def footprint_for(robot_info: RobotInfo, mission: Mission) -> Footprint | None:
-    """Return what paths have to be wide enough for.
+    """Return the footprint that paths have to fit.
 
-    None if it is not known how far before the ends of beams that is which blocks.
+    None if beams may end at an unknown depth behind the front of an obstacle.
     """
     if not mission.echoes and mission.foliage_density is None:
         return None
@@ -135,10 +136,10 @@ def footprint_for(robot_info: RobotInfo, mission: Mission) -> Footprint | None:
 
 
 def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
-    """Refuse a scanner that does not cover a full circle.
+    """Raise an error for a scanner that does not cover a full circle.
 
     Raises:
-        NavigationError: If some bumpers get none of its beams.
+        NavigationError: If a bumper has no beams.
     """
     if blind := bumpers.blind(scanner.angles + scanner.mount.yaw):
         raise NavigationError(

@@ -1,30 +1,29 @@
-"""Things that move: who sees something come into its way goes round it, or waits.
+"""Moving objects: the robot avoids an object that crosses its path, or waits for it.
 
 Theory of operation
 ===================
-A scan is compared with one of a moment before. A thing that is now seen where a beam
-went through then has come there: it moves. A thing that was hidden then, behind
-something nearer, may as well have stood there, and does not count.
+Each scan is compared with a scan from a moment before. A point in a region that an
+earlier beam passed through has moved there. A point in a region that was hidden behind
+a nearer obstacle may have stood there, and is ignored.
 
-From where it is seen at first and now follows its velocity, which is known after half a
-second: so things are looked at some metres away, before they are near. The robot stands
-if the two would come too near to each other within the next seconds, and less so if it
-stands.
+The first and the current position of the object give its velocity after half a second,
+so objects are tracked from a few metres away. The robot stops if the two would come too
+close to each other within the next seconds, and stopping increases their distance.
 
-To stand does not help where something comes the other way and does not stop. A robot
-that plans paths does not wait for that. Its paths keep out of where the thing is and
-will be within three seconds, if it goes on as it does, and pass it on the side on which
-the robot is already, or else on the right. Where several things move, it is not known
-which of them goes where, and all robots wait.
+Stopping does not help against an object that approaches head-on without stopping. A
+robot that plans paths does not wait for such an object. Its paths avoid the current
+position of the object and its predicted positions for three seconds, and pass the
+object on the side where the robot already is, or else on the right. When several
+objects move, their tracks are ambiguous, and every robot waits.
 
-A robot that waits for something follows nothing, so what passes becomes no obstacle.
-What has come to a stand is an obstacle like others.
+A waiting robot follows no boundary, so a passing object does not become an obstacle. An
+object that has stopped is an obstacle like any other.
 
-What does not give way may drive into the robot. Then the robot neither turns nor goes
-on, since both would press against it: it backs off until it has room to turn. It does
-so only from things where something has moved: among things that stand it would have no
-room. In a mirror at its side its own image moves as it does. So here only motion counts
-that it has seen while it stood.
+An object that does not give way may drive into the robot. Then the robot neither turns
+nor drives on, since both would press it against the object: it backs off until it has
+room to turn. It backs off only from positions where an object has moved, since it would
+have no room among standing obstacles. In a mirror next to the robot, its image moves
+with it. So backing off only considers motion that the robot saw while it stood.
 """
 
 import math
@@ -39,60 +38,60 @@ from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import BEHIND, Observation
 from radarsim.geometry import Floats
 
-INTERVAL: Final = 2.0  # s between the scans that are compared
-LEAST_BEAMS: Final = 3  # that end on something that moves
-SPEED: Final = 0.3  # m/s at which the robot would go on
-HORIZON: Final = 4.0  # s ahead that are looked at
-MORE: Final = 2.5  # m beyond the reach of the bumpers within which motion is seen
-LEAST_TRACK: Final = 0.5  # s for which it is seen before its velocity is known
-PAUSE: Final = 1.0  # s without motion after which it goes on
-CONFIRMED_WITHIN: Final = 1.0  # s in which a second scan has to show the same
-PATIENCE: Final = 15.0  # s of waiting after which it goes on nevertheless
-IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
-SEEN_COMING: Final = 2.0  # m farther than that, where what meets the robot is seen
-MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s in which something meets the robot
-KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s of its way that paths keep out of
-HEAD_ON: Final = math.cos(math.radians(45))  # of its direction, against the robot's
-BESIDE_IT: Final = 0.6  # m to one side of it that paths keep out of as well
-STRAIGHT_AT: Final = 0.1  # m off the robot, where it comes straight at it
-ASIDE: Final = 0.3  # m more than the safety distance, within which it meets
-REMEMBERED: Final = 0.5  # s for which a thing that no scan shows is where it would be
-ONE_THING: Final = 1.5  # m; what moves farther apart is more than one
-BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
-RECENT: Final = 30.0  # s after motion was seen, in which it backs off
-MOVED_NEAR: Final = 0.5  # m from where that was, to what it backs off from
-# m and rad between the scans that are compared, if the robot stood
+INTERVAL: Final = 2.0  # s between the compared scans
+LEAST_BEAMS: Final = 3  # beams that have to end on a moving object
+SPEED: Final = 0.3  # m/s; assumed speed of the robot
+HORIZON: Final = 4.0  # s for which motion is predicted
+MORE: Final = 2.5  # m beyond the reach of the bumpers in which motion is detected
+LEAST_TRACK: Final = 0.5  # s of tracking before the velocity is known
+PAUSE: Final = 1.0  # s without motion before the robot drives on
+CONFIRMED_WITHIN: Final = 1.0  # s within which a second scan has to confirm the motion
+PATIENCE: Final = 15.0  # s of waiting before the robot drives on anyway
+IMPATIENCE: Final = 5.0  # s after waiting in which the robot does not wait again
+SEEN_COMING: Final = 2.0  # m beyond ``MORE`` in which approaching objects are seen
+MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s; predicted times of a meeting
+KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s; predicted times that paths avoid
+HEAD_ON: Final = math.cos(math.radians(45))  # least cosine of a head-on approach
+BESIDE_IT: Final = 0.6  # m to one side of the object that paths keep clear as well
+STRAIGHT_AT: Final = 0.1  # m off the robot's centre that counts as head-on
+ASIDE: Final = 0.3  # m beyond the safety distance, to pass an object
+REMEMBERED: Final = 0.5  # s for which an unseen object's motion is extrapolated
+ONE_THING: Final = 1.5  # m; a wider group of points is more than one object
+BACK_SPEED: Final = 0.3  # m/s away from an object that has driven into the robot
+RECENT: Final = 30.0  # s after a motion in which the robot backs off
+MOVED_NEAR: Final = 0.5  # m between an earlier motion and the obstacle to back off from
+# m and rad between the compared scans of a standing robot
 STOOD: Final = (0.05, 0.05)
 
 
 class Waiting:
-    """Decides when to stand because something moves into the robot's way."""
+    """Decides when to stop because an object moves into the robot's path."""
 
     def __init__(self, bumpers: Bumpers, clearance: float) -> None:
-        """Create it.
+        """Create the detector.
 
         Args:
             bumpers: Bumpers of the robot.
-            clearance: What the robot needs around its centre to turn, m.
+            clearance: Free radius around the robot's centre that it needs to turn, m.
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        # the scan that is compared with, once it is old enough, and all since
+        # the scan for the comparison, once it is old enough, and all later scans
         self._earlier: deque[Observation] = deque()
-        # when and where things moved, s and m, map frame
+        # times and positions of moving objects, s and m, map frame
         self._seen: deque[tuple[float, complex]] = deque()
-        self._ahead = 1.0  # or -1: whether the robot went forward, or backward
-        self._moved = -math.inf  # s; when something last moved into its way
-        self._crossed = -math.inf  # s; when a scan last showed that
-        # when and where something moved while the robot stood, s and m, map frame
+        self._ahead = 1.0  # 1 or -1: whether the robot drives forward or backward
+        self._moved = -math.inf  # s; when an object last moved into the path
+        self._crossed = -math.inf  # s; when a scan last showed such an object
+        # times and positions of motion while the robot stood, s and m, map frame
         self._motions: deque[tuple[float, complex]] = deque()
-        self._since = math.inf  # s; since when it waits
+        self._since = math.inf  # s; since when the robot waits
         self._passing_distance = bumpers.safety_distance + ASIDE
-        # when, ends of beams on one thing that moves, m, map frame, its velocity, m/s
+        # time, beam ends on a single moving object, m, map frame, and its velocity, m/s
         self._thing: tuple[float, NDArray[np.complex128], complex] | None = None
-        self._track: deque[tuple[float, complex]] = deque()  # when and where it was
-        self._closed_side = -1j  # of what meets the robot, as it drives: right, or left
-        self._meets = False  # whether that meets the robot
+        self._track: deque[tuple[float, complex]] = deque()  # times and positions
+        self._closed_side = -1j  # right or left of its track, to keep clear
+        self._meets = False  # whether the object approaches the robot
         self._impatient_until = -math.inf  # s
 
     def has_to_wait(
@@ -101,19 +100,19 @@ class Waiting:
         twist: Twist,
         still: NDArray[np.bool_] | None = None,
     ) -> bool:
-        """Return whether to stand until the next scan; to be called at every scan.
+        """Return whether to stand until the next scan; call it at every scan.
 
         Args:
             observation: The newest scan.
-            twist: The motion since the scan before, which shows where ahead is.
-            still: Beams that end on things known to stand, (N,); None for none.
+            twist: The motion since the previous scan, which sets the robot's direction.
+            still: Beams that end on known standing obstacles, (N,); None for none.
         """
         now = observation.time
-        # A robot that stands keeps its direction, as it will go on in that.
+        # A standing robot keeps its direction, since it will drive on in it.
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
         if self._detect_crossing(observation, still):
-            if now - self._crossed <= CONFIRMED_WITHIN:  # one scan may be in error
+            if now - self._crossed <= CONFIRMED_WITHIN:  # a single scan may be in error
                 self._moved = now
             self._crossed = now
         if now - self._moved >= PAUSE or now < self._impatient_until:
@@ -122,16 +121,16 @@ class Waiting:
         self._since = min(self._since, now)
         if now - self._since < PATIENCE:
             return True
-        # It goes on for a while, or the next scan would stop it again.
+        # The robot drives on for a while, or the next scan would stop it again.
         self._impatient_until = now + IMPATIENCE
         return False
 
     def moving_beams(self, observation: Observation, reach: float) -> NDArray[np.bool_]:
-        """Return which beams end on something that has moved, (N,).
+        """Return which beams end on an object that has moved, (N,).
 
         Args:
             observation: The newest scan; the times of scans increase.
-            reach: Longer beams are left out, m.
+            reach: Longer beams are ignored, m.
         """
         earlier, due = self._earlier, observation.time - (INTERVAL - 1e-6)
         earlier.append(observation)
@@ -146,9 +145,9 @@ class Waiting:
         return beams
 
     def meeting(self, observation: Observation) -> Floats:
-        """Return where what meets the robot is and will be, (M, 2) m, map frame.
+        """Return current and predicted positions of an approaching object, (M, 2) m.
 
-        M is 0 if nothing does.
+        Positions are in the map frame; M is 0 without an approaching object.
 
         Args:
             observation: The newest scan, after ``has_to_wait``.
@@ -162,15 +161,15 @@ class Waiting:
         off = np.abs(to_robot[:, None] - velocity * MET_WITHIN).min()
         heading = complex(math.cos(pose.yaw), math.sin(pose.yaw))
         against = (velocity * heading.conjugate()).real < -HEAD_ON * abs(velocity)
-        # The robot turns aside, and it is still the same that meets it.
+        # While the robot turns aside, the same object still counts as approaching.
         met_before = self._meets
         least = self._passing_distance * (1.5 if met_before else 1.0)
         self._meets = bool(off < least and (met_before or against))
         if not self._meets:
             return np.zeros((0, 2))
         along = velocity / abs(velocity)
-        # Once, or the shorter side may change from plan to plan; if it comes straight
-        # at the robot, both keep to the right.
+        # The side is chosen once, or the shorter side may change from plan to plan. In
+        # a head-on approach both keep to the right.
         if not met_before:
             is_left_of_it = (complex(to_robot.mean()) / along).imag > -STRAIGHT_AT
             self._closed_side = -1j if is_left_of_it else 1j
@@ -180,7 +179,7 @@ class Waiting:
         return np.column_stack([both.real, both.imag])
 
     def back_off(self, observation: Observation) -> Twist | None:
-        """Return the motion away from what has driven into the robot; None if nothing.
+        """Return the motion away from an object that has hit the robot, or None.
 
         Args:
             observation: The newest scan, after ``has_to_wait``.
@@ -190,7 +189,7 @@ class Waiting:
             return None
         if not self._has_moved(observation):
             return None
-        # Away from the nearest point, without a turn: its corners would swing into it.
+        # Away from the nearest point, without a turn that would swing corners into it.
         forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
         ahead = forward * np.cos(bearings) > 0.5
         if (ranges[ahead] < self._clearance + BEHIND).any():
@@ -198,7 +197,7 @@ class Waiting:
         return Twist(forward * BACK_SPEED, 0.0)
 
     def _has_moved(self, observation: Observation) -> bool:
-        """Return whether something moved lately where the nearest thing is now."""
+        """Return whether the nearest point is where an object moved recently."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
         (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))
@@ -206,7 +205,7 @@ class Waiting:
         return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
     def _follow(self, observation: Observation, beams: NDArray[np.bool_]) -> None:
-        """Note where a thing is that moves, and its velocity, if it is one thing."""
+        """Store position and velocity of a moving object, if it is a single one."""
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return
         pose, now = observation.pose, observation.time
@@ -220,7 +219,7 @@ class Waiting:
     def _detect_crossing(
         self, observation: Observation, still: NDArray[np.bool_] | None
     ) -> bool:
-        """Return whether something that moves would come too near if the robot went."""
+        """Return whether a moving object would come too close if the robot drove on."""
         reach = self._bumpers.pressed_below + MORE
         beams = self.moving_beams(observation, reach + SEEN_COMING)
         if still is not None:
@@ -239,8 +238,8 @@ class Waiting:
             self._motions.append((now, place))
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
-        # Both move: the least distance along the way, in steps of a quarter second. Who
-        # stands in its way gains nothing by standing.
+        # Both move: the least distance is found in steps of a quarter second. A robot
+        # in the path of the object gains nothing by standing.
         driving = np.abs(ends[:, None] + (velocity - going) * times).min()
         standing = np.abs(ends[:, None] + velocity * times).min()
         return bool(driving < min(self._bumpers.pressed_below, standing))
@@ -249,10 +248,10 @@ class Waiting:
 def _add_to_track(
     track: deque[tuple[float, complex]], now: float, place: complex
 ) -> complex:
-    """Add when and where something is; return its velocity, m/s, 0 until known."""
+    """Add time and position of an object; return its velocity, m/s, 0 until known."""
     track.append((now, place))
     while now - track[0][0] > INTERVAL:
         track.popleft()
     begin, first = track[0]
-    # A track of one or two scans gives any velocity, by noise.
+    # The noise of a track of only one or two scans would give a random velocity.
     return (place - first) / (now - begin) if now - begin >= LEAST_TRACK else 0j

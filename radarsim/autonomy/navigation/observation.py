@@ -1,22 +1,23 @@
-"""Observations of a navigator: its pose, and the ranges around it.
+"""Observations of a navigator: the robot's pose, and the ranges around the robot.
 
-Ranges are measured from the robot's centre, about which it turns: a turn on the spot
-then changes no distance. Where echoes tell it, they are ranges to the first thing that
-blocks a robot.
+Ranges are measured from the robot's centre, about which it turns, so a turn on the spot
+changes no distance. If the server sends echoes, they are ranges to the first obstacle
+that blocks a robot.
 
 Theory of operation
 ===================
-The range of a radar beam says where it ended, and thin foliage does not end it: a bush
-of 1 m and density .7 takes less than the power that a beam has. Its echoes still tell
-where it entered the bush, and that robots do not pass. So of every beam the nearest
-echo of what robots cannot pass counts, however thin that is. What robots pass, such as
-smoke, counts where a beam ends in it, since nothing beyond has been seen.
+The range of a radar beam is the distance where the beam ended, and thin foliage does
+not end it: a bush of 1 m and density .7 absorbs less than the power of a beam. The
+echoes still show where the beam entered the bush, which robots cannot pass. So the
+nearest echo of an obstacle counts in each beam, however thin the obstacle is. Materials
+that robots pass, such as smoke, count where a beam ends in them, since the beam saw
+nothing beyond.
 
-Echo lines come before the scan that they belong to. Servers that know no echoes send
-none; then ranges alone count.
+Echo lines arrive before the scan that they belong to. Servers without echo support send
+none; then only ranges count.
 
-Poses by SLAM are in the map frame, as all others, and so are the goals. They may jump
-when a loop closes: then navigators correct the scans that they keep, and start again.
+Poses from SLAM are in the map frame, like all other poses and the goals. They may jump
+when a loop closes: a controller that stores scans corrects their poses and restarts.
 """
 
 import math
@@ -48,17 +49,17 @@ from radarsim.protocol.reports import (
     Touch,
 )
 
-ECHO_WAIT: Final = 0.5  # s without echoes after which ranges alone count
-BEHIND: Final = 0.25  # m that a beam goes on behind a place where nothing is
-_BESIDE: Final = 0.3  # m from a place, where beams count as beams to it
-_LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
-_AIR: Final = "rain"  # a kind of echo of nothing that blocks
-# Side beams of a radar show the end of a wall off its place, from each side in another
-# direction: few points together are off by that, and where there is little to see an
-# INS is better over some metres.
-INS_DRIFT: Final = 0.03  # share of the motion
-INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad
-JUMP: Final = (0.1, 0.03)  # m and rad; a change below it still fits the scans
+ECHO_WAIT: Final = 0.5  # s without echoes, after which ranges are used alone
+BEHIND: Final = 0.25  # m; a beam that is longer by this passes a position
+_BESIDE: Final = 0.3  # m from a position to the beams that look at it
+_LEAST_SPREAD: Final = math.radians(2.5)  # least angle from a position to such beams
+_AIR: Final = "rain"  # an echo kind that blocks no robot
+# Side beams of a radar see the end of a wall next to the beam, with a different error
+# from each side. So a scan match with few points is off by that error, and an INS is
+# better over a few metres where there is little to see.
+INS_DRIFT: Final = 0.03  # drift as a share of the motion
+INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad; noise at rest
+JUMP: Final = (0.1, 0.03)  # m and rad; after smaller corrections stored scans still fit
 POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
     PoseSource.INS: Ins,
     PoseSource.ODOMETRY: Odometry,
@@ -67,16 +68,16 @@ POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
 
 
 class ScanClock:
-    """Times scans by their time stamps, and by a clock where the stamps do not advance.
+    """Computes scan times from time stamps, or from a clock while stamps stand still.
 
-    Some servers send no time stamps, or the same one again and again.
+    Some servers send no time stamps, or the same stamp again and again.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         """Create the clock.
 
         Args:
-            clock: Returns the time in s; measures what the stamps leave out.
+            clock: Returns the time in s; measures the time that stamps leave out.
         """
         self._clock = clock
         self._stamp = math.nan
@@ -87,7 +88,7 @@ class ScanClock:
         """Return the time of the next scan, s.
 
         Args:
-            stamp: Time stamp of the scan, s; nan if it has none.
+            stamp: Time stamp of the scan, s; nan without a stamp.
         """
         now = self._clock()
         if math.isnan(self._stamp):
@@ -102,16 +103,16 @@ class ScanClock:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """One scan as seen from the robot's centre, and the pose that belongs to it.
+    """One scan as seen from the robot's centre, and the pose of the robot.
 
     Attributes:
         time: Server time, s.
         pose: Estimated pose of the robot, map frame.
         bearings: (N,) rad, counter-clockwise from the robot's front, in [-pi, pi).
-        ranges: (N,) m from the robot's centre; ``inf`` for beams without return.
-        farther: (M, 2) bearings, rad, and ranges, m, of what else blocks robots, behind
-            what the ranges tell; seen through something thin.
-        touched: Whether a touch sensor was pressed since the scan before.
+        ranges: (N,) m from the robot's centre; ``inf`` for beams without a return.
+        farther: (M, 2) bearings, rad, and ranges, m, of further obstacles behind
+            those of ``ranges``, seen through thin foliage.
+        touched: Whether a touch sensor was pressed since the previous scan.
     """
 
     time: float
@@ -122,26 +123,26 @@ class Observation:
     touched: bool = False
 
     def points(self) -> Floats:
-        """Return the end points of the beams with a return, (M, 2) m, map frame."""
+        """Return the end points of beams with a return, (M, 2) m, map frame."""
         returned = np.isfinite(self.ranges)
         return self._points(self.bearings[returned], self.ranges[returned])
 
     def blocking_points(self) -> Floats:
-        """Return these points and those of ``farther``, (M, 2) m, map frame."""
+        """Return ``points()`` and the points of ``farther``, (M, 2) m, map frame."""
         return np.vstack([self.points(), self._points(*self.farther.T)])
 
     def offsets(self, beams: NDArray[np.generic]) -> NDArray[np.complex128]:
-        """Return the ends of some beams from the robot, (M,) m, map axes, x + iy."""
+        """Return beam ends relative to the robot, (M,) m, map axes, x + iy."""
         angles = self.bearings[beams] + self.pose.yaw
         offsets: NDArray[np.complex128] = self.ranges[beams] * np.exp(1j * angles)
         return offsets
 
     def looks_through(self, points: NDArray[np.complex128]) -> NDArray[np.bool_]:
-        """Return whether beams went through places, and none ended there, (N,).
+        """Return whether beams passed through positions and none ended there, (N,).
 
-        Beams next to a place count as well: a pole may be between two of them, and a
-        radar with side beams sees it up to 0.2 m off its place. Where no beam looks
-        that is not known, and counts as no.
+        Beams next to a position count as well: a pole may be between two of them, and a
+        radar with side beams sees it up to 0.2 m off its position. False is returned
+        for positions that no beam looks at.
 
         Args:
             points: (N,) m, map frame, x + iy.
@@ -172,14 +173,14 @@ def wrap_angles(angles: Floats) -> Floats:
 
 
 def check_beams(count: int, scanner: ScannerInfo) -> None:
-    """Refuse a scan of so few beams that some bumper may see nothing.
+    """Raise an error for a scan with so few beams that a bumper may be blind.
 
     Args:
         count: Number of beams of the scan.
-        scanner: The scanner that sent it.
+        scanner: The scanner that sent the scan.
 
     Raises:
-        ClientError: If it has less than half of the beams that the server announced.
+        ClientError: If fewer than half of the announced beams came.
     """
     if count < scanner.beams / 2:
         text = f"scan of {count} ranges from {scanner.name[:80]!r}"
@@ -189,14 +190,14 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
 def blocking_echoes(
     beam_count: int, echoes: Sequence[TargetEchoes]
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Return the echoes of what robots cannot pass, near and far.
+    """Return the echoes of obstacles that robots cannot pass, near and far.
 
     Args:
-        beam_count: Number of beams of the scan; echoes of no beam are left out.
+        beam_count: Number of beams of the scan; other beam numbers are ignored.
         echoes: Echoes of the scan.
 
     Returns:
-        Beams and ranges in m, (M,) each.
+        Beam numbers and ranges in m, (M,) each.
     """
     beams, lengths = [np.zeros(0, np.int64)], [np.zeros(0)]
     for target in echoes:
@@ -212,11 +213,11 @@ def blocking_echoes(
 
 
 class ScanReader(ABC):
-    """Makes observations of the reports of one scanner, as they arrive.
+    """Base class of readers that turn the reports of one scanner into observations.
 
     Attributes:
         scanner: The scanner.
-        missing: The report that it waits for, for messages.
+        missing: The report that the reader waits for, for messages.
     """
 
     missing: str
@@ -228,23 +229,23 @@ class ScanReader(ABC):
 
         Args:
             scanner: The scanner to use.
-            clock: Returns the time in s; used where time stamps do not advance.
-            echo_wait: How long scans without echoes are left out, since their echoes
-                may still come, s; 0 if the server was not asked for echoes.
+            clock: Returns the time in s; used if time stamps do not advance.
+            echo_wait: Time for which scans without echoes are dropped, since their
+                echoes may still arrive, s; 0 if no echoes were requested.
         """
         self.scanner = scanner
         self._scan_clock = ScanClock(clock)
         self._echoes = EchoCollector()
         self._echo_wait = echo_wait
-        self._echoes_due = math.nan  # until when scans wait for their echoes, s
+        self._echoes_due = math.nan  # s; until when scans wait for their echoes
 
     @property
     @abstractmethod
     def hint(self) -> str:
-        """The reports to expect instead of missing ones, for messages; may be empty."""
+        """Alternatives to the missing report, for messages; may be empty."""
 
     def take(self, report: Report) -> Observation | None:
-        """Process a report; return the observation that it completes, if any."""
+        """Process a report; return the observation that it completes, or None."""
         if not isinstance(report, EchoLine | RangeScan):
             self._take_other(report)
         elif same_name(report.name, self.scanner.name):
@@ -262,19 +263,19 @@ class ScanReader(ABC):
     def _time_and_echoes(
         self, report: RangeScan
     ) -> tuple[float, Sequence[TargetEchoes] | None, bool]:
-        """Return the time of a scan, s, its echoes, and whether it lacks them.
+        """Return the time of a scan, s, its echoes, and whether echoes are missing.
 
-        Echoes that have come once will come again: a scan without them lost some.
+        Once a server has sent echoes, a scan without echoes has lost them.
         """
         time, echoes = self._scan_clock.time_of(report.time), self._echoes.of(report)
-        # The wait begins at the first scan, whether it has echoes or not.
+        # The wait begins at the first scan, with or without echoes.
         if echoes is not None or math.isnan(self._echoes_due):
             self._echoes_due = time + self._echo_wait
         return time, echoes, echoes is None and time < self._echoes_due
 
 
 class ObservationBuilder(ScanReader):
-    """Combines scans and poses to observations."""
+    """Combines scans and poses into observations."""
 
     def __init__(
         self,
@@ -287,29 +288,29 @@ class ObservationBuilder(ScanReader):
         """Create a builder.
 
         Args:
-            scanner: See ``ScanReader``.
-            pose_source: Where poses are taken from.
-            clock: See ``ScanReader``.
-            echo_wait: Likewise.
+            scanner: The scanner to use.
+            pose_source: The source of the poses.
+            clock: Returns the time in s; used if time stamps do not advance.
+            echo_wait: Time for which scans without echoes are dropped, s.
         """
         super().__init__(scanner, clock, echo_wait)
         self._slam: Slam | None = None
         if pose_source is PoseSource.SLAM:
             self._slam = Slam(drift=INS_DRIFT, rest_sigma=INS_REST_SIGMA)
-            pose_source = PoseSource.INS  # it needs the motion between scans
+            pose_source = PoseSource.INS  # SLAM needs the motion between scans
         self._motion = MotionReports()
         self._has_jumped = False
         self._pose_report = POSE_REPORTS[pose_source]
         self._pose: Pose2 | None = None
         self._start: Pose2 | None = None
         self._others: set[PoseSource] = set()  # other sources that sent poses
-        self._pressed: dict[str, bool] = {}  # the touch sensors, by name
-        self._touched = False  # whether one was pressed since the last scan
+        self._pressed: dict[str, bool] = {}  # state of each touch sensor, by name
+        self._touched = False  # whether a touch sensor was pressed since the last scan
         self.missing = f"pose from {pose_source.value}"
 
     @property
     def hint(self) -> str:
-        """The other sources of poses, if the wanted one has sent none."""
+        """Other sources that sent poses, if the requested source sent none."""
         names = [source.value for source in PoseSource if source in self._others]
         if self._pose is not None or not names:
             return ""
@@ -323,12 +324,12 @@ class ObservationBuilder(ScanReader):
             self._update_pose(report)
 
     def pop_jump(self) -> bool:
-        """Return whether poses of earlier scans have changed since it was asked."""
+        """Return whether poses of earlier scans have changed since the last call."""
         has_jumped, self._has_jumped = self._has_jumped, False
         return has_jumped
 
     def corrected(self, observation: Observation) -> Observation:
-        """Return an earlier scan with its pose by all that is known now."""
+        """Return an earlier scan with the latest estimate of its pose."""
         if self._slam is None:
             return observation
         trajectory = self._slam.trajectory
@@ -336,7 +337,7 @@ class ObservationBuilder(ScanReader):
         return replace(observation, pose=trajectory.poses[number])
 
     def _update_pose(self, report: Report) -> None:
-        """Update the pose; odometry counts from the first pose of any other sensor."""
+        """Update the pose; odometry starts at the first pose of another sensor."""
         pose: Pose2 | None = None
         if isinstance(report, Ins | GroundTruth):
             pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
@@ -345,7 +346,8 @@ class ObservationBuilder(ScanReader):
                 self._motion.add(report.time, pose)
         elif isinstance(report, Odometry) and self._start is not None:
             pose = self._start.compose(report.pose)
-        # Only to tell, if the wanted poses are missing, what there is instead.
+        # Stored for the message that proposes other
+        # sources if the requested poses are missing.
         if not isinstance(report, self._pose_report):
             self._others |= {s for s, t in POSE_REPORTS.items() if type(report) is t}
         elif pose is not None:
@@ -358,26 +360,27 @@ class ObservationBuilder(ScanReader):
             return None
         check_beams(len(report.ranges), scanner)
         time, echoes, lacks_echoes = self._time_and_echoes(report)
-        # Of a scan without echoes, too: the next one is matched with it.
+        # SLAM also needs scans without echoes, to match the next scan with them.
         if self._slam is not None:
             pose = self._locate(self._slam, report, echoes, time)
-        # It would show gaps in thin foliage, through which the robot would drive.
+        # Without echoes, thin foliage would look like gaps to drive through.
         if lacks_echoes:
             return None
         angles, farther = beam_angles(report), np.zeros((0, 2))
         known = np.array(report.ranges, np.float64)
         if echoes is not None:
-            # the nearest echo of what robots cannot pass, at most the range
+            # the nearest echo of an obstacle, at most the range
             beams, lengths = blocking_echoes(len(known), echoes)
             np.minimum.at(known, beams, lengths)
-            # kept apart: planners want all that blocks, bumpers only the nearest
+            # stored apart: planners use all obstacles, bumpers only the nearest
             behind = lengths > known[beams]
             beams, lengths = beams[behind], lengths[behind]
             farther = np.column_stack(
                 from_centre(lengths, angles[beams], scanner.mount, math.inf)
             )
         bearings, ranges = from_centre(known, angles, scanner.mount, scanner.max_range)
-        # sensors that are pressed still report that less often than scans come
+        # Pressed touch sensors report less often
+        # than scans arrive, so they stay pressed.
         touched, self._touched = self._touched, any(self._pressed.values())
         return Observation(time, pose, bearings, ranges, farther, touched)
 
@@ -388,11 +391,11 @@ class ObservationBuilder(ScanReader):
         echoes: Sequence[TargetEchoes] | None,
         time: float,
     ) -> Pose2:
-        """Return the robot's pose at a scan of a time, s; note whether others jump."""
+        """Return the robot's pose at a scan; record whether earlier poses jump."""
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # the scan before, whose pose has moved by the correction alone
+            # The previous scan's pose is compared, which only the correction has moved.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose

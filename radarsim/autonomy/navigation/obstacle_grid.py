@@ -1,25 +1,26 @@
-"""A grid of what blocks robots, as it is seen on the way.
+"""A grid of the obstacles that the robot has seen so far.
 
 Theory of operation
 ===================
-A cell gains when a beam ends in it, and loses when a beam goes through: so what has
-driven away is forgotten, and one stray echo closes nothing for long. A beam that goes
-through a cell next to the very place where something was seen in it shows nothing: it
-may have passed a pole. Cells that nobody has seen are open. The grid covers start and
-goal and a margin around them; all beyond is left out until the grid grows.
+The evidence of a cell increases when a beam ends in it, and decreases when a beam
+passes through. So obstacles that have driven away are forgotten, and one stray echo
+does not close a cell for long. A beam that passes through a cell away from the point
+that was seen in it is ignored, since it may have passed next to a pole. Unseen cells
+are open. The grid covers start, goals and a margin around them; points outside are
+ignored until the grid grows.
 
-Some beams pass a pane of glass, others end in it, so that its cells are closed and
-opened again. A cell that is closed for the third time, with seconds between and seen
-from near, therefore stays closed: else a robot would drive to and fro before the pane
-for ever.
+Some beams pass a pane of glass and others end in it, so its cells close and open again.
+A cell that closes for the third time, with seconds in between and seen from nearby,
+therefore stays closed. Otherwise a robot would drive to and fro in front of the pane
+forever.
 
-In a mirror something seems to stand behind it where nothing does. A robot that is near
-the image has driven past the mirror, or has touched it. So what closes a cell is sure
-once it was seen from near, and so are cells within the drift of poses: before,
-it may be an image.
+A mirror shows an image of an obstacle behind it, where there is none. A robot that is
+near the image has driven past the mirror or has touched it. So a closed cell is certain
+once the robot has seen it from nearby, together with cells within the drift of poses.
+Before that, it may be an image.
 
-A radar that sends its echoes also shows things behind a first thin hedge: a dead end
-is known before the robot has driven into it.
+A radar that sends its echoes also shows obstacles behind a first thin hedge, so a dead
+end is known before the robot has entered it.
 """
 
 import math
@@ -35,33 +36,33 @@ from radarsim.errors import NavigationError
 from radarsim.geometry import Floats, Point, Pose2
 
 CELL: Final = 0.1  # m
-MARGIN: Final = 8.0  # m around start and goal
-MAX_DISTANCE: Final = 10.0  # m; longer beams only say that this much is free
-_GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell
-_SHORT: Final = 0.15  # m before its end where a beam shows nothing
-_POINT: Final = 0.02  # m; side of a square, in which the newest point is kept
-_BESIDE: Final = 0.015  # m from a place that a beam still goes through
-_NEAR: Final = 1.5  # m from the robot, within which what it sees is no image
-_DRIFT: Final = 0.3  # m by which poses may be off when the same thing is seen again
-_REOPENED: Final = 5.0  # s between two closings of a cell that count as two
-_STAYS_CLOSED: Final = 3  # closings after which a cell is not opened any more
-_AROUND: Final = 3  # cells around such a cell, likewise
+MARGIN: Final = 8.0  # m around start and goals
+MAX_DISTANCE: Final = 10.0  # m; longer beams only mark cells as free
+_GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell: steps and limits
+_SHORT: Final = 0.15  # m before the end of a beam in which no cell is marked free
+_POINT: Final = 0.02  # m; side of a square in which only the newest point is stored
+_BESIDE: Final = 0.015  # m from a point, within which a beam passes through the point
+_NEAR: Final = 1.5  # m from the robot, within which no point is an image
+_DRIFT: Final = 0.3  # m; drift of poses between two sightings of one obstacle
+_REOPENED: Final = 5.0  # s between two closings of a cell that are counted separately
+_STAYS_CLOSED: Final = 3  # closings after which a cell is not opened again
+_AROUND: Final = 3  # cells around such a cell that are not opened either
 _MOST_CELLS: Final = 1 << 24
 
 
 class ObstacleGrid:
-    """Square cells, and the evidence that something in each blocks robots.
+    """Square cells with the evidence for an obstacle in each.
 
     Attributes:
-        points: Where something was seen in the cells that are closed, (N, 2) m, map
-            frame; the newest point of each few centimetres.
+        points: Points seen in closed cells, (N, 2) m, map frame; the newest point in
+            each square of two centimetres.
     """
 
     def __init__(self, points: list[Point]) -> None:
         """Create an empty grid around some points, m, map frame.
 
         Raises:
-            NavigationError: If it would have more than 17 million cells.
+            NavigationError: If the grid would have more than 17 million cells.
         """
         ends = np.array(points)
         self._corner = ends.min(axis=0) - MARGIN
@@ -74,17 +75,17 @@ class ObstacleGrid:
             )
         columns, rows = math.ceil(width / CELL), math.ceil(height / CELL)
         self._evidence = np.zeros((rows, columns), np.int16)
-        # what was last seen in each cell, m, map frame
+        # the last point seen in each cell, m, map frame
         self._places = np.zeros((rows, columns, 2))
-        # where something was seen from near
+        # cells with a point that was seen from nearby
         self._seen_near = np.zeros((rows, columns), np.bool_)
-        # when each cell was last closed, s, and how often
+        # time of the last closing of each cell, s, and number of closings
         self._closed_at = np.full((rows, columns), -np.inf)
         self._closings = np.zeros((rows, columns), np.int16)
         self.points: Floats = np.zeros((0, 2))
 
     def grow(self) -> None:
-        """Add a margin on all sides; nobody has seen it."""
+        """Add a margin of unseen cells on all sides."""
         width = round(MARGIN / CELL)
         self._corner = self._corner - MARGIN
         self._evidence = np.pad(self._evidence, width)
@@ -94,7 +95,7 @@ class ObstacleGrid:
         self._closings = np.pad(self._closings, width)
 
     def clear(self) -> None:
-        """Forget all that was seen."""
+        """Reset all evidence."""
         self._evidence[:] = 0
         self._seen_near[:] = False
         self.points = np.zeros((0, 2))
@@ -117,11 +118,13 @@ class ObstacleGrid:
         self._places[rows, columns] = ends[inside]
         is_near = np.hypot(*(ends[inside] - (pose.x, pose.y)).T) < _NEAR
         self._seen_near[rows[is_near], columns[is_near]] = True
-        # A cell in which one beam ends and which another passes is an edge: it gains.
+        # A cell where one beam ends and another
+        # passes is an edge: its evidence increases.
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
-        # Within limits, so that what has stood for long is forgotten soon, too.
-        # What comes again in a cell may come in the next one another time.
+        # Evidence is limited, so that old obstacles are soon
+        # forgotten, too. A pane that reappears in a cell may
+        # reappear in a neighbouring cell, so cells around count.
         closings = ndimage.maximum_filter(self._closings, 2 * _AROUND + 1)
         change[passed & ~met & (closings >= _STAYS_CLOSED)] = 0
         was_open = self._evidence <= 0
@@ -140,12 +143,12 @@ class ObstacleGrid:
         self.points = points[self._evidence[self.cells(points)] > 0]
 
     def _passed(self, points: Floats, beams: Floats, pose: Pose2) -> NDArray[np.bool_]:
-        """Return the cells that beams go through, (R, C).
+        """Return the cells that beams pass through, (R, C).
 
         Args:
             points: Points of the beams, (N, 2) m, map frame.
             beams: Unit vectors of their beams, (N, 2).
-            pose: Where the beams come from.
+            pose: Pose of the robot, from which the beams come.
         """
         rows, columns, inside = self._inside(points)
         beams = beams[inside]
@@ -159,11 +162,11 @@ class ObstacleGrid:
     def clearance(
         self, places: Floats | None = None, *, surely: bool = False
     ) -> Floats:
-        """Return the distance of each cell from what blocks robots, (R, C) m.
+        """Return the distance of each cell from the nearest obstacle, (R, C) m.
 
         Args:
-            places: Where something is or will be in addition, (N, 2) m, map frame.
-            surely: Leave out what may be an image in a mirror.
+            places: Positions of additional obstacles, (N, 2) m, map frame.
+            surely: Ignore obstacles that may be images in a mirror.
         """
         is_open = self._evidence <= 0
         if surely:
@@ -181,12 +184,12 @@ class ObstacleGrid:
         return clearance
 
     def cell(self, point: Point) -> Cell:
-        """Return row and column of a point; of the nearest cell, if it is outside."""
+        """Return row and column of a point, or of the nearest cell to it."""
         rows, columns = self.cells(np.array([point]))
         return int(rows[0]), int(columns[0])
 
     def cells(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the rows and columns of points, (N, 2) m, as ``cell`` does."""
+        """Return the rows and columns of points, (N, 2) m, or of the nearest cells."""
         places = np.floor((points - self._corner) / CELL).astype(np.int64)
         most = np.array(self._evidence.shape)[::-1] - 1
         columns, rows = np.clip(places, 0, most).T
@@ -200,13 +203,13 @@ class ObstacleGrid:
     def _inside(
         self, points: Floats
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the rows and columns of the points that are inside.
+        """Return the rows and columns of the points inside the grid.
 
         Args:
             points: (N, 2) m.
 
         Returns:
-            Rows and columns, (M,) each, and which points they belong to, (N,).
+            Rows and columns, (M,) each, and a mask of the points inside, (N,).
         """
         columns, rows = np.floor((points - self._corner) / CELL).astype(np.int64).T
         height, width = self._evidence.shape

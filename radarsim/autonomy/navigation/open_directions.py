@@ -1,7 +1,7 @@
-"""How far a robot could go in each direction, and the edges of obstacles in its way.
+"""Free distances of a robot in each direction, and the edges of obstacles.
 
-The robot is a disc, and the ends of beams are points: in each direction the first point
-that the disc would touch ends its way.
+The robot is a disc, and the ends of beams are points: in each direction, the free
+distance ends at the first point that the disc would touch.
 """
 
 import math
@@ -13,62 +13,63 @@ from numpy.typing import NDArray
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.geometry import Floats, Point
 
-HORIZON: Final = 10.0  # m; nothing farther away is looked at
-MOST_DIRECTIONS: Final = 720  # that are looked at; obstacles are of all beams
-JUMP: Final = 0.5  # m between two neighbouring directions, where an obstacle ends
-PAST: Final = 0.3  # m past the end of an obstacle that its edge is
-TOO_NEAR: Final = 0.1  # m less than the safety distance that nothing ahead may be
-_FACING: Final = math.cos(math.radians(60.0))  # towards what the disc already touches
-_PLACES: Final = 20  # in each direction that ``place_nearer_than`` looks at
-_STEP: Final = 0.15  # m ahead of the robot that ``leads_too_near`` looks
+HORIZON: Final = 10.0  # m; points farther away are ignored
+MOST_DIRECTIONS: Final = 720  # directions computed; all beams still count as obstacles
+JUMP: Final = 0.5  # m between neighbouring directions, where an obstacle ends
+PAST: Final = 0.3  # m from the end of an obstacle to its edge point
+TOO_NEAR: Final = 0.1  # m less than the safety distance to keep free ahead
+_FACING: Final = math.cos(math.radians(60.0))  # towards a touched point
+_PLACES: Final = 20  # checked per direction by ``place_nearer_than``
+_STEP: Final = 0.15  # m; length of the step in ``leads_too_near``
 
 
 class OpenDirections:
-    """How far a disc could go in each direction, by one scan.
+    """Free distances of a disc in all directions, computed from one scan.
 
     Attributes:
-        bearings: (N,) rad from the robot's front, increasing: those of all beams, or of
-            every second, third and so on in a scan of more than ``MOST_DIRECTIONS``.
-        lengths: (N,) m that the disc's centre could go, at most ``HORIZON``.
+        bearings: (N,) rad from the robot's front, increasing; for more than
+            ``MOST_DIRECTIONS`` beams, only every second, third and so on is used.
+        lengths: (N,) m that the disc's centre can move, at most ``HORIZON``.
     """
 
     def __init__(self, observation: Observation, radius: float) -> None:
-        """Compute them.
+        """Compute the free distances.
 
         Args:
             observation: The scan.
-            radius: Of the disc, m.
+            radius: Radius of the disc, m.
         """
         self._pose = observation.pose
         step = 1 + (len(observation.bearings) - 1) // MOST_DIRECTIONS
-        # Bearings wrap somewhere in a scan; sorted, neighbours are adjacent.
+        # Bearings wrap around in a scan; sorting puts neighbours next to each other.
         self.bearings = np.sort(observation.bearings)[::step]
         self.lengths, ends = _first_touches(observation, self.bearings, radius)
         self._ends = ends
         after = np.roll(ends, -1, axis=0)
-        # between points nearer than its diameter a disc does not pass
+        # a disc cannot pass between two points closer than its diameter
         is_linked = np.hypot(*(after - ends).T) <= 2 * radius
         grows = np.roll(self.lengths, -1) - self.lengths
         self._is_wall = is_linked | (np.abs(grows) <= JUMP)
         opens = np.flatnonzero(~self._is_wall & (grows > 0))
         closes = np.flatnonzero(~self._is_wall & (grows < 0))
         beyond = len(grows)
-        # the two directions at each end of an obstacle: the open one, and the next
+        # the two directions at each end of an obstacle: the open one and the closed one
         self._open = np.concatenate([(opens + 1) % beyond, closes])
         self._beside = np.concatenate([opens, (closes + 1) % beyond])
 
     def reaches(self, point: Point) -> bool:
-        """Return whether the disc could go straight to a point, m, map frame."""
+        """Return whether the disc can move straight to a point, m, map frame."""
         dx, dy = point[0] - self._pose.x, point[1] - self._pose.y
         bearing = math.atan2(dy, dx) - self._pose.yaw
-        # by the direction next to it
+        # the nearest computed direction decides
         nearest = np.abs(wrap_angles(self.bearings - bearing)).argmin()
         return bool(self.lengths[nearest] >= min(math.hypot(dx, dy), HORIZON))
 
     def edges(self) -> Floats:
-        """Return where obstacles end, (M, 2) m, map frame: the disc passes them there.
+        """Return edges of obstacles that the disc can pass, (M, 2) m, map frame.
 
-        That is in the first open direction next to an obstacle, a little past its end.
+        An edge lies in the first open direction next to an obstacle, a little past its
+        end.
         """
         angles = self.bearings[self._open]
         x, y = self._ends[self._beside].T
@@ -76,13 +77,13 @@ class OpenDirections:
         return self._points(self._open, np.minimum(past, self.lengths[self._open]))
 
     def hidden_ends(self) -> Floats:
-        """Return where walls go out of sight behind edges, (M, 2) m, map frame."""
+        """Return where walls go out of sight at edges, (M, 2) m, map frame."""
         lengths = self.lengths[self._open]
         is_wall = lengths < HORIZON
         return self._points(self._beside[is_wall], lengths[is_wall])
 
     def walls(self) -> tuple[Floats, Floats]:
-        """Return what closes the disc's ways as thin walls: both ends of each.
+        """Return the limits of the free distances as thin walls, by their end points.
 
         Returns:
             Two arrays, (K, 2) m, map frame.
@@ -94,16 +95,16 @@ class OpenDirections:
         return places[is_wall], np.roll(places, -1, axis=0)[is_wall]
 
     def place_nearer_than(self, distance: float, goal: Point) -> Point | None:
-        """Return a place nearer to a goal to which the disc could go straight.
+        """Return a position closer to a goal that the disc can reach straight.
 
-        Of all these places it is the one over which the way to the goal is shortest.
+        Of all such positions, it has the shortest path over it to the goal.
 
         Args:
-            distance: m from the goal that the place has to be nearer than.
+            distance: Greatest distance of the position from the goal, m.
             goal: m, map frame.
 
         Returns:
-            m, map frame; None if there is none.
+            m, map frame; None without such a position.
         """
         directions = np.repeat(np.arange(len(self.lengths)), _PLACES)
         shares = np.tile(np.arange(1, _PLACES + 1) / _PLACES, len(self.lengths))
@@ -124,14 +125,14 @@ class OpenDirections:
 
 
 def open_length(observation: Observation, bearing: float, radius: float) -> float:
-    """Return how far the centre of a disc could go in a direction, m.
+    """Return the free distance of a disc's centre in a direction, m.
 
-    What it touches already closes the directions towards it.
+    A point that the disc already touches closes only the directions towards it.
 
     Args:
         observation: The scan.
         bearing: rad from the robot's front.
-        radius: Of the disc, m.
+        radius: Radius of the disc, m.
 
     Returns:
         At most ``HORIZON``.
@@ -143,10 +144,10 @@ def open_length(observation: Observation, bearing: float, radius: float) -> floa
 def _first_touches(
     observation: Observation, bearings: Floats, radius: float
 ) -> tuple[Floats, Floats]:
-    """Return how far a disc could go in directions, (M,), and the points that end that.
+    """Return the free distances of a disc, (M,), and the points that limit them.
 
     Returns:
-        (M,) m, and (M, 2) m, in the robot's frame; nan where nothing does.
+        (M,) m, and (M, 2) m in the robot's frame; nan in free directions.
     """
     near = observation.ranges < HORIZON + radius
     if not near.any():
@@ -170,15 +171,15 @@ def _first_touches(
 
 
 def leads_too_near(observation: Observation, safety_distance: float) -> bool:
-    """Return whether a step ahead would bring the robot too near to something.
+    """Return whether a step ahead would bring the robot too close to an obstacle.
 
     Args:
         observation: The newest scan.
-        safety_distance: m from the robot's centre.
+        safety_distance: Safety distance from the robot's centre, m.
     """
     near = observation.ranges < safety_distance + 2 * _STEP
     ranges, bearings = observation.ranges[near], observation.bearings[near]
     x, y = ranges * np.cos(bearings), ranges * np.sin(bearings)
-    # Never nearer than now counts, or a robot that is too near could not leave.
+    # Never stricter than the current distance, or a robot too close could not leave.
     after = float(np.hypot(x - _STEP, y).min(initial=math.inf))
     return after < min(safety_distance - TOO_NEAR, float(ranges.min(initial=math.inf)))

@@ -1,16 +1,16 @@
-"""Path planning: along the cheapest path to the goal, on the grid as it is seen so far.
+"""Path planning: follow the cheapest path to the goal on a grid of seen obstacles.
 
-What nobody has seen counts as open, so paths are as short as they can be, and are
-planned again while the robot drives. There is no path if none is left on the grid, nor
-around it, and the robot has stood and looked for a moment.
+Unseen cells count as open, so paths are as short as possible, and are planned again
+while the robot drives. The planner gives up if neither the grid nor its surroundings
+have a path, after the robot has stood and looked for a moment.
 
-Paths are those of a disc, which keeps the safety distance. Once it is sure that none of
-them leads to the goal, the robot follows paths of its footprint from wherever there is
-none.
+Paths are planned for a disc, which keeps the safety distance. Once it is certain that
+no such path leads to the goal, the robot follows paths of its footprint from positions
+without a path for the disc.
 
-What was seen only from afar may be an image in a mirror. So before the robot gives up,
-it drives through unsure obstacles, where that is the shortest, until it has seen them
-from near: there is no path if sure ones close all ways.
+A point that was only seen from afar may be an image in a mirror. So before the robot
+gives up, it drives through uncertain cells on the shortest path, until it has seen them
+from nearby: no path exists if certain cells close all paths.
 """
 
 import math
@@ -43,41 +43,41 @@ from radarsim.autonomy.navigation.obstacle_grid import CELL, ObstacleGrid
 from radarsim.geometry import Floats, Point, Pose2
 
 INTERVAL: Final = 0.5  # s between two plans
-LOOKAHEAD: Final = 2.0  # m of a path that is cut short where the straight line is open
-SURE_AFTER: Final = 5.0  # s without a path after which there is none
-NEARER: Final = 10.0  # times that, nearer to it than the robot is
-PAUSE: Final = 2.0  # s between two looks that are not one
-APART: Final = (0.3, 0.3)  # m and rad between two scans that are kept
-DOUBT: Final = 5.0  # times the cost of a step, through what may be an image
-MOST_DOUBTED: Final = 200.0  # s on such ways to a goal, so that each run ends
-_MOST_GROWN: Final = 10  # margins around the first grid
+LOOKAHEAD: Final = 2.0  # m of a path that a straight line may cut short
+SURE_AFTER: Final = 5.0  # s without a path after which none exists
+NEARER: Final = 10.0  # times the cost, for cells nearer to an obstacle than the robot
+PAUSE: Final = 2.0  # s; after a longer gap the wait for a path restarts
+APART: Final = (0.3, 0.3)  # m and rad between two stored scans
+DOUBT: Final = 5.0  # times the cost of a step through a possible image
+MOST_DOUBTED: Final = 200.0  # s on such paths to a goal, so that each run ends
+_MOST_GROWN: Final = 10  # margins added to the first grid
 
 
 class PathPlanning(Controller):
-    """Planned paths; has no hit points, leave points and circuits."""
+    """Follows planned paths; has no hit points, leave points or circuits."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._grid: ObstacleGrid | None = None
-        self._scans: list[Observation] = []  # by which the grid can be rebuilt
+        self._scans: list[Observation] = []  # to rebuild the grid
         self._cost: Floats = np.zeros((0, 0))
         self._path: Floats = np.zeros((0, 2))
-        self._planned = -math.inf  # s
-        self._hopeless_since: float | None = None  # s
-        self._looked_at = -math.inf  # s; when there last was no path
-        # where something meets the robot, (M, 2) m, map frame
+        self._planned = -math.inf  # s; time of the last plan
+        self._hopeless_since: float | None = None  # s; since when no path exists
+        self._looked_at = -math.inf  # s; time of the last plan without a path
+        # positions of an approaching object, (M, 2) m, map frame
         self._moving: Floats = np.zeros((0, 2))
         self._grown = 0  # number of times that the grid has grown
         self._footprint = settings.footprint
-        self._is_narrow = False  # whether there was no path of the disc
+        self._is_narrow = False  # whether no path for the disc exists
         self._follower: FootprintFollower | None = None
-        # s; since when it drives through unsure obstacles; None before
+        # s; since when the robot drives through uncertain cells; None before
         self._doubts_since: float | None = None
 
     def reconsider(
         self, pose: Pose2, correct: Callable[[Observation], Observation]
     ) -> None:
-        """See ``Controller``; the grid is rebuilt from the scans so far."""
+        """See ``Controller``; the grid is rebuilt from the stored scans."""
         super().reconsider(pose, correct)
         self._hopeless_since = None
         self._follower = None
@@ -88,8 +88,8 @@ class PathPlanning(Controller):
                 self._grid.add(scan)
 
     def avoid(self, places: Floats) -> bool:
-        """See ``Controller``; paths of the footprint have no room to do so."""
-        # It will have left the goal by then: a goal that is closed has no path at all.
+        """See ``Controller``; paths of the footprint have no room for detours."""
+        # The object will have left the goal by then; a closed goal would have no path.
         if self.goals:
             least = self._settings.bumpers.safety_distance + 2 * CELL
             places = places[np.hypot(*(places - self.goals[0]).T) > least]
@@ -135,11 +135,12 @@ class PathPlanning(Controller):
         if doubts and not len(self._path):
             self._plan_disc(pose, goal, doubts=True)
         if len(self._path):
-            # The centre of its cell may be 7 cm off, of the 10 that are allowed.
+            # The centre of the goal's cell may be 7 cm off, and 10 cm are allowed.
             self._path[-1] = goal
             self._follower = None
             return
-        # Such a plan takes long: while it doubts, only before it gives up.
+        # A footprint plan takes long, so a doubting
+        # robot makes one only before it gives up.
         is_due = since is None or self._follower is not None
         if self._is_narrow and is_due and self._plan_footprint(observation):
             return
@@ -149,11 +150,11 @@ class PathPlanning(Controller):
         ):
             self._grid.grow()
             self._grown += 1
-            # On the larger grid nothing has been planned yet.
+            # The larger grid has no plan yet.
             self._hopeless_since = None
 
     def _plan_disc(self, pose: Pose2, goal: Point, *, doubts: bool = False) -> None:
-        """Plan a path of the disc, also through what may be an image if it doubts."""
+        """Plan a path of the disc; with doubts, also through possible mirror images."""
         assert self._grid is not None
         safety_distance = self._settings.bumpers.safety_distance
         clearance = self._grid.clearance(self._moving)
@@ -164,8 +165,8 @@ class PathPlanning(Controller):
             )
             cost = np.where(np.isfinite(cost), cost, DOUBT * sure)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
-        # It is too near to something, by noise or as that has moved: it may leave, and
-        # come nearer only where there is no other way.
+        # The robot is too close to an obstacle, by noise or because the obstacle moved.
+        # It may leave, and comes closer only where no other path exists.
         is_near = not math.isfinite(cost[start])
         if is_near and (doubts or not self._is_narrow):
             rows, columns = np.indices(cost.shape)
@@ -177,21 +178,21 @@ class PathPlanning(Controller):
         targets[end] = True
         self._cost = cost
         self._path = np.zeros((0, 2))
-        # Where only the footprint fits in, no disc leads anywhere.
+        # Where only the footprint fits, a path of the disc is useless.
         if doubts or not (is_near and self._is_narrow):
             self._path = self._grid.centres(shortest_path(cost, start, targets))
 
     def _look(self, observation: Observation) -> Twist:
-        """Stand where there is no path; if none appears, there is none."""
+        """Stand while no path exists; give up if none appears."""
         looked, self._looked_at = self._looked_at, observation.time
-        # Who waited meanwhile for something that moves has not looked.
+        # A robot that waited for a moving object meanwhile has not looked.
         is_new = self._hopeless_since is None or observation.time > looked + PAUSE
-        # Something that moves will not be in the way for long.
+        # A moving object in the path will soon be gone.
         if is_new or len(self._moving):
             self._hopeless_since = observation.time
         assert self._hopeless_since is not None
         if observation.time - self._hopeless_since >= SURE_AFTER:
-            # Nothing leads there as a disc; once sure, the footprint may get through.
+            # The disc has no path; the footprint may still fit through.
             self._is_narrow = self._footprint is not None
             if self._is_narrow and self._plan_footprint(observation):
                 return STOP
@@ -203,7 +204,7 @@ class PathPlanning(Controller):
         return STOP
 
     def _plan_footprint(self, observation: Observation) -> bool:
-        """Plan a path of the footprint, unless one is open; return whether any is."""
+        """Plan a path of the footprint if needed; return whether there is one."""
         assert self._grid is not None
         assert self._footprint is not None
         points = np.vstack([self._grid.points, observation.blocking_points()])
@@ -218,19 +219,20 @@ class PathPlanning(Controller):
         return path is not None
 
     def _outside(self, points: Floats, pose: Pose2) -> Floats:
-        """Return the points outside the footprint: others are in error or gone."""
+        """Return the points outside the footprint; inside points are outdated."""
         assert self._footprint is not None
         here = np.array([[pose.x, pose.y, pose.yaw]])
         outside: Floats = points[self._footprint.distances(points, here)[0] > 0]
         return outside
 
     def _next_point(self, pose: Pose2) -> Point:
-        """Return the farthest point of the path to which the straight line is open."""
+        """Return the farthest point of the path in a straight open line."""
         distances = np.hypot(*(self._path - (pose.x, pose.y)).T)
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
         within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
-        # Never nearer, as a robot that heads for where it is turns on the spot forever.
+        # Never the nearest points: a robot that
+        # heads for its own position turns forever.
         chosen = ahead[min(2, len(ahead) - 1)]
         for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):
@@ -239,11 +241,11 @@ class PathPlanning(Controller):
         return float(chosen[0]), float(chosen[1])
 
     def _is_cheap(self, pose: Pose2, point: Floats) -> bool:
-        """Return whether the straight line to a point costs little more than open."""
+        """Return whether a straight line to a point costs hardly more than open."""
         assert self._grid is not None
         end = Pose2(float(point[0]), float(point[1]))
         count = max(2, math.ceil(pose.distance(end) / CELL * 2))
         line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
         costs = self._cost[self._grid.cells(line)]
-        # Near a wall, or at a goal close to one, the ends cost more than that.
+        # Near a wall, or at a goal next to one, the ends alone cost more than that.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))

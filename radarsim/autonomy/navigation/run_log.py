@@ -1,4 +1,4 @@
-"""The log of a run, scan by scan: for traces and pictures."""
+"""The log of a run, with a row for each scan, for traces and plots."""
 
 import csv
 import io
@@ -17,23 +17,23 @@ CELL = 0.05  # m; end points of beams are counted in square cells of this size
 AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
 # the first line of a trace
 TRACE_HEADER = "time,x,y,yaw,doing,goal_x,goal_y,speed,turn,nearest,pressed\n"
-_DIGITS = 4  # of metres and radians in a trace
+_DIGITS = 4  # for metres and radians in a trace
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One moment of a run, without its scan: the columns of a trace.
+    """The state of a run at one scan: the columns of a trace.
 
     Attributes:
         time: Server time, s.
         x: Estimated position of the robot, m, map frame.
         y: m, map frame.
         yaw: Estimated yaw, rad.
-        activity: What the bug was doing.
+        activity: Activity of the controller.
         goal: The next goal, m, map frame; None once there is none.
         speed: Commanded forward speed, m/s.
         turn: Commanded turn rate, rad/s.
-        nearest: Smallest range from the robot's centre, m; ``inf`` for none.
+        nearest: Shortest range from the robot's centre, m; ``inf`` without a return.
         pressed: Names of the bumpers that were pressed or too near, separated by
             blanks.
     """
@@ -58,16 +58,16 @@ class Row:
 
 @dataclass(slots=True)
 class Leg:
-    """The way to one of the goals.
+    """The part of a run that leads to one of the goals.
 
     Attributes:
-        start: Where the robot headed for it first, m, map frame.
-        goal: m, map frame.
-        began: When it did so, s.
-        ended: When it was there, or the run ended, s.
+        start: Position where the robot first headed for the goal, m, map frame.
+        goal: Position of the goal, m, map frame.
+        began: Time at the start, s.
+        ended: Time at the goal, or at the end of the run, s.
         path_length: Length of the estimated path, m.
-        hit_points: Where boundaries were hit, m, map frame.
-        leave_points: Where boundaries were left, m, map frame.
+        hit_points: Positions where the robot hit boundaries, m, map frame.
+        leave_points: Positions where the robot left boundaries, m, map frame.
     """
 
     start: Point
@@ -80,23 +80,23 @@ class Leg:
 
 
 def rounded(value: Any, digits: int) -> Any:
-    """Round all numbers in a value; None stands for infinite numbers and nan."""
+    """Round all numbers in a value, and replace infinite numbers and nan with None."""
     if isinstance(value, dict):
         return {key: rounded(each, digits) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [rounded(each, digits) for each in value]
     if isinstance(value, float):
-        # plus zero, as -0.0 would be another text
+        # zero is added, since -0.0 would give a different text
         return round(value, digits) + 0.0 if math.isfinite(value) else None
     return value
 
 
 class RunLog:
-    """Records a run.
+    """Records a run scan by scan.
 
     Attributes:
         rows: One row for each scan.
-        legs: The ways to the goals so far.
+        legs: The parts of the run, one for each goal so far.
         circuits: Number of complete circuits after which the robot headed for a leave
             point.
         path_length: Length of the estimated path, m.
@@ -132,12 +132,12 @@ class RunLog:
 
     @property
     def hit_points(self) -> list[Point]:
-        """Where boundaries were hit, on the way to any goal, m, map frame."""
+        """Hit points of all legs, m, map frame."""
         return [point for leg in self.legs for point in leg.hit_points]
 
     @property
     def leave_points(self) -> list[Point]:
-        """Where boundaries were left, likewise."""
+        """Leave points of all legs, m, map frame."""
         return [point for leg in self.legs for point in leg.leave_points]
 
     @property
@@ -147,7 +147,7 @@ class RunLog:
 
     @property
     def nearest(self) -> float:
-        """The smallest range from the robot's centre, m; ``inf`` for none."""
+        """The shortest range from the robot's centre, m; ``inf`` without a return."""
         return min((row.nearest for row in self.rows), default=math.inf)
 
     @property
@@ -157,16 +157,16 @@ class RunLog:
 
     @property
     def beam_ends(self) -> Floats:
-        """End points of beams: x, y in m, and how many ended there, (M, 3).
+        """End points of beams: x and y in m, and the number of beams, (M, 3).
 
-        All that ended in one cell of 5 cm are at its centre.
+        End points in one cell of 5 cm are counted together at its centre.
         """
         cells = sorted(self._cells)
         centres = (np.array(cells).reshape(-1, 2) + 0.5) * CELL
         return np.column_stack([centres, [self._cells[cell] for cell in cells]])
 
     def as_csv(self) -> str:
-        """Return a row for each scan; fields without a value are empty."""
+        """Return the trace as CSV, a row per scan, with empty fields for None."""
         text = io.StringIO()
         text.write(TRACE_HEADER)
         writer = csv.writer(text, lineterminator="\n")
@@ -179,13 +179,13 @@ class RunLog:
 
     def _update(self, previous: Row | None, row: Row) -> None:
         here = (row.x, row.y)
-        # Each goal has hit and leave points of its own: where it changes none is left.
+        # Hit and leave points belong to one goal, so none carries over.
         same_goal = previous is not None and previous.goal == row.goal
         was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY
         if previous is not None:
             step = math.hypot(row.x - previous.x, row.y - previous.y)
             self.path_length += step
-            # The way up to here was that to the goal before, even if it ends here.
+            # The step up to here belongs to the previous goal, even if it ends here.
             for leg in self.legs[-1:]:
                 leg.path_length += step
                 leg.ended = row.time

@@ -1,9 +1,10 @@
-"""Drive a robot by the decisions of a controller, and stop it when in doubt.
+"""Drive a robot by the decisions of a controller, and stop it after errors.
 
-Every scan of one scanner, together with the newest pose, is passed to the controller;
-the motion that it decides on is sent as a DRIVE command.
+Every scan of one scanner is passed to the controller together with the newest pose. The
+motion that the controller returns is sent as a DRIVE command.
 
-It notices a start or a goal that is nearer to something than the safety distance.
+The navigator raises an error if the start or a goal is within the safety distance of an
+obstacle.
 """
 
 import math
@@ -33,22 +34,22 @@ from radarsim.client import Client, RobotInfo
 from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2
 
-START_NOISE: Final = 0.05  # m that something at the start may seem nearer than it is
-GOAL_NOISE: Final = 0.1  # m; at the goal, which is seen from afar
-DRIFT: Final = 0.005  # m for each m of path by which the goal may seem elsewhere
-GOAL_IN_SIGHT: Final = 1.5  # m from a goal that is looked at
-STANDING_AFTER: Final = 4.0  # s for which something is near the goal, if it stands
-_PLACE: Final = 0.15  # m within which it is the same thing
+START_NOISE: Final = 0.05  # m; noise of the distance of obstacles at the start
+GOAL_NOISE: Final = 0.1  # m; noise of the distance of obstacles at the goal
+DRIFT: Final = 0.005  # m of goal position error for each m of path
+GOAL_IN_SIGHT: Final = 1.5  # m; goals within this distance are checked
+STANDING_AFTER: Final = 4.0  # s near the goal, after which an obstacle stands
+_PLACE: Final = 0.15  # m between two sightings of the same obstacle
 
 
 def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
-    """Return the distance from something, m, nearer than which a goal is given up.
+    """Return the clearance below which a goal is given up, m.
 
     Args:
         safety_distance: m.
-        travelled: Length of the path on the way to the goal so far, m.
+        travelled: Length of the path to the goal so far, m.
     """
-    # seen from afar, by a pose that drifts: not all that seems near is
+    # A distant point and a drifting pose make the clearance at the goal uncertain.
     unsure = min(GOAL_NOISE + DRIFT * travelled, safety_distance / 2)
     return safety_distance - unsure
 
@@ -66,7 +67,7 @@ class TripMeter:
         """Start at zero.
 
         Args:
-            noise: Distance up to which a robot counts as not having moved, m.
+            noise: Distance within which a robot counts as standing, m.
         """
         self.start: Pose2 | None = None
         self.time = 0.0
@@ -82,14 +83,14 @@ class TripMeter:
             self._start_time = observation.time
         self.time = observation.time - self._start_time
         step = observation.pose.distance(self._last)
-        # The noise of a robot that stands would add up to a long way.
+        # The noise of a standing robot would add up to a long path.
         if step > self._noise:
             self.length += step
             self._last = observation.pose
 
 
 class ClearanceCheck:
-    """Checks the start once, and the surroundings of the next goal.
+    """Checks the clearance at the start once, and at the next goal in each scan.
 
     Attributes:
         trip: Time and path length so far.
@@ -98,19 +99,19 @@ class ClearanceCheck:
     def __init__(self, bumpers: Bumpers) -> None:
         self.trip = TripMeter()
         self._bumpers = bumpers
-        self._place = (math.inf, math.inf)  # of something near the goal, m, map frame
-        self._since = 0.0  # s; when it was first seen there
+        self._place = (math.inf, math.inf)  # obstacle near the goal, m, map frame
+        self._since = 0.0  # s; when the obstacle was first seen there
 
     def check(self, observation: Observation, goal: Point | None) -> None:
-        """Look at a scan.
+        """Check a scan.
 
         Args:
             observation: The scan.
-            goal: The next goal, m, map frame; None if there is none.
+            goal: The next goal, m, map frame; None without one.
 
         Raises:
-            TooNearError: If something is nearer to the start than the safety distance,
-                or stands so near to the goal.
+            TooNearError: If an obstacle is closer to the start than the safety
+                distance, or stands that close to the goal.
         """
         is_first = self.trip.start is None
         self.trip.add(observation)
@@ -119,7 +120,7 @@ class ClearanceCheck:
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)
                 self._raise("start", place, nearest)
-        # A thing seen from afar may be an image in a mirror, and stand elsewhere.
+        # An obstacle seen from afar may be an image in a mirror.
         if goal is not None and distance(observation.pose, *goal) <= GOAL_IN_SIGHT:
             self._check_goal(observation, goal)
 
@@ -131,7 +132,7 @@ class ClearanceCheck:
         if not near.any():
             self._place = (math.inf, math.inf)
             return
-        # Something else than before: what drives by a goal does not stand there.
+        # A different obstacle: one that drives past a goal does not stand there.
         if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
             x, y = points[distances.argmin()].tolist()
             self._place, self._since = (x, y), observation.time
@@ -148,14 +149,14 @@ class ClearanceCheck:
 
 @dataclass(frozen=True, slots=True)
 class NavigationStep:
-    """One scan, and what the controller decided by it.
+    """One scan, and the decision of the controller.
 
     Attributes:
         observation: The scan and the pose.
-        activity: What the controller is doing.
-        twist: The motion that it decided on.
+        activity: Current activity of the controller.
+        twist: The motion that the controller decided on.
         pressed: Names of the bumpers that are pressed or too near.
-        goal: The next goal; None once there is none.
+        goal: The next goal; None after the last one.
     """
 
     observation: Observation
@@ -167,13 +168,13 @@ class NavigationStep:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a run ended, by the robot's own measurements.
+    """The outcome of a run, measured by the robot itself.
 
     Attributes:
-        outcome: ``reached``, ``no_path``, or ``failed`` when the time was up.
+        outcome: ``reached``, ``no_path``, or ``failed`` after the time limit.
         path_length: Length of the estimated path, m.
         time: Server time from the first scan to the last, s; by the transport's clock
-            where the server's time stamps do not advance.
+            if the server's time stamps do not advance.
         circuits: Number of complete circuits around obstacles.
         goals_left: Number of goals that were not reached.
         safety_distance: The safety distance of the robot, m.
@@ -201,10 +202,10 @@ class Navigator:
         """Create a navigator.
 
         Args:
-            client: The connection; its robot is spawned.
+            client: The connection, with a spawned robot.
             robot_info: Properties of the robot.
-            source: Makes observations of its reports.
-            controller: Decides how to move.
+            source: Turns the reports of the robot into observations.
+            controller: Decides how the robot moves.
             bumpers: The bumpers whose state the observer receives.
         """
         self._client = client
@@ -226,15 +227,15 @@ class Navigator:
         """Drive until the controller is done, and leave the robot standing.
 
         Args:
-            mission: Its time limits, and whether where the robot is at first is one
-                more goal.
-            observe: Called at every scan, after the robot was commanded.
+            mission: The mission, with its time limits and whether to return to the
+                start.
+            observe: Called at every scan, after the motion command.
 
         Raises:
-            ClientError: If the server stops sending reports; the robot has been
-                stopped if the connection was still open.
-            NavigationError: If the robot does not move though it is commanded to, or if
-                the start or a goal is inside the safety distance of something.
+            ClientError: If the server stops sending required reports; the robot has
+                been stopped if the connection was still open.
+            NavigationError: If the robot does not move although it is commanded to, or
+                if the start or a goal is within the safety distance of an obstacle.
         """
         loop = ControlLoop(
             self._client, self._robot, self._source, timeout=mission.timeout
@@ -248,7 +249,7 @@ class Navigator:
                 observation = self._decide(scan)
                 is_over = controller.is_done or trip.time > mission.time_limit
                 if not is_over:
-                    loop.drive(self._twist)  # at once: who observes may take long
+                    loop.drive(self._twist)  # before ``observe``, which may take long
                 pressed = pressed_names(bumpers.read(observation))
                 activity, goal = controller.activity, controller.goal
                 observe(
@@ -258,7 +259,8 @@ class Navigator:
                     break
                 stuck_detector.check(observation, self._twist)
         finally:
-            # After an error or an interrupt, too: robots keep their wheel speeds.
+            # Robots keep their wheel speeds, so the
+            # robot is also stopped after an error.
             self._client.stop()
         return Result(
             outcome=controller.activity.value if controller.is_done else "failed",
@@ -270,25 +272,25 @@ class Navigator:
         )
 
     def _decide(self, scan: Observation) -> Observation:
-        """Decide how to move until the next scan; return the scan that it is by."""
+        """Decide how to move until the next scan; return the scan for the decision."""
         controller, touches, waiting = self._controller, self._touches, self._waiting
         has_jumped = self._source.pop_jump()
         if touches.notice(scan, self._twist) or has_jumped:
             controller.reconsider(scan.pose, self._corrected)
         observation = touches.places.hide(self._transient.add_to(scan))
         self._clearance.check(observation, controller.goal)
-        # asked at every scan, as it compares them
+        # Waiting compares scans, so it is called at every scan.
         has_to_wait = waiting.has_to_wait(
             observation, self._twist, observation.ranges < scan.ranges
         )
         goes_round = controller.avoid(waiting.meeting(observation))
         waits = has_to_wait and not goes_round
-        # What touches the robot overrules every way to the goal.
+        # A motion away from contact overrides the path to the goal.
         away = touches.retreat(observation) or waiting.back_off(observation)
         if away is not None:
             self._twist = away
         elif waits:
-            # Who waits does not ask the controller: what passes becomes no obstacle.
+            # A waiting robot skips the controller, so a passing object is no obstacle.
             self._twist = STOP
         else:
             self._twist = touches.keep_off(observation, controller.step(observation))

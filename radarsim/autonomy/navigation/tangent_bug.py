@@ -1,33 +1,30 @@
-"""TangentBug: towards the goal by the edges of obstacles that a scan shows.
+"""TangentBug: drive to the goal over the edges of obstacles that a scan shows.
 
 Theory of operation
 ===================
-A scan shows how far the robot could go in each direction. Where that distance jumps, an
-obstacle ends: its edge is a place that the robot could head for. It heads for the one
-over which the way to the goal is shortest, around all that the scan shows, or for the
-goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around what it has
-not yet reached.
+A scan gives the free distance of the robot in each direction. Where that distance
+jumps, an obstacle ends: its edge is a possible target. The robot heads for the edge
+with the shortest path over it to the goal, around everything that the scan shows, or
+for the goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around
+obstacles before it reaches them.
 
-If no edge leads to the goal, or the way over the best edge becomes longer while it
-drives and leads away from the goal, it is in a dead end. So it is where the way becomes
-no shorter over twice its length, as around something round with the goal in it. Then it
-drives to the obstacle that hides the goal and follows its boundary, on the hand on
-which the way is shorter, and remembers how near to the goal that boundary comes. As
-soon as it could go straight to a place that is nearer, it does, and never leads farther
-away again: so it ends. Back where it was on the same boundary, there is no path.
+The robot is in a dead end if no edge leads to the goal, or if the path over the best
+edge becomes longer while the robot drives and leads away from the goal. It is also in a
+dead end if the path becomes no shorter over twice its length, as in a circle around the
+goal. Then it drives to the obstacle that hides the goal and follows its boundary in the
+direction with the shorter path, and stores the least distance of that boundary from the
+goal. As soon as it can go straight to a position closer to the goal, it does, and never
+heads for a farther one again, so the algorithm ends. If it completes a circuit of the
+same boundary, no path exists.
 
-Noise opens and closes gaps that are about as wide as the robot needs. So an edge is
-kept while the way there is nearly open, and a robot that cannot go on where it has just
-left a boundary follows it again, for a while.
+Noise opens and closes gaps that are barely wide enough for the robot. So an edge is
+kept while the path to it is nearly open, and a robot that cannot go on where it has
+just left a boundary follows that boundary again for a while.
 
-Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
-algorithm, International Journal of Robotics Research 17, 1998.
-
-The local tangent graph gives the distance to the goal over these edges.
-
-What a scan shows of an obstacle is a thin wall, and what it does not show is open. The
-shortest ways around thin walls lead straight from edge to edge, and to the goal; where
-a wall goes out of sight behind an obstacle, it may end.
+The local tangent graph gives the distance to the goal over these edges. The visible
+part of an obstacle is treated as a thin wall, and the unseen space as open. The
+shortest paths around thin walls lead straight from edge to edge, and to the goal; where
+a wall continues out of sight behind an obstacle, it is assumed to end.
 
 Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
 algorithm, International Journal of Robotics Research 17, 1998.
@@ -59,36 +56,36 @@ from radarsim.autonomy.navigation.wall_following import (
 )
 from radarsim.geometry import Floats, Point, Pose2
 
-MOST_PAIRS: Final = 1_000_000  # of segments and walls at once, which bounds the memory
-LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
-SHORTER: Final = 0.5  # m by which the way has to become shorter while it drives
-DRIVEN: Final = 2.0  # times that way, and m more, within which it has to
-NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
+MOST_PAIRS: Final = 1_000_000  # segment and wall pairs at once, to limit the memory
+LONGER: Final = 0.5  # m; a larger increase of the path means a dead end, not noise
+SHORTER: Final = 0.5  # m; least decrease of the path that counts as progress
+DRIVEN: Final = 2.0  # times the path length plus 1 m, for which progress may fail
+NEARER: Final = 0.2  # m closer to the goal than the boundary, to leave it
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
-ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
-AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on there
-MOST_ALIGNING: Final = 8.0  # s; a whole turn
-_SURE: Final = 3  # scans in a row by which a boundary is left; one may miss a pane
-_SAME: Final = 0.7  # m within which an edge is the last one
-_MOST_RESUMED: Final = 5  # times that a circuit restarts where a boundary was left
+ARRIVED: Final = 0.3  # m from a target position, within which it is reached
+AGAIN: Final = 0.5  # m from the last leave point; the boundary is followed again
+MOST_ALIGNING: Final = 8.0  # s; time for a full turn
+_SURE: Final = 3  # scans in a row before leaving; a single scan may miss a pane
+_SAME: Final = 0.7  # m between two sightings of the same edge
+_MOST_RESUMED: Final = 5  # circuits restarted where a boundary was left
 
 
 def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floats:
-    """Return the length of the shortest way from each edge to the goal.
+    """Return the lengths of the shortest paths from edges to the goal.
 
     Args:
         edges: (M, 2) m, map frame.
         goal: m, map frame.
-        directions: What a scan shows.
+        directions: Free distances from a scan.
 
     Returns:
-        (M,) m; ``inf`` where thin walls close all ways.
+        (M,) m; ``inf`` where thin walls block all paths.
     """
     places = np.vstack([goal, edges, directions.hidden_ends()])
     lengths = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     first, second = np.triu_indices(len(places), 1)
     closed = crosses_any(places[first], places[second], directions.walls())
-    # In the upper half alone, which is all that is passed on.
+    # Only the upper half is set, since only that half is passed on.
     lengths[first[closed], second[closed]] = np.inf
     ways: Floats = dijkstra(np.triu(lengths), directed=False, indices=0)
     return ways[1 : len(edges) + 1]
@@ -97,12 +94,12 @@ def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floa
 def crosses_any(
     begins: Floats, ends: Floats, walls: tuple[Floats, Floats]
 ) -> NDArray[np.bool_]:
-    """Return which segments cross a wall.
+    """Return which segments cross a wall, (N,) booleans.
 
     Args:
         begins: (N, 2) m.
         ends: (N, 2) m.
-        walls: Both ends of the walls, (K, 2) m each.
+        walls: Start and end points of the walls, (K, 2) m each.
 
     Returns:
         (N,)
@@ -115,7 +112,7 @@ def crosses_any(
         a, b = begins[rows, None], ends[rows, None]
         sides_of_wall = _side(c, d, a) * _side(c, d, b)
         sides_of_segment = _side(a, b, c) * _side(a, b, d)
-        # Strictly: ways go along the ends of walls, where edges are.
+        # A strict test, since paths run along the ends of walls, where edges are.
         closed[rows] = ((sides_of_wall < 0) & (sides_of_segment < 0)).any(axis=1)
     return closed
 
@@ -128,24 +125,24 @@ def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
 
 
 class TangentBug(BoundaryController):
-    """TangentBug; attributes are those of ``Controller``."""
+    """TangentBug; the attributes are those of ``Controller``."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
-        # a gap that it enters has to be one that a wall follower finds open from inside
+        # an entered gap has to be open for a wall follower inside, too
         self._radius = settings.bumpers.safety_distance + GRAZE
-        self._edge: Point | None = None  # that it heads for
-        self._shortest_way = math.inf  # m; over the best edge, so far
-        # m; what the way has to be shorter than, and driven since it was so long
+        self._edge: Point | None = None  # that the robot heads for
+        self._shortest_way = math.inf  # m; shortest path over the best edge so far
+        # m; the path length to improve on, and the distance driven since it was set
         self._way, self._driven = math.inf, 0.0
-        self._place: Point | None = None  # that it heads for after a boundary
-        self._left_at = math.inf  # m of that place from the goal; no way leads farther
-        self._open = 0  # scans in a row by which a boundary could be left
-        self._left: FollowedBoundary | None = None  # the boundary that it left last
-        # Number of times that it went on along what it had left, in the whole run: so a
-        # run ends, however often images in mirrors appear again.
+        self._place: Point | None = None  # target position after leaving a boundary
+        self._left_at = math.inf  # m; greatest goal distance of the next edges
+        self._open = 0  # scans in a row that allow leaving a boundary
+        self._left: FollowedBoundary | None = None  # the boundary that was left last
+        # Number of boundaries followed again after leaving, in the whole run. The limit
+        # ends a run even if images in mirrors restart circuits again and again.
         self._resumed = 0
-        self._last_hand: bool | None = None  # then: whether it was on the left
+        self._last_hand: bool | None = None  # side of the last boundary, left or not
 
     def _begin_goal(self, pose: Pose2) -> None:
         super()._begin_goal(pose)
@@ -156,7 +153,7 @@ class TangentBug(BoundaryController):
         self._driven += driven
         if self.activity is not Activity.GOING:
             return self._follow(observation, driven)
-        # straight to the goal, or to the edge over which the way there is shortest
+        # straight to the goal, or to the edge with the shortest path to the goal
         point = self._choose(observation)
         if point is None or self._is_held(observation, point):
             return self._hit(observation)
@@ -168,7 +165,7 @@ class TangentBug(BoundaryController):
         self._way, self._driven = math.inf, 0.0
 
     def _choose(self, observation: Observation) -> Point | None:
-        """Choose the place to head for; None in a dead end."""
+        """Return the position to head for; None in a dead end."""
         goal, pose = self.goals[0], observation.pose
         if self._sees_goal(observation):
             return goal
@@ -183,12 +180,12 @@ class TangentBug(BoundaryController):
     def _choose_edge(
         self, observation: Observation, directions: OpenDirections
     ) -> Point | None:
-        """Choose the edge over which the way to the goal is shortest; None without."""
+        """Return the edge with the shortest path over it to the goal, or None."""
         edges = directions.edges()
-        # The last edge stays while the way is nearly open: noise may hide it in a scan.
+        # Noise may hide the last edge in one scan, so it stays while nearly reachable.
         if self._edge is not None and self._is_open(observation, self._edge):
             edges = np.vstack([edges, self._edge])
-        # Places come nearer and nearer to the goal, so that it ends.
+        # Positions come closer and closer to the goal, so the algorithm ends.
         edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
         edge, way = self._best_edge(edges, directions, observation.pose)
         if edge is None or not self._accept_way(edge, way, observation.pose):
@@ -199,14 +196,15 @@ class TangentBug(BoundaryController):
     def _best_edge(
         self, edges: Floats, directions: OpenDirections, pose: Pose2
     ) -> tuple[Point | None, float]:
-        """Return the edge over which the way to the goal is shortest, and that way."""
+        """Return the edge with the shortest path to the goal, and its length."""
         if not len(edges):
             return None, math.inf
         ways = ways_to_goal(edges, self.goals[0], directions)
         offsets = edges - (pose.x, pose.y)
         ways += np.hypot(*offsets.T)
         if self._edge is not None:
-            # at an obstacle, an edge ahead and one behind may be near to each other
+            # along an obstacle, an edge ahead and an
+            # edge behind may be close to each other
             is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
             is_near = np.hypot(*(edges - self._edge).T) < _SAME
             ways -= KEPT * (is_near & is_ahead)
@@ -216,16 +214,16 @@ class TangentBug(BoundaryController):
         return (float(edges[best, 0]), float(edges[best, 1])), float(ways[best])
 
     def _accept_way(self, edge: Point, way: float, pose: Pose2) -> bool:
-        """Return whether a way over an edge is no longer than it was, or leads nearer.
+        """Return whether the path over an edge is not longer, or leads nearer.
 
-        A way may become longer when more of an obstacle comes into sight. Then the
-        robot only goes on if that brings it nearer to the goal than it ever was when
-        that happened.
+        A path may become longer when more of an obstacle comes into view. Then the
+        robot goes on only if it is closer to the goal than at all earlier such events,
+        and the edge is closer still.
         """
         if way < self._way - SHORTER:
             self._way, self._driven = way, 0.0
         if self._driven > DRIVEN * (self._way + 1.0):
-            # so that it leaves the boundary only for a place that is nearer than here
+            # The robot then leaves the boundary only for a position closer to the goal.
             self._left_at = min(self._left_at, self._goal_distance(pose))
             return False
         if way <= self._shortest_way + LONGER:
@@ -238,9 +236,9 @@ class TangentBug(BoundaryController):
         return True
 
     def _is_open(self, observation: Observation, edge: Point) -> bool:
-        """Return whether an edge that it heads for is still ahead, and in reach.
+        """Return whether the current edge is still ahead and within reach.
 
-        By less than the distance at which edges are looked for: noise may close a gap.
+        The check uses a smaller radius than the search, since noise may close a gap.
         """
         pose = observation.pose
         away = distance(pose, *edge)
@@ -250,14 +248,14 @@ class TangentBug(BoundaryController):
 
     def _sees_goal(self, observation: Observation) -> bool:
         left = self._goal_distance(observation.pose)
-        # a goal may be as near to something as the safety distance
+        # a goal may be at exactly the safety distance from an obstacle
         is_last = left < self._settings.bumpers.pressed_below
         radius = self._radius - (GRAZE + NOISE / 2) * is_last
         length = open_length(observation, self._goal_bearing(observation.pose), radius)
         return length >= min(left, HORIZON)
 
     def _is_held(self, observation: Observation, point: Point) -> bool:
-        """Return whether the robot faces a point and cannot go there."""
+        """Return whether the robot faces a point and cannot drive towards it."""
         safety_distance = self._settings.bumpers.safety_distance
         is_faced = abs(bearing_of(observation.pose, *point)) < ALIGNED
         return is_faced and leads_too_near(observation, safety_distance)
@@ -266,22 +264,22 @@ class TangentBug(BoundaryController):
         pose = observation.pose
         self.hit_points.append((pose.x, pose.y))
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
-            # it could not go on where it left: as if it never had
+            # The robot could not go on after it left, so it continues on that boundary.
             boundary, self.activity = self._left, Activity.FOLLOWING
-            # else it might leave it at the same place at once
+            # otherwise it might leave at the same position at once
             boundary.least = boundary.travelled + AGAIN
             if self._resumed < _MOST_RESUMED:
-                # A circuit begins here, as the robot was elsewhere between.
+                # The robot was away in between, so a new circuit begins here.
                 boundary.landmarks = []
             self._boundary, self._resumed = boundary, self._resumed + 1
             return STOP
-        # on the hand on which the way over what it sees is shorter
+        # on the side with the shorter visible path
         wall_on_left = self._settings.mission.side == "left"
         directions = OpenDirections(observation, self._radius)
         edge, _ = self._best_edge(directions.edges(), directions, pose)
         if edge is not None:
             offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
-            # A way on the right of the goal has what hides the goal on its left.
+            # A path to the right of the goal has the obstacle on its left.
             wall_on_left = math.sin(offset) < 0
         if self._last_hand is not None:
             wall_on_left, self._last_hand = not self._last_hand, None
@@ -289,7 +287,7 @@ class TangentBug(BoundaryController):
         return STOP
 
     def _follow(self, observation: Observation, step: float) -> Twist:
-        """Follow a boundary until a place nearer to the goal can be gone to."""
+        """Follow a boundary until a position closer to the goal is reachable."""
         boundary, goal = self._boundary, self.goals[0]
         directions = OpenDirections(observation, self._radius)
         limit = min(boundary.goal_distance, self._left_at) - NEARER
@@ -319,7 +317,7 @@ class TangentBug(BoundaryController):
         return boundary.follower.step(observation, part)[0]
 
     def _approach(self, observation: Observation) -> Twist:
-        """Drive towards what hides the goal until that is in reach of the bumpers."""
+        """Drive towards the obstacle that hides the goal until a bumper is pressed."""
         bearing = self._goal_bearing(observation.pose)
         length = open_length(observation, bearing, self._radius)
         ahead = self._settings.bumpers.towards(observation, bearing)
@@ -330,7 +328,7 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, self.goals[0])
 
     def _leave(self, observation: Observation, place: Point) -> Twist:
-        """Head for a place, away from a boundary, to which it may have to go back."""
+        """Leave the boundary for a position; it may have to be followed again."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self._left = self._boundary if self._boundary.is_reached else None
         self._restart()
@@ -338,10 +336,11 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, place)
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
-        # The limit was that of a boundary which is no longer there, or another's.
+        # The limit belonged to a boundary that has gone, or to a different one.
         self._left_at = math.inf
         twist = self._leave(observation, self.goals[0])
-        # What it hits next may be the same again: then on the other hand.
+        # The next hit may be the same obstacle,
+        # which is followed on the other side then.
         self._left = None
         hand = self._boundary.follower.wall_on_left
         self._last_hand = hand if is_other else None

@@ -3,39 +3,41 @@
 Theory of operation
 ===================
 The rules are those of the thesis: with a side bumper pressed, drive along the boundary;
-where it is lost, drive towards it; where the front bumper is pressed as well, turn away
-until it is released. Before that the robot aligns itself: it turns on the spot until
-what it has hit is abeam.
+after losing the boundary, drive towards it; with the front bumper pressed as well, turn
+away until it is released. Before that the robot aligns itself: it turns on the spot
+until the obstacle that it hit is abeam.
 
-Along means that the nearest point of the boundary is abeam, and that its distance is
-the middle of the band. So the robot's path is the boundary, offset outward by that
+To drive along a boundary means to keep its nearest point abeam, at a distance in the
+middle of the band. So the robot's path is the boundary, offset outward by that
 distance: around an outer corner or the end of a thin wall it is an arc about the
 nearest point, and in an inner corner it turns from one wall to the next. In a gap the
-robot keeps to the middle, as long as that is the safety distance from both sides.
+robot keeps to the middle, if that is the safety distance from both sides.
 
 Rule 1: everything is computed for a boundary on the left and a robot that goes forward.
 For the other side the scan is mirrored, and for going backward it is rotated by pi.
 Rule 2: the boundary is where the nearest beam ends, not the nearest share of beams: the
-end of a thin wall returns no more than one or two.
-Rule 3: obstacles ahead are judged in the direction that the robot is to take, not in
-the one that it faces: of all directions in which the next step is clear, the nearest to
-the boundary's is taken. So the robot does not oscillate in corners.
-Rule 4: a robot that heads for a goal must not get where a wall follower would not, or
-it might never pass its hit point again. So a wall follower drives through all gaps
-that are twice the safety distance wide, and 0.4 m for turning and noise.
+end of a thin wall reflects no more than one or two beams.
+Rule 3: obstacles ahead are judged in the direction of the next step, not in the
+direction that the robot faces: of all directions in which the next step is clear, the
+closest to the boundary's direction is chosen. So the robot does not oscillate in
+corners.
+Rule 4: a robot that heads for a goal must not enter a gap that a wall follower would
+not enter, or it might never pass its hit point again. So a wall follower drives through
+all gaps that are twice the safety distance wide, plus 0.4 m for turning and noise.
 
-The thesis' literal way to follow a boundary goes by the pressed bumpers alone.
+The literal method of the thesis follows a boundary by the pressed bumpers alone.
 
-Theory of operation
-===================
-With only the bumper on the boundary's side pressed, the robot drives straight on. Where
-that bumper is released, it has gone too far from the boundary and turns towards it.
-Where the front one is pressed as well, it turns away on the spot until the back one is
-pressed instead; where the front one alone was, until only the side one is.
+Theory of operation of the literal method
+=========================================
+While only the bumper on the boundary's side is pressed, the robot drives straight on.
+When that bumper is released, the robot is too far from the boundary and turns towards
+it. When the front bumper is pressed as well, the robot turns away on the spot until the
+back bumper is pressed instead; after a press of the front bumper alone, until only the
+side bumper is pressed.
 
-Three things are added, without which it would hit what the thesis does not mention: it
-turns away from a side that is too near, stops to turn for whatever is too near ahead,
-and ends a turn that no bumper ends after a whole circle.
+Three rules are added for obstacles that the thesis does not mention: the robot turns
+away from a side that is too near, stops to turn if an obstacle ahead is too near, and
+ends a turn after a full circle if no bumper ends it.
 
 Source: a thesis on navigation with a radar in USARSim, section 5.2.
 """
@@ -52,29 +54,29 @@ from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.geometry import Floats, Point, wrap_angle
 
-DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
-MAX_TURN = 0.8  # rad
-HEADING_STEP = math.radians(5.0)  # between the directions that are tried
+DISTANCE_GAIN = 1.5  # rad towards the boundary for each m beyond the target distance
+MAX_TURN = 0.8  # rad; largest correction of the heading
+HEADING_STEP = math.radians(5.0)  # between the tested directions
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
-CORNER_DEPTH = 0.15  # m beyond the nearest point of a boundary that still belong to it
-SIDE_ANGLE = math.radians(10.0)  # off the heading, where the other side of a gap begins
-# off the boundary's direction, where a direction still leads into it
+CORNER_DEPTH = 0.15  # m beyond its nearest point that still belong to a boundary
+SIDE_ANGLE = math.radians(10.0)  # off the heading; the other side of a gap begins there
+# off the boundary's direction; smaller angles lead into the boundary
 FACING_ANGLE = math.radians(60.0)
-_LOST_MARGIN = 0.1  # m beyond the band at which a boundary counts as lost
-_STEP_TOLERANCE = 0.02  # m that a step may come nearer than is allowed
-_EQUAL_RANGE = 0.05  # m within which points of the boundary count as equally near
-_AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; where nothing may be too near
-_AWAY: Final = 0.5  # of the greatest turn rate, with which it leaves a side too near
+_LOST_MARGIN = 0.1  # m beyond the band; a farther boundary is lost
+_STEP_TOLERANCE = 0.02  # m of tolerance when a step is checked
+_EQUAL_RANGE = 0.05  # m between ranges that count as equally near
+_AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; directions to keep free
+_AWAY: Final = 0.5  # share of the highest turn rate, away from a side that is too near
 
 
 class WallFollower:
-    """Computes motions along a boundary.
+    """Computes motions along the boundary of an obstacle.
 
     Attributes:
-        bumpers: The bumpers that see the boundary.
-        speed_limits: Greatest speeds.
-        wall_on_left: Whether the boundary is on the robot's left as it goes forward.
+        bumpers: The bumpers that detect the boundary.
+        speed_limits: Highest speeds.
+        wall_on_left: Whether the boundary is on the left of a robot that goes forward.
         forward: Whether the robot goes forward.
     """
 
@@ -105,7 +107,7 @@ class WallFollower:
         )
 
     def _twist(self, speed: float, turn: float) -> Twist:
-        """Return the robot's twist for a speed and a turn in the view."""
+        """Convert a speed and a turn rate of the view to a twist of the robot."""
         speed = speed if self.forward else -speed
         return Twist(speed, -turn if self._mirrored else turn)
 
@@ -119,7 +121,7 @@ class WallFollower:
 
     @property
     def target_distance(self) -> float:
-        """Distance at which the boundary is followed where there is space, m."""
+        """Distance at which the boundary is followed in open space, m."""
         return self.bumpers.safety_distance + BAND / 2
 
     def step(
@@ -129,28 +131,28 @@ class WallFollower:
 
         Args:
             observation: The newest scan.
-            obstacle: The part of the scan that the boundary may be in; by default all.
+            obstacle: The part of the scan with the boundary; by default the whole scan.
 
         Returns:
-            The motion, and whether the boundary is seen; where it is not, the motion
-            leads towards it.
+            The motion, and whether the boundary is in view; otherwise the motion leads
+            towards it.
         """
         view = self._view(observation)
         boundary = self._boundary(view if obstacle is None else self._view(obstacle))
         if boundary is None:
-            # the circle that a corner out of sight would ask for
+            # drive the circle around a corner that is out of view
             speed = self.speed_limits.speed
             return self._twist(speed, speed / self.target_distance), False
-        # Rule 3: obstacles ahead are judged in the direction that it is to take.
+        # Rule 3: obstacles are judged in the direction of the next step.
         heading = self._clear_heading(view, self._along(view, *boundary))
-        # It faces where it is to go, and yet something there is too near for a bumper:
-        # it would stand forever.
+        # The robot faces its direction, and yet a bumper
+        # there is too near, so it would stand forever.
         is_too_near = self.bumpers.towards(view, 0.0).too_near
         if abs(heading) < ALIGNED and is_too_near:
             heading = self._way_out(view, heading)
-        # Headings are not wrapped: one a whole turn away would seem to be ahead.
+        # Headings are not wrapped: one a full turn away would seem to be ahead.
         twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
-        # nor is a step that leads nearer to something, while it turns away from that
+        # No step leads nearer to an obstacle while the robot turns away from it.
         leads_there = leads_too_near(view, self.bumpers.safety_distance)
         speed = 0.0 if is_too_near or leads_there else twist.speed
         return self._twist(speed, twist.turn), True
@@ -160,7 +162,7 @@ class WallFollower:
 
         Args:
             observation: The newest scan.
-            obstacle: Direction of the obstacle, rad from the robot's front.
+            obstacle: Bearing of the obstacle, rad from the robot's front.
 
         Returns:
             The motion, and whether the robot is aligned.
@@ -172,7 +174,7 @@ class WallFollower:
     def tangent(self, observation: Observation) -> float:
         """Return the direction along the boundary, rad, map frame, not wrapped.
 
-        Without a boundary it is the direction of motion.
+        Without a boundary, the direction of motion is returned.
         """
         boundary = self._boundary(self._view(observation))
         heading = 0.0 if boundary is None else boundary[0] - ABEAM
@@ -181,7 +183,7 @@ class WallFollower:
     def boundary(self, observation: Observation) -> tuple[Point, float] | None:
         """Return the nearest point of the boundary, m, map frame, and its distance, m.
 
-        None without a boundary.
+        None is returned without a boundary.
         """
         boundary = self._boundary(self._view(observation))
         if boundary is None:
@@ -190,9 +192,9 @@ class WallFollower:
         return observation.pose.point(self._bearing(bearing), distance), distance
 
     def hit(self, observation: Observation, obstacle: float) -> tuple[Point, float]:
-        """Return the nearest point of an obstacle that is hit, and the way along it.
+        """Return the nearest point of a hit obstacle, and the direction along it.
 
-        Arguments are those of ``align``.
+        The arguments are those of ``align``.
 
         Returns:
             The point, m, and the direction, rad, map frame.
@@ -205,9 +207,9 @@ class WallFollower:
         return observation.pose.point(bearing, distance), along
 
     def leads_into_boundary(self, observation: Observation, bearing: float) -> bool:
-        """Return whether a direction leads into the boundary that is followed.
+        """Return whether a direction leads into the followed boundary.
 
-        The other side of a gap does not count.
+        The other side of a gap is ignored.
 
         Args:
             observation: The newest scan.
@@ -217,34 +219,34 @@ class WallFollower:
         boundary = self._boundary(view)
         if boundary is None:
             return False
-        # A corner a little farther than the nearest point is still the same boundary.
+        # A corner slightly farther than the nearest point is part of the same boundary.
         side = self._near_side(view) & (view.ranges <= boundary[1] + CORNER_DEPTH)
         offsets = wrap_angles(view.bearings[side] - self._bearing(bearing))
         return bool((np.abs(offsets) <= FACING_ANGLE).any())
 
     def _near_side(self, view: Observation) -> NDArray[np.bool_]:
         """Return which beams look ahead or to the left, (N,)."""
-        # Bearings jump from pi to -pi straight behind; the left side ends beyond.
+        # Bearings jump from pi to -pi straight behind; the left side ends beyond that.
         left: NDArray[np.bool_] = view.bearings >= -SIDE_ANGLE
         return left | (view.bearings < self.bumpers.width / 2 - math.pi)
 
     def _abeam_heading(self, view: Observation, obstacle: float) -> float:
         """Return the heading that brings the nearest part of an obstacle abeam, rad."""
         centre = self._bearing(obstacle)
-        # an obstacle that it hit is ahead; any other is at the side of its path
+        # A hit obstacle is ahead of the robot; any other one is next to its path.
         ahead = self.bumpers.towards(view, centre).blocked
         half_width = (0.5 if ahead else 1.5) * self.bumpers.width
         within = np.abs(wrap_angles(view.bearings - centre)) <= half_width
         ranges = np.where(within, view.ranges, math.inf)
         if not np.isfinite(ranges).any():
             return centre - ABEAM
-        # Beams next to the nearest one are about as near, and noise chooses among them:
+        # Neighbours of the nearest beam are about as near, and noise picks one of them:
         # their mean is steadier.
         nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
     def _boundary(self, view: Observation) -> tuple[float, float] | None:
-        """Return bearing, rad, and distance, m, of the boundary, ahead or left."""
+        """Return bearing, rad, and distance, m, of the nearest point ahead or left."""
         left = self._near_side(view)
         ranges, bearings = view.ranges[left], view.bearings[left]
         if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _LOST_MARGIN:
@@ -254,36 +256,36 @@ class WallFollower:
 
     def _along(self, view: Observation, bearing: float, distance: float) -> float:
         """Return the heading that keeps the boundary abeam and at its distance, rad."""
-        # Seen along the boundary, the other side of a gap is on the right.
+        # In a view along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
-        # The boundary itself, seen at a flat angle far ahead, must not be taken for the
-        # other side: so that begins ``SIDE_ANGLE`` off.
+        # The other side begins ``SIDE_ANGLE`` off, so that the boundary itself, seen at
+        # a flat angle far ahead, does not count as the other side.
         other &= np.isfinite(view.ranges)
         x, y = _end_points(view.bearings[other], view.ranges[other])
         x -= distance * math.cos(bearing)
         y -= distance * math.sin(bearing)
         gap = float(np.hypot(x, y).min(initial=math.inf))
-        # In a narrow gap its middle; where that is too near to both sides, the safety
-        # distance from the one that is followed.
+        # In a narrow gap the robot keeps to the middle; where that is too close to both
+        # sides, it keeps the safety distance from the boundary.
         half = max(gap / 2, self.bumpers.safety_distance)
-        # A positive one turns to the left, towards the boundary.
+        # A positive value turns to the left, towards the boundary.
         turn = DISTANCE_GAIN * (distance - min(self.target_distance, half))
         return bearing - ABEAM + max(-MAX_TURN, min(MAX_TURN, turn))
 
     def _clear_heading(self, view: Observation, heading: float) -> float:
         """Turn a heading away from the boundary until the next step is clear.
 
-        A step is clear if nothing is nearer after it than the safety distance, or than
-        an obstacle that is already too near.
+        A step is clear if afterwards no point is closer than the safety distance, or
+        than the nearest point now.
         """
         near = view.ranges < self.bumpers.pressed_below
         if not near.any():
             return heading
         x, y = _end_points(view.bearings[near], view.ranges[near])
         least = min(self.bumpers.safety_distance, float(view.ranges[near].min()))
-        # In an inner corner that is along the next wall. To the right only: the first
-        # clear one is the nearest to the boundary.
+        # In an inner corner the heading leads along the next wall. Only turns to the
+        # right are tried: the first clear heading is the closest to the boundary.
         headings = heading - HEADING_STEP * np.arange(int(2 * math.pi / HEADING_STEP))
         step = BAND / 2
         distances = np.hypot(
@@ -291,13 +293,13 @@ class WallFollower:
         )
         clear = np.flatnonzero(distances.min(axis=1) >= least - _STEP_TOLERANCE)
         if not len(clear):
-            return heading - ABEAM  # walled in: turn until an opening comes into view
+            return heading - ABEAM  # enclosed: turn until an opening comes into view
         return float(headings[clear[0]])
 
     def _way_out(self, view: Observation, heading: float) -> float:
         """Turn a heading away from the boundary until no bumper there is too near.
 
-        A robot that faces a heading in which something is too near does not move.
+        A robot whose front bumper is too near does not move.
         """
         for count in range(1, int(2 * math.pi / HEADING_STEP)):
             other = heading - count * HEADING_STEP
@@ -314,23 +316,23 @@ def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
 def _mean_bearing(bearings: Floats) -> float:
     x, y = float(np.cos(bearings).sum()), float(np.sin(bearings).sum())
     mean = math.atan2(y, x)
-    # Continuous on the left and behind, where a boundary is; it jumps on the right.
+    # The mean is continuous on the left and behind, where a boundary is.
     return mean + 2 * math.pi if mean < -ABEAM else mean
 
 
 class BumperWallFollower(WallFollower):
-    """Follows a boundary as a ``WallFollower`` does, by the states of bumpers alone."""
+    """Follows a boundary like a ``WallFollower``, but by bumper states alone."""
 
     _is_turning = False
-    _is_in_corner = False  # whether the turn began with the side pressed
-    _turned = 0.0  # rad since the turn began
+    _is_in_corner = False  # whether the side was pressed when the turn began
+    _turned = 0.0  # rad; angle turned since the turn began
     _yaw = 0.0  # rad; of the last step
 
     def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
         """Turn until only the bumper on the boundary's side is pressed.
 
-        Or until the obstacle is abeam: those that are not flat may press none.
-        Arguments and result are those of ``WallFollower.align``.
+        The turn also ends with the obstacle abeam, as obstacles that are not flat may
+        press no bumper. Arguments and result are those of ``WallFollower.align``.
         """
         self._is_turning = False
         twist, is_abeam = super().align(observation, obstacle)
@@ -341,8 +343,8 @@ class BumperWallFollower(WallFollower):
     ) -> tuple[Twist, bool]:
         """Compute the motion until the next scan.
 
-        Arguments and result are those of ``WallFollower.step``; bumpers do not tell
-        obstacles apart, so all beams count.
+        Arguments and result are those of ``WallFollower.step``; bumpers do not
+        distinguish obstacles, so all beams count.
         """
         view = self._view(observation)
         self._update_turn(view)
@@ -360,7 +362,7 @@ class BumperWallFollower(WallFollower):
             self._is_in_corner = bumpers.towards(view, math.pi / 2).pressed
         elif not front.blocked:
             only_side = not self._is_in_corner and self._has_only_side(view)
-            # After a whole circle no bumper will end it.
+            # No bumper ends the turn after a full circle.
             is_over = back.pressed or only_side or self._turned >= 2 * math.pi
             self._is_turning = not is_over
 

@@ -1,1 +1,1 @@
-"""Plots and films of runs and of maps that robots made."""
+"""Plots and films of robot runs and of the maps that robots build."""

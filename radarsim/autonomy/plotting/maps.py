@@ -1,6 +1,6 @@
-"""Pictures and films of maps: what each cell is, the path and the robot on them.
+"""Plots and films of maps: the class of each cell, the path and the robot.
 
-``MapPanel`` draws a map that may grow: once for a picture, frame by frame for a film.
+``MapPanel`` draws a map that may grow: once for a plot, frame by frame for a film.
 """
 
 import math
@@ -44,7 +44,7 @@ from radarsim.plotting.plan import draw_robot, name_objects
 from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, figure_of, render
 from radarsim.scene.scene import Part
 
-# Colour and text of each class of cells.
+# Colour and legend text of each class of cells.
 CELLS: Final = {
     CellClass.UNKNOWN: (NOT_SENSED, "not sensed"),
     CellClass.FREE: (PAPER, "free"),
@@ -58,34 +58,34 @@ SHADES: Final = np.array(
     np.uint8,
 )
 _TRUTH: Final[dict[str, Any]] = {"color": TRUTH, "linewidth": 0.9}
-_WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
-_LARGEST_CELL: Final = 6  # pixels
-_MUCH: Final = 4.0  # times the sensed area that a scene may have to be shown whole
-_LARGEST_SCENE: Final = 40.0  # m of a side of a scene that a film shows whole
-_FILM_EDGE: Final = 0.5  # m around it, or the sensed part of a larger one
-_EDGE: Final = 0.2  # m around the content
-_MOST_NAMES: Final = 15  # of objects; none are written if there are more
-_LETTER: Final = 0.65  # width of a letter, in heights of the text
-# Where the label of the start may be, the best first: horizontally and vertically.
+_WIDEST, _TALLEST = 900, 760  # pixels; largest size of a panel
+_LARGEST_CELL: Final = 6  # pixels; largest side of a cell
+_MUCH: Final = 4.0  # times the sensed area; a larger scene is not shown whole
+_LARGEST_SCENE: Final = 40.0  # m; longest side of a scene that a film shows whole
+_FILM_EDGE: Final = 0.5  # m around the first extent of a film
+_EDGE: Final = 0.2  # m around a scene
+_MOST_NAMES: Final = 15  # most objects that are named; with more, none is
+_LETTER: Final = 0.65  # width of a letter, relative to the height of the text
+# Sides for the label of the start, the best first: horizontal and vertical.
 _SIDES: Final = ((0, 1), (0, -1), (-1, 0), (1, 0))
 _ALIGNMENTS: Final = ("center", "left", "right")  # by side: 0, 1, -1
 _LEVELS: Final = ("center", "bottom", "top")
-_ASIDE: Final = 7.0  # points from the start to its label
+_ASIDE: Final = 7.0  # points between the start and its label
 
 
 @dataclass(frozen=True, slots=True)
 class MapView:
-    """A map that is to be drawn.
+    """A map to be drawn.
 
     Attributes:
         grid: The map.
         path: Estimated poses of the robot, (N, 3): x and y in m, yaw in rad; N >= 1.
         robot_class: Class of the robot.
-        title: Title, in words.
-        outlines: The true outlines of the scene.
-        subtitle: A further line; empty for none.
-        parts: Parts of the scene whose objects are named; none for no names.
-        height: Height at which the sensor cuts them, m, map frame.
+        title: Title of the plot.
+        outlines: True outlines of the scene.
+        subtitle: A second line below the title; empty for no such line.
+        parts: Parts of the scene whose objects are named; empty for no names.
+        height: Height of the sensor, at which objects are named, m, map frame.
     """
 
     grid: OccupancyGrid
@@ -99,7 +99,7 @@ class MapView:
 
     @property
     def extent(self) -> Bbox:
-        """The extent of all that is sensed, and of a scene that fits it."""
+        """Extent of the plot: the sensed cells, and a scene if it is not too large."""
         sensed = extent_of(self.grid, sensed_window(self.grid))
         scene = outlines_extent(self.outlines)
         if scene is None:
@@ -110,17 +110,17 @@ class MapView:
 
 
 class MapPanel:
-    """A map in a panel, which can be updated while it grows."""
+    """A map in a panel, which can be updated while the map grows."""
 
     def __init__(self, axes: Axes, view: MapView, *, text: float = 10.0) -> None:
-        """Draw what does not change.
+        """Draw the static parts.
 
         Args:
             axes: The panel, m, map frame.
-            view: A map of the robot, among the same outlines.
+            view: The map, with the robot and the outlines of all later updates.
             text: Size of labels, points.
         """
-        axes.set_facecolor(NOT_SENSED)  # beyond the map
+        axes.set_facecolor(NOT_SENSED)  # background outside the map
         self._axes = axes
         self._robot_class = view.robot_class
         self._image = add_cell_image(axes, zorder=1)
@@ -156,7 +156,7 @@ class MapPanel:
         self._robot = draw_robot(self._axes, self._robot_class, end, zorder=4)
 
     def _place_label(self, path: Floats) -> None:
-        """Place the label of the start on a side where it covers little of the path."""
+        """Place the label of the start where it covers least of the path."""
         pixels = self._axes.transData.transform(path)
         points = (pixels - pixels[0]) * 72 / figure_of(self._axes).dpi
         high = float(self._label.get_fontsize())
@@ -172,7 +172,7 @@ class MapPanel:
 
     @property
     def artists(self) -> list[Artist]:
-        """Everything in the panel, by which a film draws a frame."""
+        """All artists of the panel, in the order in which a film draws them."""
         marks = (self._path, self._start, self._label)
         return [self._image, *self._outlines, *marks, *self._robot]
 
@@ -180,12 +180,12 @@ class MapPanel:
 def map_figure(
     views: Sequence[MapView], *, text: float = 10.0, numbers: bool = False
 ) -> Figure:
-    """Draw maps side by side, at one scale.
+    """Draw maps next to each other, at one scale.
 
     Args:
         views: One map for each panel.
         text: Size of the text, points.
-        numbers: Whether coordinates are written at the panels.
+        numbers: Whether to write coordinates along the panels.
     """
     extent = Bbox.union([view.extent for view in views])
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
@@ -204,24 +204,24 @@ def map_figure(
 
 
 def pixels_per_metre(extent: Bbox, resolution: float) -> float:
-    """Return the scale of a panel that fits a picture, in whole pixels a cell.
+    """Return the scale of a panel, in whole pixels per cell if possible.
 
     Args:
-        extent: What the panel shows.
+        extent: Extent of the panel.
         resolution: Side of a cell, m.
     """
     room = min(_WIDEST / extent.width, _TALLEST / extent.height)
-    # whole pixels, unless cells are smaller: else some would look wider than others
+    # Whole pixels, so that all cells look equally wide; not for cells below one pixel.
     pixels = room * resolution
     return min(pixels if pixels < 1 else int(pixels), _LARGEST_CELL) / resolution
 
 
 def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
-    """Return the rows of a legend for some classes of cells and the path.
+    """Return the legend rows for some classes of cells and the path.
 
     Args:
         classes: The classes.
-        truth: Whether true outlines of the scene are shown.
+        truth: Whether the true outlines are shown.
     """
     cells = [
         Patch(facecolor=CELLS[each][0], edgecolor="0.5", label=CELLS[each][1])
@@ -234,44 +234,44 @@ def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
 
 
 def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Bbox:
-    """Return the extent of some rows and columns of a map."""
+    """Return the extent of given rows and columns of a map."""
     rows, columns = window
     corners = np.array([[columns.start, rows.start], [columns.stop, rows.stop]])
     return Bbox(corners * grid.frame.resolution + grid.frame.origin)
 
 
 def first_map_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Bbox:
-    """Return what a film shows at first: a scene that is known and not too large.
+    """Return the first extent of a film: the scene, if it is known and not too large.
 
     Args:
-        outlines: The scene; none if it is unknown.
-        grid: The map, which is shown otherwise; at least one scan.
+        outlines: The outlines of the scene; empty if it is unknown.
+        grid: The map with at least one scan, shown without such a scene.
     """
     scene = outlines_extent(outlines)
-    # A cell of a scene that is larger would be less than a pixel wide.
+    # Cells of a larger scene would be less than a pixel wide.
     if scene is None or max(scene.width, scene.height) > _LARGEST_SCENE:
         scene = extent_of(grid, sensed_window(grid))
     return scene.padded(_FILM_EDGE)
 
 
 class MapFrames:
-    """Draws frames of a map.
+    """Draws the frames of a film of a map.
 
     Attributes:
-        figure: The figure, as it was drawn last.
+        figure: The figure with the last frame.
     """
 
     def __init__(self, first: MapView) -> None:
-        """Draw what does not change.
+        """Draw the static parts.
 
         Args:
-            first: The map of the first frame; robot and outlines stay.
+            first: The map of the first frame; robot and outlines stay the same.
         """
         extent = first_map_extent(first.outlines, first.grid)
         scale = pixels_per_metre(extent, first.grid.frame.resolution)
         self._panels = Panels(extent, scale, [first.title], [""])
         self._panel = MapPanel(self._panels.axes[0], first)
-        # what cells may come to be: anything, if the scene is unknown
+        # the classes that may appear: all of them, if the scene is unknown
         kinds = {outline.kind for outline in first.outlines} or {*CellClass}
         shown = {*CellClass} - ({CellClass.FOLIAGE, CellClass.SMOKE} - kinds)
         self._panels.add_legend(map_rows(shown, truth=bool(first.outlines)))

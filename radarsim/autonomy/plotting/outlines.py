@@ -1,4 +1,4 @@
-"""True outlines of a scene at the height of a sensor, as areas and as lines."""
+"""True outlines of a scene at the height of a sensor, as areas and lines."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -20,19 +20,19 @@ from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family, family_of
 from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.scene import Part, Scene
 
-_EDGE: Final = 0.3  # m around things that are shown whole
-_MUCH_LARGER: Final = 1.5  # times, along a side, that an extent is enlarged at most
+_EDGE: Final = 0.3  # m around objects that are shown whole
+_MUCH_LARGER: Final = 1.5  # times; greatest enlargement of an extent along a side
 
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """The outlines of all things of one kind and one family of materials.
+    """The outlines of all objects of one kind and one family of materials.
 
     Attributes:
-        kind: What they are on a map: obstacle, foliage or smoke.
-        lines: Their outlines, (N, 2) m each, map frame; where things overlap, that of
-            both together.
-        family: The family, which gives the colour.
+        kind: Class of the objects on a map: obstacle, foliage or smoke.
+        lines: Outlines, (N, 2) m each, map frame; overlapping objects have a common
+            outline.
+        family: The family of materials, which gives the colour.
     """
 
     kind: CellClass
@@ -41,11 +41,11 @@ class Outline:
 
 
 def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
-    """Return the outlines of what a scene has at a height, by kind and family.
+    """Return the outlines of a scene at a height, by kind and family.
 
     Args:
         scene: The map.
-        height: m, map frame.
+        height: Height of the cut, m, map frame.
     """
     found = []
     for kind in (CellClass.SMOKE, CellClass.FOLIAGE, CellClass.OBSTACLE):
@@ -58,7 +58,7 @@ def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
 
 
 def outlines_extent(outlines: Iterable[Outline]) -> Bbox | None:
-    """Return the extent of outlines; None without any."""
+    """Return the extent of outlines; None without outlines."""
     lines = [line for outline in outlines for line in outline.lines]
     if not lines:
         return None
@@ -71,9 +71,9 @@ def box_around(points: Floats) -> Bbox:
 
 
 def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
-    """Return an extent with the whole of each thing that it cuts off.
+    """Return an extent enlarged to show each object whole that it cuts off.
 
-    Things that are too large for that, such as the walls around a room, stay cut off.
+    Objects that are too large, such as the walls around a room, stay cut off.
     """
     wanted = extent
     for outline in outlines:
@@ -93,7 +93,7 @@ def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
     for part in parts:
         segments = slice_mesh(part.vertices, part.faces, height)
         area = enclosed_area(segments)
-        if shapely.is_empty(area):  # a surface that encloses nothing
+        if shapely.is_empty(area):  # a surface that encloses no area
             lines += list(segments)
         else:
             areas.append(area)
@@ -103,19 +103,19 @@ def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
 
 
 def draw_areas(axes: Axes, outlines: Iterable[Outline]) -> list[PathPatch]:
-    """Draw things as filled areas, each family in its colour.
+    """Draw objects as filled areas, each family in its colour.
 
     Args:
         axes: Axes in m, map frame.
         outlines: The outlines to draw.
 
     Returns:
-        What was drawn.
+        The drawn patches.
     """
     drawn = []
     for outline in outlines:
         path = Path.make_compound_path(*(Path(line) for line in outline.lines))
-        # What beams enter lies below what they sense, walls lie above it.
+        # Foliage and smoke lie below the sensed cells, and walls lie above them.
         order = 2.7 if outline.kind == CellClass.OBSTACLE else 1.0
         drawn.append(PathPatch(path, **_area_style(outline.family), zorder=order))
         axes.add_patch(drawn[-1])
@@ -123,7 +123,7 @@ def draw_areas(axes: Axes, outlines: Iterable[Outline]) -> list[PathPatch]:
 
 
 def area_rows(outlines: Iterable[Outline]) -> list[Artist]:
-    """Return the rows of a legend for filled areas, one for each family."""
+    """Return the legend rows for filled areas, one for each family."""
     families = {outline.family for outline in outlines}
     return [
         Patch(**_area_style(family), label=family.value)

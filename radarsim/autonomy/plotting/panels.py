@@ -1,7 +1,7 @@
-"""Panels of one scale side by side, laid out in whole pixels, and their legend.
+"""Panels of one scale next to each other, laid out in whole pixels, with a legend.
 
-Pictures of runs and maps share this layout: panels of equal size, so that what they
-show can be compared; above each its title, below all of them one legend.
+Plots of runs and maps share this layout: panels of equal size, so that they can be
+compared, each with a title above it, and one legend below all of them.
 """
 
 import math
@@ -27,29 +27,29 @@ from radarsim.plotting.style import round_length
 
 DPI: Final = 110
 EVEN: Final = 2  # pixels; sides of frames of a film are even
-_WEST, _EAST, _GAP = 4.4, 1.6, 4.4  # at the sides of panels, in heights of the text
-_TICKS: Final = 3.6  # below the panels, likewise
-_TOP: Final = 2.8  # above the panels, likewise, for a title
-_LINE: Final = 1.4  # likewise, for a subtitle
-_TITLE: Final = 1.2  # size of a title, in sizes of the text
+_WEST, _EAST, _GAP = 4.4, 1.6, 4.4  # margins and gap, in text heights
+_TICKS: Final = 3.6  # text heights below the panels
+_TOP: Final = 2.8  # text heights above the panels, for a title
+_LINE: Final = 1.4  # text heights of a subtitle
+_TITLE: Final = 1.2  # size of a title, relative to the text
 _PAD: Final = 6.0  # points between a title and its panel
-_BAR_SHARE: Final = 0.15  # of the width of a panel that a scale bar takes at most
-_SCALE_TEXT: Final = 4.5  # heights of the text that the length of the scale bar takes
-_STATUS: Final = 20.0  # likewise, of the second line of a film
-_LEGEND_MARGIN: Final = 0.6  # likewise, at each side of the legend
-_ZOOM: Final = 1.15  # so that a film does not zoom at every scan
-_NARROWEST: Final = 640  # pixels of the figure
+_BAR_SHARE: Final = 0.15  # largest share of a panel's width for the scale bar
+_SCALE_TEXT: Final = 4.5  # text heights; width of the scale bar's label
+_STATUS: Final = 20.0  # text heights; usual width of a film's subtitle
+_LEGEND_MARGIN: Final = 0.6  # text heights on each side of the legend
+_ZOOM: Final = 1.15  # extra zoom, so that a film does not zoom at every scan
+_NARROWEST: Final = 640  # pixels; least width of the figure
 
 
 class Panels:
-    """A figure of panels.
+    """A figure with panels of one scale.
 
     Attributes:
         figure: The figure.
-        axes: One for each panel, from left to right.
-        titles: One for each panel; what they say may change.
-        subtitles: The further lines, likewise.
-        scale_bar: The parts of the scale bar in the first panel.
+        axes: Axes of the panels, from left to right.
+        titles: Titles of the panels; their text may change.
+        subtitles: Second lines of the panels; their text may change.
+        scale_bar: The artists of the scale bar in the first panel.
     """
 
     def __init__(
@@ -65,18 +65,18 @@ class Panels:
         """Create empty panels.
 
         Args:
-            extent: What each panel shows.
-            pixels_per_metre: Their scale.
-            titles: One for each panel, a line each.
-            subtitles: A further line for each panel; none for no such lines.
+            extent: Extent of each panel.
+            pixels_per_metre: Scale of the panels.
+            titles: One line for each panel.
+            subtitles: A second line for each panel; empty for no such lines.
             text: Size of the text, points.
-            numbers: Whether coordinates are written at the panels.
+            numbers: Whether to write coordinates along the panels.
         """
         self._text, self._numbers = text, numbers
         self.figure = Figure(dpi=DPI)
         self.axes: list[Axes] = []
         self.titles: list[Text] = []
-        # whole pixels; sizes that are whole but for rounding stay as they are
+        # Rounded up to whole pixels, with a tolerance for rounding errors.
         self._size = (
             math.ceil(extent.width * pixels_per_metre - 1e-6),
             math.ceil(extent.height * pixels_per_metre - 1e-6),
@@ -113,16 +113,16 @@ class Panels:
         lines = bool(subtitles) + self._is_crowded
         for axes, written in zip(self.axes, self.titles, strict=True):
             self._write_title(axes, written.get_text(), _PAD + _LINE * text * lines)
-        for line in self.subtitles:  # above the scale bar, where it is in the way
+        for line in self.subtitles:  # above the scale bar, if they would overlap
             line.set_position((0.0, _PAD + _LINE * text * self._is_crowded))
         self._top = self._pixels(_TOP + _LINE * lines)
         self._place(0)
 
     @property
     def _is_crowded(self) -> bool:
-        """Whether a line above a panel has no room next to the scale bar.
+        """Whether a line above a panel would overlap the scale bar.
 
-        What films will write is not known yet: it is as long as usual.
+        Subtitles of films are not known yet, so their usual width is assumed.
         """
         across = self._size[0]
         scale = _BAR_SHARE * across + self._pixels(_SCALE_TEXT)
@@ -132,7 +132,8 @@ class Panels:
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
         """Place a legend below the panels, in as many lines as it needs."""
-        # The width of a legend is known once it is there: the widest that fits stays.
+        # The size of a legend is known only after
+        # drawing, so wide ones are tried first.
         for columns in range(len(rows), 0, -1):
             legend = self.figure.legend(
                 handles=list(rows),
@@ -152,7 +153,7 @@ class Panels:
         self._place(math.ceil(box.height), narrowest)
 
     def show(self, extent: Bbox) -> None:
-        """Let all panels show an extent too, at a smaller scale if it is larger."""
+        """Extend all panels to show an extent, at a smaller scale if necessary."""
         shown = self.axes[0].viewLim.frozen()
         wanted = Bbox.union([shown, extent])
         if np.array_equal(wanted, shown):
@@ -160,7 +161,7 @@ class Panels:
         share = max(wanted.width / shown.width, wanted.height / shown.height) * _ZOOM
         middle_x = (wanted.x0 + wanted.x1) / 2
         middle_y = (wanted.y0 + wanted.y1) / 2
-        # by one share, as a metre has to be as long on both axes
+        # one factor for both axes, so that a metre has the same length on both
         across, up = shown.width * share / 2, shown.height * share / 2
         for axes in self.axes:
             axes.set_xlim(middle_x - across, middle_x + across)
@@ -168,12 +169,12 @@ class Panels:
         self._draw_scale()
 
     def render(self, moving: Sequence[Artist], title: str, status: str) -> Pixels:
-        """Return a frame of a film of the only panel, (H, W, 3).
+        """Return a frame of a film with a single panel, (H, W, 3).
 
         Args:
-            moving: What may have changed in the panel.
-            title: The title from now on.
-            status: The line below it.
+            moving: Artists of the panel that may have changed.
+            title: The new title.
+            status: The new line below the title.
         """
         self.titles[0].set_text(title)
         self.subtitles[0].set_text(status)
@@ -187,8 +188,8 @@ class Panels:
     def _draw_scale(self) -> None:
         for artist in self.scale_bar:
             artist.remove()
-        # Above the right corner of a panel, where it covers nothing; that of
-        # ``annotations.draw_scale_bar`` would be in the way of the cells of a map.
+        # Above the right corner of a panel, where it covers nothing. The scale bar of
+        # ``annotations.draw_scale_bar`` would cover cells of a map.
         axes = self.axes[0]
         west, east = axes.get_xlim()
         length = round_length(_BAR_SHARE * (east - west))
@@ -233,7 +234,7 @@ class Panels:
         sides = (_WEST, _GAP, _EAST) if self._numbers else (_EAST, _EAST, _EAST)
         west, gap, east = (self._pixels(each) for each in sides)
         inner = west + count * across + (count - 1) * gap + east
-        beyond = max(0, math.ceil(self._widest) - across)  # of a title, to the right
+        beyond = max(0, math.ceil(self._widest) - across)  # title width over the panel
         width = _even(max(inner + 2 * beyond, narrowest, _NARROWEST))
         bottom = self._pixels(_TICKS if self._numbers else 1.0) + legend_height
         height = _even(bottom + up + self._top)
@@ -245,18 +246,18 @@ class Panels:
             left += across + gap
 
     def _pixels(self, lines: float) -> int:
-        """Return a length of some heights of the text in pixels."""
+        """Convert a length in text heights to pixels."""
         return round(lines * self._text * DPI / 72)
 
 
 def titles_of(views: Sequence[Any]) -> tuple[list[str], list[str]]:
-    """Return titles and subtitles of views of runs or maps; none if all lack them."""
+    """Return titles and subtitles of views; no subtitles if all are empty."""
     subtitles = [view.subtitle for view in views]
     return [view.title for view in views], subtitles if any(subtitles) else []
 
 
 def add_cell_image(axes: Axes, *, zorder: float) -> AxesImage:
-    """Add an image of square cells, each pixel in the colour of the cell below it."""
+    """Add an image of square cells without interpolation."""
     image = AxesImage(axes, origin="lower", interpolation="nearest", zorder=zorder)
     axes.add_artist(image)
     return image
@@ -269,7 +270,7 @@ def show_cells(image: AxesImage, cells: NDArray[np.uint8], extent: Bbox) -> None
         image: The image.
         cells: Colours, (R, C, 3), or with opacities, (R, C, 4); the first row is the
             southernmost.
-        extent: Where they are, m.
+        extent: Extent of the cells, m.
     """
     image.set_data(cells)
     image.set_extent((*extent.intervalx, *extent.intervaly))
@@ -280,5 +281,5 @@ def _even(pixels: float) -> int:
 
 
 def _size_of(artist: Legend | Text, figure: Figure) -> Bbox:
-    canvas: Any = FigureCanvasAgg(figure)  # parts of it have no types
+    canvas: Any = FigureCanvasAgg(figure)  # some matplotlib methods have no types
     return artist.get_window_extent(canvas.get_renderer())

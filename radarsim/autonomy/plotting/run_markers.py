@@ -1,7 +1,7 @@
 """Markers of a navigation run: start, goals, hit and leave points, sensed cells.
 
-A hit point has the colour of the path that begins there, along a boundary, and a leave
-point that of the path to the goal. A goal that the robot does not reach is crossed out.
+A hit point has the colour of the boundary path that begins there, and a leave point the
+colour of the path to the goal. A cross marks a goal that the robot does not reach.
 
 Cells where beams ended are tinted; inside foliage and smoke they are dots.
 """
@@ -28,14 +28,14 @@ from radarsim.plotting.palette import FOLLOWING, GOING, MARKER, PAPER, TARGET
 from radarsim.plotting.style import HALO, figure_of
 from radarsim.robots.obstacles import area_within
 
-FAINTEST, STRONGEST = 0.12, 0.5  # opacity of cells where one, or most beams ended
-_BLOCK: Final = 3  # cells along a side of a square that has one dot
-_LEAST, _MOST = 0.2, 0.5  # diameter of a dot, in sides of its square
-_SAMPLE: Final = 7.0  # points; of cells in the legend
-_DOT_SAMPLE: Final = 3.0  # points; likewise of dots
-_ENTERED: Final = (CellClass.FOLIAGE, CellClass.SMOKE)  # what beams enter
+FAINTEST, STRONGEST = 0.12, 0.5  # opacity at one beam end, and at the most
+_BLOCK: Final = 3  # cells along a side of the square of a dot
+_LEAST, _MOST = 0.2, 0.5  # diameter of a dot, relative to its square
+_SAMPLE: Final = 7.0  # points; size of a cell in the legend
+_DOT_SAMPLE: Final = 3.0  # points; size of a dot in the legend
+_ENTERED: Final = (CellClass.FOLIAGE, CellClass.SMOKE)  # beams can enter these
 _CELL_ZORDER: Final = 2.5
-_TOGETHER: Final = 0.35  # m; markers that are nearer share a label
+_TOGETHER: Final = 0.35  # m; nearer markers share a label
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +43,12 @@ class MarkerStyle:
     """Style of the markers of one kind.
 
     Attributes:
-        text: Text in the legend; empty if the labels say enough.
-        label: Label; numbers follow if there are several.
-        marker: Marker of matplotlib.
+        text: Text in the legend; empty if labels are sufficient.
+        label: Label; followed by numbers if there are several markers.
+        marker: Matplotlib marker.
         size: Size in points.
         offset: Offset of the label from the marker, points.
-        colour: Colour within its edge.
+        colour: Fill colour.
     """
 
     text: str
@@ -60,7 +60,7 @@ class MarkerStyle:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of matplotlib for the marker."""
+        """Matplotlib options of the marker."""
         return {
             "color": self.colour,
             "marker": self.marker,
@@ -82,11 +82,11 @@ STYLES: Final = (START, HIT, LEAVE, GOAL, MISSED)
 def marker_places(
     run_log: RunLog, *, is_over: bool = True
 ) -> dict[MarkerStyle, list[Point]]:
-    """Return where a run has markers, by their style; only styles that it has.
+    """Return the positions of the markers of a run, by style; no empty styles.
 
     Args:
         run_log: The run.
-        is_over: Whether a goal that is not reached by now never will be.
+        is_over: Whether the run has ended, so that an unreached goal is missed.
     """
     goals = [leg.goal for leg in run_log.legs]
     activity = run_log.rows[-1].activity
@@ -107,13 +107,13 @@ def marker_places(
 def draw_markers(
     axes: Axes, run_log: RunLog, *, text: float, is_over: bool
 ) -> list[Artist]:
-    """Draw the markers of a run, and their labels.
+    """Draw the markers of a run and their labels.
 
     Args:
         axes: Axes in m, map frame.
         run_log: The run.
         text: Size of labels, points.
-        is_over: Whether a goal that is not reached by now never will be.
+        is_over: Whether the run has ended, so that an unreached goal is missed.
     """
     drawn: list[Artist] = []
     goals = len(run_log.legs)
@@ -131,7 +131,7 @@ def draw_markers(
 
 
 def marker_rows(styles: Collection[MarkerStyle]) -> list[Artist]:
-    """Return the rows of a legend for markers of some styles that need one."""
+    """Return the legend rows for the marker styles that have a legend text."""
     return [
         Line2D([], [], **style.options, label=style.text)
         for style in STYLES
@@ -160,7 +160,7 @@ def _label(
 
 
 def _groups(places: Sequence[Point], count_from: int) -> list[tuple[Point, list[int]]]:
-    """Number points, and group those that lie close to each other."""
+    """Number points, and group points that are close to each other."""
     groups: list[tuple[Point, list[int]]] = []
     for number, place in enumerate(places, count_from):
         for first, numbers in groups:
@@ -173,19 +173,20 @@ def _groups(places: Sequence[Point], count_from: int) -> list[tuple[Point, list[
 
 
 class SensedCells:
-    """Draws where beams ended, the stronger the more often they did.
+    """Draws cells where beams ended, with opacity by the number of beams.
 
     Cells in the open are tinted. A tint over foliage would look like another material,
-    so there each square of a few cells has a dot, which leaves its green as it is.
+    so each square of a few cells has a dot there, which does not change the colour of
+    foliage.
     """
 
     def __init__(self, axes: Axes, colour: str, outlines: Sequence[Outline]) -> None:
-        """Draw nothing yet.
+        """Create the empty image.
 
         Args:
             axes: The panel, m, map frame, with its limits.
-            colour: Colour of the sensed cells.
-            outlines: The true outlines of the scene.
+            colour: Colour of sensed cells.
+            outlines: True outlines of the scene.
         """
         self._axes, self._colour = axes, colour
         self._image = add_cell_image(axes, zorder=_CELL_ZORDER)
@@ -196,11 +197,11 @@ class SensedCells:
         self._dots: list[Artist] = []
 
     def update(self, run_log: RunLog) -> None:
-        """Show what a run has sensed so far, as far as it is within the panel."""
+        """Show the cells that a run has sensed so far within the panel."""
         for artist in self._dots:
             artist.remove()
         ends = run_log.beam_ends
-        # A film zooms out as the run goes on: cells outside may come into view.
+        # A film zooms out during the run, so cells outside may come into view.
         low, high = self._axes.viewLim.min, self._axes.viewLim.max
         shown = ((ends[:, :2] > low) & (ends[:, :2] < high)).all(axis=1)
         within = shapely.contains_xy(self._entered, ends[:, 0], ends[:, 1])
@@ -210,7 +211,7 @@ class SensedCells:
 
     @property
     def artists(self) -> list[Artist]:
-        """What was drawn."""
+        """The drawn artists."""
         return [self._image, *self._dots]
 
     def _tint(self, ends: Floats, most: float) -> None:
@@ -223,7 +224,8 @@ class SensedCells:
         columns, rows = last - first
         pixels = np.zeros((rows, columns, 4), np.uint8)
         pixels[:, :, :3] = np.round(255 * np.array(to_rgb(self._colour)))
-        # By the logarithm: near the robot beams end a hundred times as often as afar.
+        # On a log scale, since near the robot a
+        # hundred times as many beams end as far away.
         often = np.log1p(ends[:, 2]) / np.log1p(most)
         opacity = (FAINTEST + (STRONGEST - FAINTEST) * often) * (ends[:, 2] > 0)
         x, y = (cells - first).T
@@ -231,13 +233,14 @@ class SensedCells:
         show_cells(self._image, pixels, Bbox(np.array([first, last]) * CELL))
 
     def _draw_dots(self, ends: Floats, most: float) -> list[Artist]:
-        """Draw a dot in each square of cells, (M, 3), that has any."""
+        """Draw a dot in each square that contains sensed cells, (M, 3)."""
         if not len(ends):
             return []
         side = _BLOCK * CELL
         squares = np.floor(ends[:, :2] / side).astype(np.int64)
         places, numbers = np.unique(squares, axis=0, return_inverse=True)
-        # numpy 2.0 gave the inverse another shape than versions before and after
+        # In numpy 2.0, the inverse has another
+        # shape than in earlier and later versions.
         counts = np.bincount(numbers.reshape(-1), ends[:, 2])
         often = np.minimum(np.log1p(counts) / np.log1p(most), 1.0)
         axes = self._axes
@@ -249,12 +252,12 @@ class SensedCells:
 
 
 def sensed_rows(colour: str, by: str, outlines: Iterable[Outline]) -> list[Artist]:
-    """Return the rows of a legend for sensed cells.
+    """Return the legend rows for sensed cells.
 
     Args:
-        colour: Its colour.
-        by: The words that follow, such as `` by the radar``.
-        outlines: The true outlines of the scene.
+        colour: Colour of sensed cells.
+        by: Text that follows ``sensed``, such as `` by the radar``.
+        outlines: True outlines of the scene.
     """
     cell: dict[str, Any] = {"color": colour, "alpha": STRONGEST, "marker": "s"}
     plain: dict[str, Any] = {"markeredgewidth": 0.0, "linestyle": "none"}

@@ -1,9 +1,9 @@
-"""Pictures and films of navigation runs: paths and goals among obstacles.
+"""Plots and films of navigation runs: paths and goals among obstacles.
 
-``RunPanel`` draws a run that may go on: once for a picture, frame by frame for a film.
-All frames of a film have one size; what they show grows if it has to.
+``RunPanel`` draws a run that may continue: once for a plot, frame by frame for a film.
+All frames of a film have one size; their extent grows if necessary.
 
-Arrow heads along a path show the direction in which it was driven.
+Arrow heads along a path show the direction of motion.
 """
 
 from collections.abc import Collection, Sequence
@@ -51,19 +51,19 @@ _HEAD: Final = Path(
     np.array([(1.0, 0.0), (-0.8, 0.8), (-0.3, 0.0), (-0.8, -0.8), (1.0, 0.0)]),
     closed=True,
 )
-_SIZE: Final = 11.0  # points
-_EVERY: Final = 0.25  # of the width of the panel from one to the next
-_AROUND: Final = 0.15  # m of the path before and after, which give the direction
+_SIZE: Final = 11.0  # points; size of an arrow head
+_EVERY: Final = 0.25  # of the width of the panel between two arrow heads
+_AROUND: Final = 0.15  # m of the path before and after, for the direction
 AROUND: Final = 3.0  # m around the path that are shown
 NO_PATH: Final[Floats] = np.zeros((0, 2))
-ROBOT_OPACITY: Final = 0.6  # so that markers on it stand out
-_MARGIN: Final = 0.6  # m
-_WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
-_CLOSEST: Final = 160.0  # pixels per metre, at most
-_LARGEST_SCENE: Final = 40.0  # m of a side of a scene that a film shows whole
-_AROUND_START: Final = 2.0  # m around start and goals that a film shows at first
-_EDGE: Final = 0.7  # m around a scene whose walls keep the robot in
-_OUTSIDE: Final = 2.0  # m around any other, for the robot to go round it
+ROBOT_OPACITY: Final = 0.6  # keeps markers on the robot visible
+_MARGIN: Final = 0.6  # m around the shown paths and beam ends
+_WIDEST, _TALLEST = 900, 640  # pixels; largest size of a panel
+_CLOSEST: Final = 160.0  # pixels per metre; largest scale
+_LARGEST_SCENE: Final = 40.0  # m; longest side of a scene that a film shows whole
+_AROUND_START: Final = 2.0  # m around start and goals in the first extent of a film
+_EDGE: Final = 0.7  # m around a scene with walls around the robot
+_OUTSIDE: Final = 2.0  # m around any other scene, for paths around it
 _FILM_MARGIN: Final = 0.4  # m around the path
 _GOAL_LINE: Final[dict[str, Any]] = {
     "color": "0.3",
@@ -78,11 +78,11 @@ _TRUE_PATH: Final[dict[str, Any]] = {
 
 
 def arrow_places(path: Floats, spacing: float) -> Floats:
-    """Return where arrow heads stand on a path, and the direction there.
+    """Return positions and directions of arrow heads along a path.
 
     Args:
         path: The path, (N, 2) m.
-        spacing: Length of the path from one to the next, m; the first is after half.
+        spacing: Path length between two arrow heads, m; half of it before the first.
 
     Returns:
         x and y in m, and the direction in rad from the x axis, (M, 3).
@@ -96,7 +96,7 @@ def arrow_places(path: Floats, spacing: float) -> Floats:
     def at(lengths: Floats) -> Floats:
         return np.column_stack([np.interp(lengths, along, axis) for axis in path.T])
 
-    # Between two points some way apart: noise turns each single step anywhere.
+    # The direction is averaged, since noise changes the direction of single steps.
     x, y = (at(places + _AROUND) - at(places - _AROUND)).T
     return np.column_stack([at(places), np.arctan2(y, x)])
 
@@ -147,16 +147,16 @@ def _sensor_colour(medium: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RunView:
-    """A run that is to be drawn.
+    """A run to be drawn.
 
     Attributes:
-        run_log: The run; at least one row.
-        title: Title, in words.
+        run_log: The run, with at least one row.
+        title: Title of the plot.
         robot_class: Class of the robot.
-        medium: What it steers by, ``radar`` or ``laser``; empty if that is unknown.
-        outlines: The true outlines of the scene, if they are known.
-        subtitle: A further line; empty for none.
-        true_path: Path that it truly drove, (N, 2) m; none if it is unknown.
+        medium: Type of the sensor, ``radar`` or ``laser``; empty if unknown.
+        outlines: True outlines of the scene, if it is known.
+        subtitle: A second line below the title; empty for no such line.
+        true_path: True path of the robot, (N, 2) m; empty if unknown.
     """
 
     run_log: RunLog
@@ -169,7 +169,7 @@ class RunView:
 
     @property
     def paths(self) -> Bbox:
-        """The extent of its paths and goals."""
+        """Extent of the paths and the goals."""
         log = self.run_log
         ends = np.array([end for leg in log.legs for end in (leg.start, leg.goal)])
         points = [log.path, ends.reshape(-1, 2), self.true_path]
@@ -177,10 +177,10 @@ class RunView:
 
     @property
     def extent(self) -> Bbox:
-        """The extent of paths, goals, beam ends near them, and whole things."""
+        """Extent of the plot: paths, goals, near beam ends, and whole objects."""
         shown, around = self.paths, self.paths.padded(AROUND)
         beam_ends = self.run_log.beam_ends[:, :2]
-        # Ends far away are left out: with them the run itself would be tiny.
+        # Distant beam ends are excluded, since they would make the run tiny.
         near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
         if near.any():
             shown = Bbox.union([shown, box_around(beam_ends[near])])
@@ -188,14 +188,14 @@ class RunView:
 
 
 class RunPanel:
-    """A run in a panel, which can be updated while it goes on."""
+    """A run in a panel, which can be updated while the run continues."""
 
     def __init__(self, axes: Axes, view: RunView) -> None:
-        """Draw what does not change.
+        """Draw the static parts.
 
         Args:
             axes: The panel, m, map frame.
-            view: A run of the robot, with the same sensor among the same outlines.
+            view: The run, with the robot, sensor and outlines of all later updates.
         """
         self._axes = axes
         self._robot_class = view.robot_class
@@ -207,12 +207,12 @@ class RunPanel:
     def update(
         self, view: RunView, *, text: float = 10.0, is_over: bool = True
     ) -> None:
-        """Show a run as it is.
+        """Show the current state of a run.
 
         Args:
             view: The run.
             text: Size of labels, points.
-            is_over: Whether a goal that is not reached by now never will be.
+            is_over: Whether the run has ended, so that an unreached goal is missed.
         """
         for artist in self._moving:
             artist.remove()
@@ -238,7 +238,7 @@ class RunPanel:
 
     @property
     def artists(self) -> list[Artist]:
-        """Everything in the panel, by which a film draws a frame."""
+        """All artists of the panel, in the order in which a film draws them."""
         return [*self._areas, *self._sensed.artists, *self._moving]
 
 
@@ -250,7 +250,7 @@ def run_figure(
     Args:
         views: One run for each panel.
         text: Size of the text, points.
-        numbers: Whether coordinates are written at the panels.
+        numbers: Whether to write coordinates along the panels.
     """
     extent = Bbox.union([view.extent for view in views])
     scale = pixels_per_metre(extent)
@@ -271,7 +271,7 @@ def run_figure(
 
 
 def pixels_per_metre(extent: Bbox) -> float:
-    """Return the scale of a panel that fits a picture."""
+    """Return the largest scale at which an extent fits a panel."""
     return min(_WIDEST / extent.width, _TALLEST / extent.height, _CLOSEST)
 
 
@@ -284,15 +284,15 @@ def _legend_rows(
     sensed: bool = True,
     truth: bool,
 ) -> list[Artist]:
-    """Return the rows of a legend.
+    """Return the legend rows of a run.
 
     Args:
         styles: Styles of the estimated path.
-        medium: What the robot steers by, as in ``RunView``.
-        outlines: The true outlines of the scene.
+        medium: Type of the sensor, as in ``RunView``.
+        outlines: True outlines of the scene.
         markers: Styles of markers.
-        sensed: Whether anything was sensed.
-        truth: Whether the true path is known, from which the estimated one differs.
+        sensed: Whether any beam end is drawn.
+        truth: Whether the true path is drawn in addition to the estimated one.
     """
     whose = "estimate, " if truth else ""
     rows: list[Artist] = [
@@ -310,7 +310,7 @@ def _legend_rows(
 
 
 def _styles(run_log: RunLog) -> list[PathStyle]:
-    """Return the style of the step from each row to the next."""
+    """Return the style of the step from each row to the next row."""
     return [_STYLE_OF.get(row.activity, GOING) for row in run_log.rows[:-1]]
 
 
@@ -321,7 +321,7 @@ def _path_lines(run_log: RunLog) -> list[LineCollection]:
     for style in PATH_STYLES:
         chosen = np.array([one is style for one in styles], dtype=np.bool_)
         if chosen.any():
-            # joined where one ends at the next, so that lines have no gaps
+            # Consecutive steps are joined, so that lines have no gaps.
             mine = steps[chosen]
             breaks = np.nonzero((mine[1:, 0] != mine[:-1, 1]).any(axis=1))[0] + 1
             lines = LineCollection(
@@ -340,12 +340,12 @@ def _path_lines(run_log: RunLog) -> list[LineCollection]:
 def first_run_extent(
     outlines: Sequence[Outline], start: Point, goals: Sequence[Point]
 ) -> Bbox:
-    """Return what a film shows: start, goals, and all of a scene that is not too large.
+    """Return the extent of a film: start, goals, and a scene that is not too large.
 
-    A robot that goes round anything in it hardly ever leaves this.
+    Robots hardly ever leave this extent.
 
     Args:
-        outlines: The scene; none if it is unknown.
+        outlines: The outlines of the scene; empty if it is unknown.
         start: Start of the robot, m.
         goals: All goals, m.
     """
@@ -366,25 +366,25 @@ def first_run_extent(
 
 
 class RunFrames:
-    """Draws frames of a navigation run.
+    """Draws the frames of a film of a navigation run.
 
     Attributes:
         axes: The panel.
     """
 
     def __init__(self, extent: Bbox, first: RunView, *, returns: bool = True) -> None:
-        """Draw what does not change.
+        """Draw the static parts.
 
         Args:
-            extent: The extent that is shown at first.
-            first: The run of the first frame; robot, sensor and outlines stay.
+            extent: Extent of the first frame.
+            first: The run of the first frame; robot, sensor and outlines stay the same.
             returns: Whether the robot may return to a leave point.
         """
         self._panels = Panels(extent, pixels_per_metre(extent), [first.title], [""])
         self.axes = self._panels.axes[0]
         self._panel = RunPanel(self.axes, first)
         styles, outlines = PATH_STYLES[: 2 + returns], first.outlines
-        # all that may come: the legend of a film does not change
+        # All possible rows, since the legend of a film does not change.
         rows = _legend_rows(
             styles, first.medium, outlines, [HIT, LEAVE], truth=bool(outlines)
         )

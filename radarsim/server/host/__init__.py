@@ -1,4 +1,4 @@
-"""The server without sockets: bytes in, bytes out, time in ticks."""
+"""The server without sockets: it exchanges bytes and advances time in ticks."""
 
 from radarsim.server.host.connection import Diagnostic
 from radarsim.server.host.host import Host, HostObserver

@@ -1,7 +1,7 @@
-"""Execute the commands of clients, one line at a time.
+"""Executes the commands of clients, one line at a time.
 
-Of those to a robot, only those that drive it are here; ``item_commands`` has those to
-what it carries.
+Commands to items of a robot are in ``item_commands``, and commands of world controllers
+in ``control_commands``.
 """
 
 from __future__ import annotations
@@ -61,37 +61,38 @@ if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
 Question: TypeAlias = GetGeo | GetConf
-# What comes of a line: whether it is done, or has to be handled again in a later tick;
-# None if the command had its full effect; units of work that it took.
+# Result of a line: whether it is done (otherwise a later tick handles it again), a
+# diagnostic or None if the command had its full effect, and the units of work.
 Handled: TypeAlias = tuple[bool, Diagnostic | None, int]
 
-# Units of work, about 20 us each: most commands take one; a spawn, a scan that is asked
-# for, and a reply that has to be computed take five. Reading a long line takes more,
-# and so do orders to many links.
+# Units of work, about 20 us each: most commands take one unit; a spawn, a requested
+# scan, and a reply that has to be computed take five. Long lines and orders to many
+# links take more.
 LIGHT_WORK: Final = 1
 HEAVY_WORK: Final = 5
-CRATE_WORK: Final = 2  # a body comes or goes
-SETTING_WORK: Final = 50  # the rays of a scanner have to be prepared again
-SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
+CRATE_WORK: Final = 2  # to add or remove a body
+SETTING_WORK: Final = 50  # to prepare the rays of a scanner again
+SUGGESTION_WORK: Final = 3  # to find a similar verb or key for an unknown one
 CHARACTERS_A_UNIT: Final = 300
-ROBOTS_A_UNIT: Final = 8  # that a watcher may have to get
-CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
+ROBOTS_A_UNIT: Final = 8  # robots to search or report per unit
+CACHED_REPLIES: Final = 1000  # limited, as clients can use any spelling of names
 LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 
 
 def handle(host: Host, client: Client, line: str) -> Handled:
-    """Execute the command in a line of a client."""
+    """Execute the command in a line of a client, or postpone it to a later tick."""
     reading = len(line) // CHARACTERS_A_UNIT
     dialect = host.config.dialect
     try:
         command, unknown = parse_command(line, dialect)
     except MalformedMessage as error:
         malformed = Diagnostic.of_malformed(line, error)
-        # A line in UTF-16, of a client of today that needs an answer.
+        # A zero after each character means UTF-16. Only new clients send it by mistake,
+        # so they get an error answer, which existing clients would not understand.
         if malformed.kind == f"malformed {Watch.verb}" or line[1:4:2] == "\0\0":
             client.reply(CommandError(malformed.text), dialect)
         return True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading
-    # The line stays where it is and all later ones of this client wait behind it:
+    # A postponed line stays first, and all later lines of its client wait behind it:
     # GETGEO often follows INIT in the same packet.
     if isinstance(command, Init) and host.spawner.is_too_early(client):
         return False, None, LIGHT_WORK + reading
@@ -114,7 +115,7 @@ def handle(host: Host, client: Client, line: str) -> Handled:
 def _execute(
     host: Host, client: Client, command: RobotCommand | OtherCommand
 ) -> Diagnostic | None:
-    """Execute a command other than INIT; return why it had not its full effect."""
+    """Execute a command other than INIT; return None if it had its full effect."""
     if type(command) in _TO_HOST:
         return _TO_HOST[type(command)](host, client, command)
     vehicle = _find_robot(client, command.verb)
@@ -124,7 +125,7 @@ def _execute(
 
 
 def _find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
-    """Return the robot of a client, or why it executes no commands."""
+    """Return the robot of a client, or the reason why it cannot execute commands."""
     if client.vehicle is None:
         text = f"{verb} without a robot, expected INIT"
         return Diagnostic(f"{verb} without robot", text)
@@ -148,8 +149,8 @@ def _work_of(host: Host, client: Client, command: Command) -> int:
         case GetGeo(robot=str()) | GetConf(robot=str()) | ShowCamera() | Watch():
             work = among_robots
         case GetStartPoses() | GetGeo() | GetConf():
-            # Clients ask for every item at the start, many of them at once: known
-            # replies must not use up the work of a tick.
+            # At the start, many clients ask for every item at once. A cached reply is
+            # light work, so that it does not use up the limit of a tick.
             is_known = _reply_key(host, client, command) in host.known_replies
             work = LIGHT_WORK if is_known else HEAVY_WORK
         case Control():
@@ -162,9 +163,10 @@ def _work_of(host: Host, client: Client, command: Command) -> int:
 
 
 def _is_answered(command: Command) -> bool:
-    """Return whether a client gets the reason why a command had no effect.
+    """Return whether a command without effect is answered with the reason.
 
-    Only clients of radarsim are: to all others an answer would be unknown.
+    Only commands that radarsim has added to the protocol are answered, because other
+    clients do not know such answers.
     """
     match command:
         case Watch() | GetGeo(robot=str()) | GetConf(robot=str()):
@@ -178,7 +180,7 @@ def _changes_settings(command: SetItem) -> bool:
 
 
 def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Drive a robot, as far as the command has what its drive needs."""
+    """Execute a drive command with the fields that the type of the robot needs."""
     if command.value is not None and command.joint is not None:
         order = LinkOrder(command.joint, None, command.value, command.order)
         return move_links(vehicle, command.verb, [order])
@@ -191,7 +193,7 @@ def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None
 
 
 def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Steer a car, or tell what a robot on wheels misses in a command."""
+    """Steer a car; return a diagnostic for missing fields of a wheeled robot."""
     robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
     left, right = command.left, command.right
     if is_car and command.speed is not None:
@@ -206,7 +208,8 @@ def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
         missing = "Left" if left is None else "Right"
         text = f"DRIVE without {missing}, expected Left and Right"
         return Diagnostic("one side", f"{text}, or none of them")
-    # A client stops any robot with all speeds of all vehicles, but without angles.
+    # Only angles are checked: a client stops any robot by sending the speeds of all
+    # types of vehicles, without angles.
     if steers:
         text = f"DRIVE with FrontSteer of {vehicle.model.name}, which is skid-steered"
         return Diagnostic("steering", f"{text}, expected Left and Right")
@@ -214,7 +217,7 @@ def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
 
 
 def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Fly a robot, which also takes the speeds of two sides, as if it had wheels."""
+    """Set the speeds of a flying robot; return a diagnostic for a car's fields."""
     speeds = command.linear, command.lateral, command.altitude, command.rotational
     vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
     others = command.speed, command.front_steer, command.rear_steer
@@ -231,7 +234,7 @@ def _move(
 
 
 def _trace(simulation: Simulation, vehicle: Vehicle, command: Trace) -> None:
-    """Begin or end a trail."""
+    """Begin or end the trail of a robot."""
     interval = round(100 * min(max(command.interval, 0.01), LONGEST_TRACE))
     if command.is_on:
         colour = TRACE_COLOURS[command.colour]
@@ -251,7 +254,7 @@ def _send_starts(host: Host, client: Client, question: GetStartPoses) -> None:
 
 
 def _answer(host: Host, client: Client, question: Question) -> Diagnostic | None:
-    """Reply to a question; equal replies for all robots are encoded once."""
+    """Reply to a question; equal replies for all robots of a class are cached."""
     if question.robot is not None:
         return _answer_of_others(host, client, question)
     vehicle = _find_robot(client, question.verb)
@@ -263,8 +266,8 @@ def _answer(host: Host, client: Client, question: Question) -> Diagnostic | None
         report = _describe(vehicle, question)
         if isinstance(report, Diagnostic):
             return report
-        # Cleared as a whole: an order of use would cost more than the few replies
-        # that have to be built again.
+        # The cache is cleared as a whole, because tracking the order of use would cost
+        # more than building a few replies again.
         line = to_bytes([report.encode(host.config.dialect)])
         if len(host.known_replies) >= CACHED_REPLIES:
             host.known_replies.clear()
@@ -277,7 +280,7 @@ def _answer(host: Host, client: Client, question: Question) -> Diagnostic | None
 def _answer_of_others(
     host: Host, client: Client, question: Question
 ) -> Diagnostic | None:
-    """Reply to a question about the robots of a name, which others may drive."""
+    """Reply to a question about the robots with a name, of any client."""
     name = question.robot or ""
     named = robots_named(host.simulation, name)
     if not named:
@@ -295,12 +298,12 @@ def _answer_of_others(
 def _reply_key(
     host: Host, client: Client, question: Question | GetStartPoses
 ) -> tuple[str | None, ...]:
-    """Return what a reply depends on; nothing if it is not kept."""
+    """Return the cache key of a reply; empty if the reply must not be cached."""
     if isinstance(question, GetStartPoses):
         return (question.verb,)
     vehicle = client.vehicle
-    # A robot may have settings of its own. Cameras are zoomed, and change their
-    # places in pictures.
+    # Replies are not cached if the robot's settings were changed, or for cameras, whose
+    # zoom and position in pictures can change.
     if vehicle is None or vehicle.config is not host.simulation.config:
         return ()
     if isinstance(question, GetConf) and question.type.casefold() == CAMERA.lower():
@@ -309,7 +312,7 @@ def _reply_key(
 
 
 def _describe(vehicle: Vehicle, question: Question) -> Report | Diagnostic:
-    """Return what a question asks about a robot, or why it does not have that."""
+    """Return the report that a question requests, or why the robot has none."""
     item_type, name = question.type, question.name
     if isinstance(question, GetGeo):
         report = geometry(vehicle.model, item_type, name)
@@ -323,8 +326,8 @@ def _describe(vehicle: Vehicle, question: Question) -> Report | Diagnostic:
     return describe_missing(vehicle, question, of_type)
 
 
-# What executes the commands that need no robot, and those that do; it returns why one
-# had not its full effect.
+# Functions that execute commands to the host, and commands to a robot. They return a
+# diagnostic, or None if the command had its full effect.
 _TO_HOST: Final[dict[type, Callable[[Host, Client, Any], Diagnostic | None]]] = {
     GetStartPoses: _send_starts,
     GetGeo: _answer,

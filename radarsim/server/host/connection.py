@@ -1,9 +1,7 @@
-r"""The state of one connection, and diagnostics of what its client sends.
+r"""The state of one connection with its send queues, and diagnostics of commands.
 
-The lines that wait to be sent to it are part of the state.
-
-A client that reads too slowly loses the oldest readings. It never loses an answer, nor
-part of a line. Lines that were taken from the queue are not dropped any more.
+A client that reads too slowly loses the oldest readings. It never loses an answer, or
+part of a line. Only lines in the queue can be dropped.
 
 >>> queue = SendQueue(limit=20)
 >>> queue.put(b"NFO {A b}\r\n", keep=True)
@@ -32,20 +30,20 @@ if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
     from radarsim.simulation.vehicle import Vehicle
 
-WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
-WATCH_CEILING: Final = 1_048_576  # bytes that tell of robots, some 20 000 of them
+WATCH_LIMIT: Final = 4_194_304  # bytes; echo lines of 100 robots in one second
+WATCH_CEILING: Final = 1_048_576  # bytes; reports about some 20 000 joining robots
 
 
 class SendQueue:
-    """Bounded queue of lines for one client; its length is in bytes.
+    """Bounded queue of lines for one client; ``len`` returns its size in bytes.
 
     Attributes:
-        limit: Maximum size of waiting readings, bytes; beyond it the oldest are
+        limit: Maximum size of waiting readings, bytes; above it the oldest readings are
             dropped.
-        ceiling: Maximum size of waiting answers, bytes; beyond it ``overflowed``
-            becomes true and the client is to be disconnected.
-        dropped: Number of readings that were dropped.
-        overflowed: Whether the client has sent requests without reading the answers.
+        ceiling: Maximum size of waiting answers, bytes; above it ``overflowed`` becomes
+            True, and the caller has to disconnect the client.
+        dropped: Number of dropped readings.
+        overflowed: Whether the waiting answers have exceeded the ceiling.
     """
 
     def __init__(self, limit: int = 262_144, ceiling: int = 4_194_304) -> None:
@@ -53,7 +51,8 @@ class SendQueue:
         self.ceiling = ceiling
         self.dropped = 0
         self.overflowed = False
-        # Lines and whether they are kept; None if they are dropped one by one.
+        # Pairs of lines and a flag: True for answers, False for readings to be dropped
+        # together, None for readings that can be dropped one by one.
         self._lines: deque[tuple[bytes, bool | None]] = deque()
         self._readings = 0
         self._answers = 0
@@ -62,16 +61,16 @@ class SendQueue:
         return self._readings + self._answers
 
     def put(self, line: bytes, *, keep: bool) -> None:
-        """Add a line, or several that are dropped together.
+        """Add a line, or several lines that are dropped together.
 
         Args:
             line: Line with its end, or several whole lines.
-            keep: Whether it is an answer, which must not be dropped.
+            keep: Whether the line is an answer, which must not be dropped.
         """
         self._lines.append((line, keep))
         if keep:
             self._answers += len(line)
-            # Never reset: the client is disconnected even if it reads on.
+            # Never reset: the client is disconnected even if it resumes reading.
             self.overflowed |= self._answers > self.ceiling
         else:
             self._readings += len(line)
@@ -79,9 +78,8 @@ class SendQueue:
                 self._drop_readings()
 
     def put_readings(self, lines: bytes) -> None:
-        """Add lines that may be dropped, as if they were added one by one."""
-        # Only a queue that overflows needs to know single lines: to split them
-        # in each tick would be work for nothing.
+        """Add readings that can be dropped one by one."""
+        # Lines are split only if the queue overflows, because splitting takes time.
         if self._readings + len(lines) > self.limit:
             for line in lines.splitlines(keepends=True):
                 self.put(line, keep=False)
@@ -91,8 +89,8 @@ class SendQueue:
 
     def take(self) -> bytes:
         """Remove and return all lines, in order."""
-        # One write for each tick: a driver in Java loses the first line of each write,
-        # and the first line is a status that it does not need.
+        # All lines of a tick are one write. A Java client (maldo) loses the first line
+        # of each write, which is then a status line that it does not need.
         data = b"".join(line for line, _ in self._lines)
         self._lines.clear()
         self._readings = self._answers = 0
@@ -101,7 +99,7 @@ class SendQueue:
     def _drop_readings(self) -> None:
         """Drop the oldest readings until the rest fits into half the limit.
 
-        Half, so that this pass over the queue is rare, however long the queue is.
+        Because half the queue is freed, this pass over the queue is rare.
         """
         answers: deque[tuple[bytes, bool | None]] = deque()
         while self._readings > self.limit // 2:
@@ -109,14 +107,14 @@ class SendQueue:
             if keep is None:
                 each = line.splitlines(keepends=True)
                 self._lines.extendleft([(line, False) for line in reversed(each)])
-            # Answers keep their place before all readings that are left, so that a
-            # client never gets one later than it would have without losses.
+            # Answers stay before all remaining readings, so that dropping never delays
+            # an answer.
             elif keep:
                 answers.append((line, keep))
             else:
                 self._readings -= len(line)
                 self.dropped += line.count(b"\n")
-        # They were ahead of all lines that are left, so they return to the front.
+        # The answers came before all remaining lines, so they return to the front.
         self._lines.extendleft(reversed(answers))
 
 
@@ -126,24 +124,24 @@ def _watch_queue() -> SendQueue:
 
 @dataclass(slots=True)
 class Client:
-    """One connection.
+    """The state of one connected client.
 
     Attributes:
         number: Identifies the client within the host.
-        address: Address of its machine; empty if it is not known.
-        lines: Received bytes of a line that is not complete yet.
+        address: IP address of the client's machine; empty if it is not known.
+        lines: Buffer of received bytes of an incomplete line.
         pending: Received lines that are not handled yet.
         command_budget: Number of commands that may still be handled in this tick.
         next_spawn: First tick in which the next robot may be spawned.
         send_queue: Lines that are not sent yet.
-        watch_queue: Copies of the lines of the robots that it watches.
+        watch_queue: Unsent copies of lines of the robots that the client watches.
         replies: Lines of replies for the next write.
         vehicle: The client's robot; None before INIT.
-        spawning: The steps of its INIT while a free place is looked for.
-        controls: Whether it is a world controller, without a robot.
-        has_spoken: Whether its first line has come.
-        speaks_http: Whether that line began a request of a web browser.
-        fault: The error that has ended its robot, which only a bug can cause.
+        spawning: Generator that executes INIT during the search for a free position.
+        controls: Whether the client is a world controller, which has no robot.
+        has_spoken: Whether the client has sent its first line.
+        speaks_http: Whether the first line was the start of an HTTP request.
+        fault: The error that has ended the client's robot, which only a bug can cause.
     """
 
     number: int
@@ -163,36 +161,36 @@ class Client:
     fault: Exception | None = None
 
     def feed(self, data: bytes) -> None:
-        """Add what was received to the lines that wait to be handled.
+        """Add received bytes; complete lines are queued to be handled.
 
-        Nothing of what a web browser sends is added.
+        All lines of a client that has sent an HTTP request are ignored.
         """
         lines = self.lines.feed(data)
         if lines and not self.has_spoken:
             self.has_spoken = True
-            # The first line of a browser is that of its request; later ones may
-            # contain anything.
-            self.speaks_http = is_http_request(lines[0])  # for ever
+            # Only the first line shows an HTTP request; the page in a browser chooses
+            # the contents of later lines.
+            self.speaks_http = is_http_request(lines[0])
         if not self.speaks_http:
             self.pending.extend(lines)
 
     def reply(self, report: Report, dialect: Dialect) -> None:
-        """Add a reply to those that the client gets next."""
+        """Queue a reply for the next write to the client."""
         self.replies.append(to_bytes([report.encode(dialect)]))
 
     @property
     def robot(self) -> Vehicle:
-        """The client's robot, which has just reported."""
+        """The client's robot, which must exist."""
         assert self.vehicle is not None
         return self.vehicle
 
     def take(self) -> bytes:
-        """Return and remove the bytes to send: whole lines, the robot's own first."""
+        """Remove and return all lines to send; copies for watchers come last."""
         data = self.send_queue.take()
         return data + self.watch_queue.take() if self.watch_queue else data
 
     def close_reason(self) -> str:
-        """Return why the connection is to be closed; empty if it is not."""
+        """Return the reason to close the connection; empty to keep it open."""
         if self.fault is not None:
             return f"an error in the server: {type(self.fault).__name__}: {self.fault}"
         if self.speaks_http:
@@ -205,11 +203,11 @@ class Client:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """A command that had no effect, or not the one that was asked for.
+    """A command that had no effect, or another effect than requested.
 
     Attributes:
-        kind: The same for all similar diagnostics, so that a log can skip repetitions.
-        text: Text for the log, with what came and what was expected.
+        kind: Key of similar diagnostics, by which a log can skip repetitions.
+        text: Text for the log, with the received value and the expected one.
     """
 
     kind: str
@@ -217,18 +215,18 @@ class Diagnostic:
 
     @classmethod
     def of_malformed(cls, line: str, error: MalformedMessage) -> Diagnostic:
-        """Describe a line that is not a command; the kind is that of its verb."""
+        """Describe a malformed line; the kind contains its verb if that is known."""
         verb = line.partition("{")[0].strip().upper()
         return cls(f"malformed {verb if verb in COMMANDS else 'line'}", str(error))
 
     @classmethod
     def of_unsupported(cls, what: str, details: str = "") -> Diagnostic:
-        """Describe what other servers have and this one does not: no mistake."""
+        """Describe a feature of other servers that this server does not support."""
         return cls(f"not supported {what}", f"not supported: {what}{details}")
 
     @classmethod
     def of_unknown_field(cls, command: Command, key: str) -> Diagnostic:
-        """Describe a field that a command does not have."""
+        """Describe an unknown field of a command."""
         verb, keys = command.verb, command.keys
         wanted = expected_one_of(key, keys) if keys else f"{key[:80]!r}, expected none"
         return cls(f"{verb} fields", f"{verb} field {wanted}")
@@ -237,7 +235,7 @@ class Diagnostic:
 def join_diagnostics(
     first: Diagnostic | None, consequence: Diagnostic | None
 ) -> Diagnostic | None:
-    """Return a diagnostic and that of what it has led to as one."""
+    """Join a diagnostic and the diagnostic of its consequence; either may be None."""
     if first is None or consequence is None:
         return first or consequence
     return Diagnostic(

@@ -1,4 +1,4 @@
-"""Commands of world controllers, which create and move crates."""
+"""Executes CONTROL commands of world controllers, which create and move crates."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ MAX_CRATE_NAME: Final = 64  # characters
 def control(
     simulation: Simulation, client: Client, command: Control
 ) -> Diagnostic | None:
-    """Create, move, remove or list crates; those of a client leave with it."""
+    """Create, move, remove or list crates.
+
+    Crates that are not permanent are removed when their client disconnects.
+    """
     if not client.controls:
         expected = f"expected INIT of {CONTROLLER}"
         text = f"CONTROL by a client that is no controller, {expected}"
@@ -63,7 +66,7 @@ def _name_of(command: Control) -> str:
 
 
 def _states(crates: Crates, command: Control) -> tuple[tuple[str, Triple, Pose3], ...]:
-    """Return name, size and pose of each crate."""
+    """Return name, size and pose of each crate that the command selects."""
     wanted = _name_of(command).casefold()
     is_of_class = (command.class_name or CRATE).casefold() == CRATE.casefold()
     return tuple(

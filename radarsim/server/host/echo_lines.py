@@ -1,8 +1,9 @@
-"""Write the echoes of scans as lines, object by object.
+"""Writes the echoes of scans as lines, grouped by object.
 
-A scan can have a hundred lines of a few echoes each, in which hardly more than the
-numbers are new. The fields of an object are kept. One call of the engine sorts the
-echoes of a scan by object, and another one writes all its lines.
+A scan can have a hundred lines of a few echoes each, which differ from the last scan
+mostly in numbers. So the start of each line, with the properties of the object, is
+cached. One call of the engine sorts the echoes of a scan by object, and another call
+writes all lines.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,19 +29,19 @@ from radarsim.protocol.line_template import fill_lines
 from radarsim.protocol.reports import to_bytes
 from radarsim.sensors.scan import KINDS, Echoes
 
-MOST_SENSORS: Final = 100  # that are kept; clients can change their settings
-MOST_HEADS: Final = 2000  # of a sensor; robots come and go
+MOST_SENSORS: Final = 100  # cached sensors; changed settings add further ones
+MOST_HEADS: Final = 2000  # cached objects per sensor; new robots add further ones
 
 
 def describe_target(
     echoes: Echoes, part: int, robot_names: Mapping[int, str]
 ) -> TargetEchoes:
-    """Return the object that a part belongs to, without echoes.
+    """Return the object of a part, without echoes.
 
     Args:
         echoes: Echoes of the scan.
-        part: As in ``Echoes.parts``.
-        robot_names: Names of the robots, by their numbers.
+        part: Index of the part, see ``Echoes.parts``.
+        robot_names: Names of the robots by number.
     """
     target = echoes.target(part, robot_names)
     nothing = np.zeros(0)
@@ -59,11 +60,11 @@ class EchoWriter:
     """Writes the echo lines of scans of one simulation."""
 
     def __init__(self, robot_names: Callable[[], Mapping[int, str]]) -> None:
-        """Start without anything that is kept.
+        """Start with an empty cache.
 
         Args:
-            robot_names: Returns the names of the robots by their numbers, which no two
-                robots ever share.
+            robot_names: Returns the names of the robots by number; numbers are never
+                reused.
         """
         self._robot_names = robot_names
         self._heads: dict[tuple[Dialect, str, SensorSettings], dict[int, LineHead]] = {}
@@ -73,8 +74,8 @@ class EchoWriter:
     ) -> bytes:
         """Return the echo lines of a scan, each with CRLF.
 
-        Objects are in the order of their first beam, and of their parts for the same
-        beam. There is at least one line, so that a client knows when it has them all.
+        Objects are sorted by their first beam, then by part. There is at least one
+        line, so that a client knows when the echoes of a scan are complete.
 
         Args:
             time: Time of the scan, s.
@@ -111,7 +112,7 @@ class EchoWriter:
     def _heads_of(
         self, dialect: Dialect, scanner: str, settings: SensorSettings
     ) -> dict[int, LineHead]:
-        """Return the kept heads of a sensor, by part."""
+        """Return the cached starts of lines of a sensor, by part."""
         if len(self._heads) > MOST_SENSORS:
             self._heads.clear()
         heads = self._heads.setdefault((dialect, scanner, settings), {})

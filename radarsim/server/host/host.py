@@ -2,33 +2,34 @@
 
 Theory of operation
 ===================
-A server passes on what a client sent (``receive``), advances time (``step``), and sends
-the bytes that are due (``take``). Commands are executed as they come. Their replies
-wait for the one write of the next tick, together with the readings of the tick. A
-client without a robot gets nothing in a tick: its replies can be sent at once.
+A server passes received bytes to the host (``receive``), advances time (``step``), and
+sends the queued lines (``take``). Commands are executed on arrival. Their replies wait
+for the write of the next tick, which also contains the readings of the tick. A client
+without a robot has no readings, so its replies can be sent at once.
 
-Rule 1: nothing that a client sends raises. What cannot be executed is ignored, as the
-original server does, and returned as a ``Diagnostic`` for the log. An error that only a
-bug can cause ends the robot of one client, which gets a message and is to be
-disconnected; the others go on.
+Rule 1: bytes from a client never raise an error. A command that cannot be executed is
+ignored, as by the original server, and returned as a ``Diagnostic`` for the log. An
+error that only a bug can cause ends the robot of one client. This client gets an error
+line and has to be disconnected; all other clients continue.
 Rule 2: a write consists of status, replies, readings, echoes and scans, in this order,
-on which clients rely. Only clients that ask for echoes get them.
-Rule 3: a client that does not read loses readings, but no replies; one that keeps on
-asking without reading is to be disconnected (``close_reason``).
-Rule 4: commands per tick and robots per time are limited for each client, and the work
-of a tick for all clients together; what exceeds a limit waits for the next ticks
-(``is_busy``). A command that arrives while none of its client waits is executed at
-once, except INIT while those of others wait, which go first. Commands that wait are
-executed in turns, one of each client, and cannot use up the work that is reserved for
-those that arrive. The searches for a free place have a limit of their own: one goes on
-after the other, over several ticks, while the later commands of its client wait. Nor
-can several clients that send much use up the reserve for the first command of each
-client in a tick, unless these first commands do. How the bytes of a client are split
-into packets changes nothing.
-Rule 5: a client that watches robots gets copies of what their clients are sent, in a
-queue of its own, which comes last in a write. It changes no byte that others get.
-Rule 6: in a tick in which no time passes commands are executed and answered as in any
-other; only readings wait, and a second robot of a client, which comes some time later.
+on which clients rely. Only clients that have requested echoes get them.
+Rule 3: a client that does not read loses readings, but no replies. A client that keeps
+sending requests without reading has to be disconnected (``close_reason``).
+Rule 4: the number of commands per tick and of robots per time is limited for each
+client, and the work of a tick for all clients together. Commands beyond a limit wait
+for later ticks (``is_busy``). A command is executed on arrival if no earlier command of
+its client waits, but an INIT also waits for earlier INITs of other clients. Waiting
+commands are executed in round-robin order, one of each client. They have their own
+limit of work, and so have searches for a free position: one search follows the other
+over several ticks, while later commands of its client wait. Some work in each tick is
+reserved for the first command of each client, and only first commands can use it up.
+The result does not depend on the split of bytes into packets.
+Rule 5: a client that watches robots gets copies of the lines to their clients, in a
+separate queue, whose lines come last in a write. Watching changes no byte that other
+clients get.
+Rule 6: in a tick without passing time, commands are executed and answered as in any
+other tick. Only readings wait, and the second robot of a client, which needs a pause
+after the first one.
 """
 
 from __future__ import annotations
@@ -58,24 +59,24 @@ if TYPE_CHECKING:
     from radarsim.simulation.tick_output import DueScan, TickOutput
     from radarsim.simulation.vehicle import Vehicle
 
-COMMANDS_PER_TICK = 20  # of a client; real ones send a few
-# Units of work of all clients together in a tick: for commands on arrival, for the
-# first command of each client once that is used up, and for those that have waited. A
-# unit is about 20 us.
+COMMANDS_PER_TICK = 20  # per client; real clients send a few
+# Limits of work per tick for all clients together, in units of about 20 us: for
+# commands on arrival, for first commands of clients after that limit is reached, and
+# for waiting commands.
 ARRIVAL_WORK = 80
 FIRST_WORK = 50
 WAITING_WORK = 40
 
 
 class HostObserver:
-    """Gets the calls of a host: to record it, or to follow it.
+    """Base class of observers of a host, such as a recorder.
 
-    A method must not raise, nor do anything to the host. Each does nothing unless a
-    subclass overrides it.
+    The host calls these methods at its events. They do nothing by default, and must not
+    raise or change the host.
     """
 
     def begin(self, simulation: Simulation) -> None:
-        """It follows a host, whose simulation this is, from now on."""
+        """The observer has been added to the host of this simulation."""
 
     def connect(self, client: int) -> None:
         """A client has been added."""
@@ -84,19 +85,19 @@ class HostObserver:
         """A client and its robot have been removed."""
 
     def receive(self, client: int, data: bytes) -> None:
-        """A client has sent bytes, none of whose commands has been executed yet."""
+        """A client has sent bytes, and their commands have not been executed yet."""
 
     def execute(self, client: int, vehicle: Vehicle | None) -> None:
-        """Commands of a client may have been executed; it has this robot now."""
+        """Commands of a client may have been executed; its robot is now ``vehicle``."""
 
     def step(self, *, passes: bool) -> None:
-        """A tick comes next, in which simulated time passes or not."""
+        """A tick begins; ``passes`` is whether simulated time passes in it."""
 
     def take(self, client: int, data: bytes) -> None:
-        """A client is sent bytes."""
+        """The server has taken bytes to send to a client."""
 
     def finish(self, client: int, data: bytes) -> None:
-        """A client that sends no more is sent its last bytes, or none."""
+        """The server has taken the last bytes, if any, for a client that closes."""
 
 
 class Host:
@@ -106,7 +107,7 @@ class Host:
         simulation: The simulation that commands act on.
         spawner: Spawns the robots of clients.
         watchers: The clients that watch robots.
-        known_replies: Lines of replies by what they depend on, which are kept.
+        known_replies: Cache of the lines of replies.
     """
 
     def __init__(
@@ -120,10 +121,10 @@ class Host:
         """Create a simulation of a scene, without robots and clients.
 
         Args:
-            scene: From ``load_map``.
+            scene: Scene, as returned by ``load_map``.
             config: Dialect, drive unit and item settings; None for the defaults.
             seed: Seed of all random numbers.
-            observers: Get the calls of the host, one after the other.
+            observers: Observers of the host, called in this order.
 
         Raises:
             EngineError: If Embree cannot be used.
@@ -139,23 +140,23 @@ class Host:
         self._clients: dict[int, Client] = {}
         self._last_number = 0
         self._observers: list[HostObserver] = []
-        # Clients of whom there is something to do; in a tick no others are looked at.
-        self._waiting: set[int] = set()  # have commands that wait
-        self._spent: set[int] = set()  # have used up some of their commands
-        self._replying: set[int] = set()  # have replies that wait for the next tick
-        self._unsent: set[int] = set()  # have bytes that are to be sent
+        # Numbers of clients with work to do; a tick visits no other clients.
+        self._waiting: set[int] = set()  # clients with waiting commands
+        self._spent: set[int] = set()  # clients that have used some of their budget
+        self._replying: set[int] = set()  # clients with replies for the next tick
+        self._unsent: set[int] = set()  # clients with bytes to send
         self.watchers: Watchers = Watchers(config.dialect, self._unsent)
         self.spawner = Spawner(self.simulation, self.watchers)
         self.known_replies: dict[tuple[str | None, ...], bytes] = {}
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
         self._echo_writer = EchoWriter(lambda: self.simulation.body_names)
-        self._last_served = 0  # number of the client whose waiting command was last
+        self._last_served = 0  # client whose waiting command was executed last
         for observer in observers:
             self.add_observer(observer)
 
     @property
     def scene(self) -> Scene:
-        """The scene that is simulated."""
+        """The simulated scene."""
         return self.simulation.scene
 
     @property
@@ -164,20 +165,21 @@ class Host:
         return self.simulation.config
 
     def add_observer(self, observer: HostObserver) -> None:
-        """Call one more from now on."""
+        """Add an observer, which is called from now on."""
         self._observers.append(observer)
         observer.begin(self.simulation)
 
     def connect(self, address: str = "") -> int:
-        """Add a client, and greet it.
+        """Add a client, and queue its greeting.
 
         Args:
-            address: Address of its machine, by which viewers find its robot.
+            address: IP address of the client's machine; image viewers on this machine
+                see the client's robot.
 
         Returns:
             The number of the client, for all other calls.
         """
-        # Numbers are not used again, as observers and watchers know clients by them.
+        # Numbers are never reused, because observers and watchers store them.
         self._last_number += 1
         client = Client(self._last_number, address, command_budget=COMMANDS_PER_TICK)
         self._clients[client.number] = client
@@ -198,7 +200,7 @@ class Host:
             observer.disconnect(number)
 
     def receive(self, number: int, data: bytes) -> list[Diagnostic]:
-        """Execute what a client sent, as far as its budget for this tick allows.
+        """Execute received commands, as far as the limits for this tick allow.
 
         Returns:
             Diagnostics of commands without effect.
@@ -208,8 +210,8 @@ class Host:
             observer.receive(number, data)
         if client.lines.overflow is not None or client.fault is not None:
             return []
-        # Lines that wait go first, whatever comes with the next packet: a client relies
-        # on the order of its commands.
+        # If earlier lines wait, new lines wait as well, because clients rely on the
+        # order of their commands.
         waits = bool(client.pending)
         client.feed(data)
         diagnostics = [] if waits else self._handle_arrived(client)
@@ -222,11 +224,11 @@ class Host:
         return diagnostics
 
     def is_busy(self, number: int) -> bool:
-        """Return whether commands of a client wait; it should not send more then."""
+        """Return whether commands of a client wait; do not read from it then."""
         return bool(self._clients[number].pending)
 
     def waits_to_spawn(self, number: int) -> bool:
-        """Return whether a robot is among what a client waits for."""
+        """Return whether an INIT is among the waiting commands of a client."""
         pending = self._clients[number].pending
         return any(line.lstrip().upper().startswith(Init.verb) for line in pending)
 
@@ -235,41 +237,42 @@ class Host:
         return self._clients[number].vehicle is not None
 
     def only_watches(self, number: int) -> bool:
-        """Return whether all that waits for a client are lines of others' robots."""
+        """Return whether a client has no robot, and only copied lines to send."""
         client = self._clients[number]
         return client.vehicle is None and not client.send_queue
 
     def close_reason(self, number: int) -> str:
-        """Return why a client is to be disconnected; empty if it is not.
+        """Return why a client has to be disconnected; empty to keep it.
 
-        It sent an endless line or an HTTP request, it reads too few replies, or its
-        robot has ended by an error; of the last it is to be sent what waits.
+        Reasons are an endless line, an HTTP request, too many unread replies, or an
+        error that has ended its robot. In the last case, waiting lines are still to be
+        sent.
         """
         return self._clients[number].close_reason()
 
     def fault(self, number: int) -> Exception | None:
-        """Return the error that has ended the robot of a client, if there is one."""
+        """Return the error that has ended the robot of a client, or None."""
         return self._clients[number].fault
 
     def raise_fault(self) -> None:
-        """Raise the error that has ended the robot of a client, if there is one."""
+        """Raise the error that has ended the robot of any client, if there is one."""
         for client in self._clients.values():
             if client.fault is not None:
                 raise client.fault
 
     def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:
-        """Advance by 10 ms, and queue everything that is due for the clients.
+        """Advance simulated time by one tick of 10 ms, and queue lines for clients.
 
         Args:
-            passes: Whether time passes; while it does not, commands are executed and
-                answered nevertheless.
+            passes: Whether simulated time passes. If not, waiting commands are executed
+                and answered nevertheless.
 
         Returns:
-            Numbers of clients with diagnostics of commands that had waited.
+            Pairs of client number and diagnostic, from commands that had waited.
         """
         for observer in self._observers:
             observer.step(passes=passes)
-        # Only their commands are executed in a tick.
+        # A tick executes only commands of waiting clients.
         waiting = sorted(self._waiting)
         for number in self._spent:
             self._clients[number].command_budget = COMMANDS_PER_TICK
@@ -277,29 +280,28 @@ class Host:
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
         self.spawner.begin_tick()
         diagnostics = self._handle_waiting()
-        # Motion first: a client reads the pose at the end of the tick, with what it
-        # commanded before it.
+        # Commands precede motion, so that the readings of this tick show their effect.
         if passes:
             self.simulation.step()
             self.watchers.tell_time(self.simulation.time)
             self._queue_outputs(self.simulation.collect_reports())
             self._remove_failed()
-        # Robots that reported have got theirs already, within the write of their tick.
+        # If a robot reports in this tick, the replies are already among its readings.
         for number in sorted(self._replying):
             self._queue_replies(self._clients[number])
-        # After all that the tick does, as in recordings that there are already: a new
-        # robot comes after the turns of others' radars in its tick.
+        # Observers are called at the end of the tick, to match existing recordings: in
+        # them, a new robot comes after the radar revolutions of other robots.
         for observer in self._observers:
             for number in waiting:
                 observer.execute(number, self._clients[number].vehicle)
         return diagnostics
 
     def clients_to_send(self) -> list[int]:
-        """Return the numbers of the clients for whom bytes wait, in ascending order."""
+        """Return the numbers of the clients with bytes to send, in ascending order."""
         return sorted(self._unsent)
 
     def take(self, number: int) -> bytes:
-        """Return and remove the bytes to send to a client: whole lines, in order."""
+        """Remove and return the bytes to send to a client: whole lines, in order."""
         data = self._take(number)
         if data:
             for observer in self._observers:
@@ -307,7 +309,7 @@ class Host:
         return data
 
     def finish(self, number: int) -> bytes:
-        """Return the replies that are due to a client that sends no more."""
+        """Return the last lines for a client that has closed its sending side."""
         self._queue_replies(self._clients[number])
         data = self._take(number)
         for observer in self._observers:
@@ -319,24 +321,24 @@ class Host:
         return self._clients[number].take()
 
     def unsent_bytes(self, number: int) -> int:
-        """Return the number of bytes that are to be sent to a client."""
+        """Return the number of queued bytes for a client."""
         client = self._clients[number]
         return len(client.send_queue) + len(client.watch_queue)
 
     def dropped_readings(self, number: int) -> int:
-        """Return how many readings a client has lost because it did not read.
+        """Return the number of readings that were dropped because a client is slow.
 
-        Lines of robots that it watches count as well.
+        Copied lines of watched robots count as well.
         """
         client = self._clients[number]
         return client.send_queue.dropped + client.watch_queue.dropped
 
     def _handle_arrived(self, client: Client) -> list[Diagnostic]:
-        """Execute commands of a client that had none waiting."""
+        """Execute newly received commands of a client without waiting commands."""
         diagnostics = []
         while client.pending and client.command_budget:
-            # The reserve of first commands keeps bursts of some clients from delaying
-            # the only command of another one by a tick.
+            # Work is reserved for first commands, so that bursts of some clients do not
+            # delay the only command of another client by a tick.
             is_first = client.command_budget == COMMANDS_PER_TICK
             if self._arrival_work <= 0 and not (is_first and self._first_work > 0):
                 break
@@ -352,11 +354,11 @@ class Host:
         return diagnostics
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
-        """Execute commands that have waited, in turns, one of each client."""
-        # Of those that wait to spawn, only the first can have their turn.
+        """Execute waiting commands in round-robin order, one of each client."""
+        # Of the clients that wait to spawn, only the first ones can spawn in this tick.
         to_spawn = self.spawner.queue
         waiting = sorted(self._waiting - to_spawn.keys())
-        # Begin after the client that was served last. Otherwise clients with low
+        # Begin after the client that was served last, as otherwise clients with low
         # numbers would use up the work of each tick.
         first = bisect_right(waiting, self._last_served)
         turns = deque(islice(to_spawn, SPAWNS_PER_TICK))
@@ -386,7 +388,7 @@ class Host:
             client.pending.popleft()
             client.command_budget -= 1
             self._spent.add(client.number)
-            # A client without a robot has no tick of its own to wait for.
+            # Without a robot there are no readings, so replies do not wait for a tick.
             if client.vehicle is None:
                 self._queue_replies(client)
             elif client.replies:
@@ -394,16 +396,16 @@ class Host:
         return handled
 
     def _remove_failed(self) -> None:
-        """Remove the robots in which something has failed in this tick."""
+        """Remove the robots in which an error occurred in this tick."""
         errors = self.simulation.faults.errors
         while errors:
             number, error = errors.popitem()
             if number not in self.spawner.clients_by_robot:
-                raise error  # whoever has spawned this robot is no client
+                raise error  # the robot does not belong to a client
             self._fail(self.spawner.clients_by_robot[number], error)
 
     def _fail(self, client: Client, error: Exception) -> None:
-        """Remove the robot of a client, which gets the reason."""
+        """Remove the robot of a client, and send the client the error."""
         name = client.vehicle.robot.name if client.vehicle else "none"
         text = "an error in the server, which is a bug, has ended the robot"
         error.add_note(f"of client {client.number}, robot {name!r}")
@@ -419,7 +421,7 @@ class Host:
             self.watchers.copy(client.vehicle, b"".join(replies))
 
     def _put_replies(self, client: Client) -> list[bytes]:
-        """Queue replies for a client alone, and return them."""
+        """Queue the replies of a client, without copies to watchers; return them."""
         self._replying.discard(client.number)
         replies, client.replies = client.replies, []
         for line in replies:
@@ -428,10 +430,10 @@ class Host:
         return replies
 
     def _queue_outputs(self, outputs: Mapping[int, TickOutput]) -> None:
-        """Queue what robots report in a tick; all lines are encoded together."""
-        if not outputs:  # as in nine of ten ticks of a lone robot
+        """Queue the reports of all robots in a tick, encoded by one call."""
+        if not outputs:  # the case in nine of ten ticks with a single robot
             return
-        robots = self.spawner.clients_by_robot  # others may have been spawned
+        robots = self.spawner.clients_by_robot  # without robots that have no client
         heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
         blocks = [
             (
@@ -446,7 +448,7 @@ class Host:
         encoded: list[list[bytes] | None]
         try:
             encoded = [[lines] for lines in encode_blocks(blocks)]
-        except Exception:  # noqa: BLE001 - the robot that failed is found below
+        except Exception:  # noqa: BLE001 - the calls below find the failed robot
             encoded = [
                 call(client.robot, encode_blocks, [block])
                 for (client, _), block in zip(heard, blocks, strict=True)
@@ -456,8 +458,8 @@ class Host:
                 call(client.robot, self._queue_output, client, output, lines[0])
 
     def _queue_output(self, client: Client, output: TickOutput, lines: bytes) -> None:
-        """Queue what one robot reports; ``lines`` are those of its reports."""
-        requested = shown = b""  # what its client asked for, and all that watchers get
+        """Queue the encoded reports of one robot, with its replies and echo lines."""
+        requested = shown = b""  # echo lines for the client, and for its watchers
         for scan in output.echoes:
             its_lines = self._lines_of(scan, output.group.dialect)
             shown += its_lines
@@ -466,7 +468,7 @@ class Host:
         put, vehicle = client.send_queue.put_readings, client.robot
         is_watched = vehicle in self.watchers
         if client.replies or shown:
-            # Lines are cut apart only where something comes between them (rule 2).
+            # Lines are split only if other lines have to come between them (rule 2).
             each = lines.splitlines(keepends=True)
             first, last = int(output.has_status), len(each) - len(output.scans)
             parts = each[:first], each[first:last], each[last:]
@@ -486,7 +488,7 @@ class Host:
             self._unsent.add(client.number)
 
     def _lines_of(self, scan: ScanEchoes | DueScan, dialect: Dialect) -> bytes:
-        """Return the lines of the echoes of a scan, or of what else belongs to it."""
+        """Return the echo lines of a scan, or the lines of its other reports."""
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)

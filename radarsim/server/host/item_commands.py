@@ -1,7 +1,7 @@
-"""Commands to what a robot carries, and to the cameras that viewers of pictures see.
+"""Executes commands to items of a robot, and commands that choose shown cameras.
 
-Each function executes one type of command, and returns why it had no effect, or not the
-one that was asked for.
+Each function executes one type of command. It returns a ``Diagnostic`` if the command
+had no effect or another one than requested.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ SETTING: Final = "SETTING"
 SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
 CAMERA_OPCODES: Final = ("ZOOM", "FOV")
 OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES, *CAMERA_OPCODES)
-MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
-DISABLE: Final = "disable"  # for a viewport without a camera
-MOST_SHOWN: Final = 64  # machines whose viewers see a camera of somebody's choice
+MAX_PROBLEMS: Final = 800  # characters; a command can have many wrong settings
+DISABLE: Final = "disable"  # the name that leaves a viewport without a camera
+MOST_SHOWN: Final = 64  # machines for which a camera can be chosen
 
 
 def move_links(
     vehicle: Vehicle, verb: str, orders: Sequence[LinkOrder]
 ) -> Diagnostic | None:
-    """Move those links that the robot has."""
+    """Execute orders for links; return a diagnostic for links that do not exist."""
     missing = [
         order.name if order.link is None else f"{order.name} {order.link}"
         for order in orders
@@ -66,8 +66,8 @@ def move_links(
 def set_items(
     simulation: Simulation, vehicle: Vehicle, command: SetItem
 ) -> Diagnostic | None:
-    """Apply an opcode to items, which have the same type."""
-    if command.type == "Joint":  # as the original, in this case only
+    """Apply an opcode to items of one type."""
+    if command.type == "Joint":  # case-sensitive, as in the original server
         return _set_joint(vehicle, command)
     items = find_items(vehicle.model, command.type, command.name)
     if not items:
@@ -95,7 +95,7 @@ def set_items(
 
 
 def _set_joint(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
-    """Turn a link to an angle."""
+    """Move a link to an angle, rad."""
     if command.opcode not in ("Angle", "Target"):
         text = f"opcode {expected_one_of(command.opcode, ['Angle', 'Target'])}"
         return Diagnostic("opcode", text)
@@ -113,7 +113,7 @@ def _apply_opcode(
     """Apply an opcode other than ``SETTING`` to items.
 
     Raises:
-        MalformedMessage: If the parameters are not those of the opcode.
+        MalformedMessage: If the parameters do not fit the opcode.
     """
     if opcode == "POSE":
         pose = parse_pose(params)
@@ -121,7 +121,7 @@ def _apply_opcode(
             vehicle.set_ins(item, pose)
     elif opcode in CAMERA_OPCODES:
         angle = parse_number(params, largest=LARGEST_COMMANDED) if params else 0.0
-        for item in items:  # whole degrees, as the original has them
+        for item in items:  # whole degrees, as in the original server
             vehicle.zoom(item, math.trunc(math.degrees(angle)))
     elif opcode in SCANNER_OPCODES:
         enabled = parse_switch(params)
@@ -139,12 +139,12 @@ def _apply_opcode(
 def describe_missing(
     vehicle: Vehicle, command: GetGeo | GetConf | SetItem, of_type: Sequence[Item]
 ) -> Diagnostic:
-    """Describe why a robot does not have what a command is about.
+    """Describe which item of a command the robot does not have.
 
     Args:
         vehicle: The robot.
         command: The command.
-        of_type: The items of the command's type.
+        of_type: The robot's items of the command's type.
     """
     item_type, name = command.type, command.name
     if name is not None and of_type:
@@ -159,7 +159,7 @@ def describe_missing(
 
 
 def set_viewports(vehicle: Vehicle, command: SetViewports) -> Diagnostic | None:
-    """Show other cameras in pictures; what the robot does not have changes nothing."""
+    """Choose the cameras in pictures; an unknown camera leaves all viewports as is."""
     names = {camera.name.casefold(): camera.name for camera in vehicle.cameras}
     chosen = list(vehicle.viewports)
     for number, wanted in enumerate(command.cameras):
@@ -177,7 +177,7 @@ def set_viewports(vehicle: Vehicle, command: SetViewports) -> Diagnostic | None:
 
 
 def show_camera(simulation: Simulation, command: ShowCamera) -> Diagnostic | None:
-    """Let the viewers on a machine see a camera, or what they see without a choice."""
+    """Choose the camera for viewers on a machine; without a robot, undo the choice."""
     shown = simulation.shown
     shown.pop(command.client, None)
     if command.robot is None:
@@ -198,9 +198,10 @@ def show_camera(simulation: Simulation, command: ShowCamera) -> Diagnostic | Non
 
 
 def robots_named(simulation: Simulation, name: str) -> list[Vehicle]:
-    """Return the robots of a name, in any case.
+    """Return the robots with a name, case-insensitive.
 
-    There are several if their names differ only in characters that no line can have.
+    Names that differ only in characters that no line can contain count as equal, so
+    there may be several robots.
     """
     wanted = printable_name(name).casefold()
     return [

@@ -1,8 +1,8 @@
-"""Client and server in one process, in turns, as fast as the machine allows.
+"""Runs client and server in lockstep in one process, as fast as the machine allows.
 
-There is neither a socket nor a wall clock: simulated time passes only while the client
-waits for data, and its own computations take none. The same seed, map and client give
-the same run.
+There is no socket and no wall clock: simulated time passes only while the client waits
+for data, and stands still during the client's computations. The same seed, map and
+client give the same run.
 """
 
 from collections.abc import Callable, Iterable
@@ -11,7 +11,7 @@ from typing import Final
 from radarsim.server.host import Diagnostic, Host
 from radarsim.simulation.clock import TICK
 
-MOST_DIAGNOSTICS: Final = 10  # that are kept
+MOST_DIAGNOSTICS: Final = 10  # number of newest texts that are kept
 
 
 def receive_stepwise(
@@ -20,14 +20,14 @@ def receive_stepwise(
     """Advance simulated time until there is data, and return the data.
 
     Args:
-        take: Returns what has come, which may be nothing.
-        step: Lets a tick pass.
+        take: Returns received data, which may be empty.
+        step: Advances simulated time by one tick.
         timeout: Longest simulated wait, s.
 
     Raises:
-        TimeoutError: If no data has come by then.
+        TimeoutError: If no data comes within the timeout.
     """
-    # Ticks are counted, not summed up: 0.1 s is ten of them, whatever floats say.
+    # Ticks are counted instead of summing times, which would add up rounding errors.
     for _ in range(max(1, round(timeout / TICK))):
         if data := take():
             return data
@@ -43,7 +43,7 @@ class InProcessTransport:
     Attributes:
         host: The server.
         number: The client's number at the host.
-        diagnostics: Newest texts on commands of the client that had no effect.
+        diagnostics: Newest texts about the client's commands without effect.
     """
 
     def __init__(
@@ -81,9 +81,9 @@ class InProcessTransport:
             timeout: Longest simulated wait, s.
 
         Raises:
-            TimeoutError: If no data has come by then.
+            TimeoutError: If no data comes within the timeout.
             ConnectionError: If the connection is closed.
-            Exception: The error of a robot, which only a bug can cause.
+            Exception: The error that has ended a robot, which only a bug can cause.
         """
         self._require_open()
         return receive_stepwise(

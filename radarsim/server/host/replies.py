@@ -1,4 +1,4 @@
-"""Replies to GETGEO and GETCONF: geometry and settings of a robot and its items."""
+"""Builds replies to GETGEO and GETCONF: geometry and settings of robots and items."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from radarsim.simulation.config import SimulationConfig
 if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
-TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bumper
+TOUCH_DIAMETER = 0.01  # m; constant of the original server, meaningless for a bumper
 ROBOT = "robot"
 SCANNER_REPORTS = ("echoes", "radartargets")  # types of reports, not of items
 PACKAGE = "mispkg"
@@ -28,16 +28,16 @@ CAMERA = "Camera"
 def geometry(
     model: RobotModel, item_type: str, name: str | None
 ) -> reports.Report | None:
-    """Return where items are mounted, or the shape of the robot.
+    """Return the mounting poses of items, or the dimensions of the robot.
 
     Args:
         model: The class of the robot.
-        item_type: Type of the items in any case, which is repeated in the reply;
+        item_type: Type of the items, case-insensitive; the reply repeats its spelling.
             ``Robot`` for the robot itself.
-        name: Name of one item, in any case; None for all items of the type.
+        name: Name of one item, case-insensitive; None for all items of the type.
 
     Returns:
-        None if the robot has no such item.
+        The report; None if the robot has no such item.
     """
     if item_type.casefold() == ROBOT and model.flight is not None:
         return reports.AerialGeo(model.name, model.dimensions, model.cog)
@@ -63,11 +63,14 @@ def geometry(
 def configuration(
     model: RobotModel, config: SimulationConfig, item_type: str, name: str | None
 ) -> reports.Report | None:
-    """Return settings; arguments and None are those of ``geometry``."""
+    """Return the settings of items, or the performance of the robot.
+
+    Arguments and result are as in ``geometry``; ``config`` contains the settings.
+    """
     if item_type.casefold() == ROBOT:
         return _performance(model, config)
     items = items_reporting(model, item_type, name)
-    # Asked of every robot by some clients, also of those that carry none.
+    # Some clients ask for packages of every robot, even if it carries none.
     if item_type.casefold() == PACKAGE and not items:
         return reports.NameConf(item_type, ())
     if not items:
@@ -79,7 +82,7 @@ def configuration(
 
 
 def _performance(model: RobotModel, config: SimulationConfig) -> reports.RobotConf:
-    """Return the performance of a robot."""
+    """Return mass, maximum speed, torque and steering limits of a robot."""
     angles = None
     if model.flight is not None:
         return reports.AerialConf(model.name, model.mass, model.flight.max_linear)
@@ -91,7 +94,7 @@ def _performance(model: RobotModel, config: SimulationConfig) -> reports.RobotCo
 
 
 def find_items(model: RobotModel, item_type: str, name: str | None) -> tuple[Item, ...]:
-    """Return the items of a type, and of a name if there is one, in any case."""
+    """Return the items of a type, or the one with a name; both case-insensitive."""
     items = model.items_of(item_type)
     if name is None:
         return items
@@ -101,24 +104,24 @@ def find_items(model: RobotModel, item_type: str, name: str | None) -> tuple[Ite
 def items_reporting(
     model: RobotModel, report_type: str, name: str | None = None
 ) -> tuple[Item, ...]:
-    """Return the items that send reports of a type; drivers ask for each type."""
-    # The driver of ROS asks for the geometry of each type that it has seen in a
-    # reading, and waits for the answer.
+    """Return the items that send reports of a type."""
+    # The ROS driver asks for the geometry of each type that it has seen in a reading,
+    # and waits for the answer. Echoes and targets are reports of a range scanner.
     is_scanner = report_type.casefold() in SCANNER_REPORTS
     item_type = "RangeScanner" if is_scanner else report_type
-    if report_type.casefold() == ACTUATOR:  # what servers for UDK call them
+    if report_type.casefold() == ACTUATOR:  # the name of packages on UDK servers
         item_type = "MisPkg"
     return find_items(model, item_type, name)
 
 
 def _link_poses(item: Item) -> tuple[Pose3, ...]:
-    """Return the pose of each link in the frame of the one before."""
+    """Return the pose of each link in the frame of the previous link."""
     poses = [link.mount for link in item.links]
     return (item.mount.compose(poses[0]), *poses[1:])
 
 
 def _mount_on(model: RobotModel, item: Item) -> Pose3:
-    """Return where an item is on a robot whose links are at rest."""
+    """Return the pose of an item on a robot whose links are in their rest position."""
     for package in model.items_of(PACKAGE):
         if package.name == item.parent:
             poses = [link.turned(link.limit(0.0)) for link in package.links]
@@ -129,7 +132,7 @@ def _mount_on(model: RobotModel, item: Item) -> Pose3:
 def camera_configuration(
     vehicle: Vehicle, item_type: str, name: str | None
 ) -> reports.Report | None:
-    """Return the settings of cameras; arguments and None are those of ``geometry``."""
+    """Return the settings of cameras; None if the robot has no such camera."""
     cameras = []
     for item in find_items(vehicle.model, CAMERA, name):
         settings, corner = vehicle.config.settings_of(item), (0.0, 0.0)
@@ -159,7 +162,7 @@ def _sonar_row(
     return item.name, sonar.max_range, sonar.min_range, angle, interval
 
 
-# By the type of items, the report of their settings, and the row of each item.
+# For each type of items, the class of its CONF report and the function for each row.
 _CONFS: Final[
     dict[str, tuple[type[reports.ItemConf], Callable[[Item, SimulationConfig], Any]]]
 ] = {
@@ -177,7 +180,7 @@ _CONFS: Final[
 def _settings_of(
     items: Sequence[Item], item_type: str, config: SimulationConfig
 ) -> reports.Report:
-    """Return the settings of items, with the type as the client spells it."""
+    """Return the settings of items; ``item_type`` is in the client's spelling."""
     if items[0].type not in _CONFS:
         return reports.NameConf(item_type, tuple(item.name for item in items))
     conf, row_of = _CONFS[items[0].type]

@@ -1,7 +1,7 @@
-"""INIT: spawn the robots of clients one after the other, each at a free place.
+"""Executes INIT: spawns the robots of clients one by one, at free positions.
 
-A search for a free place may take several ticks. The searches of all clients together
-have a limit in each tick.
+A search for a free position may take several ticks. The work of all clients' searches
+together is limited per tick.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
-MAX_NAME_LENGTH: Final = 64  # characters of a robot's name; longer ones are cut
-# Ticks between two robots of one client: a free place costs work.
+MAX_NAME_LENGTH: Final = 64  # characters of a robot's name; longer names are cut
+# Ticks between two spawns of one client, because the search for a position takes time.
 SPAWN_COOLDOWN: Final = 10
-FAILED_SPAWN_COOLDOWN: Final = 100  # ticks, if there was no free place
-SPAWNS_PER_TICK: Final = 4  # of all clients
-# Ticks without a spawn, for all clients, after a search for a free place.
-SEARCH_COOLDOWN: Final = 3  # the requested place was occupied
-FAILED_SEARCH_COOLDOWN: Final = 10  # and no other was free
-# Of all searches for a free place in a tick: 2 ms by ``Obstacles.search_free_pose``.
+FAILED_SPAWN_COOLDOWN: Final = 100  # ticks after a spawn without a free position
+SPAWNS_PER_TICK: Final = 4  # for all clients together
+# Ticks without a spawn of any client after a search for a free position.
+SEARCH_COOLDOWN: Final = 3  # if the requested position was occupied
+FAILED_SEARCH_COOLDOWN: Final = 10  # if no position was free
+# Work of all searches in a tick, in the unit of ``Obstacles.search_free_pose``: 2 ms.
 SEARCH_WORK: Final = 400_000
-START_WORK: Final = 60_000  # to find out whether a start is free
+START_WORK: Final = 60_000  # work to check whether a start is free
 
 
 class Spawner:
@@ -42,8 +42,8 @@ class Spawner:
     Attributes:
         simulation: The simulation.
         clients_by_robot: The client of each robot, by the robot's number.
-        queue: Numbers of the clients whose INIT waits for its turn, the first come
-            first; the first one keeps its turn while its place is looked for.
+        queue: Numbers of the clients whose INIT waits, first in, first out. The first
+            client stays in the queue until the search for its position ends.
     """
 
     def __init__(self, simulation: Simulation, watchers: Watchers) -> None:
@@ -52,33 +52,39 @@ class Spawner:
         self.queue: dict[int, None] = {}
         self._watchers = watchers
         self._last_spawn = -1  # the last tick with a spawn
-        self._spawn_count = 0  # of that tick
-        self._next_spawn = 0  # the first tick that may have one
-        self._search_work = SEARCH_WORK  # that is left in this tick
+        self._spawn_count = 0  # number of spawns in that tick
+        self._next_spawn = 0  # the first tick in which a spawn is allowed
+        self._search_work = SEARCH_WORK  # remaining work in this tick
         names = simulation.config.robot_names()
         self._classes = {name.casefold(): name for name in names}
 
     def begin_tick(self) -> None:
-        """Let searches for a free place go on; what they exceeded counts."""
+        """Renew the work for searches; work beyond the last limit is subtracted."""
         self._search_work = min(self._search_work, 0) + SEARCH_WORK
 
     def is_too_early(self, client: Client) -> bool:
         """Return whether the INIT of a client has to wait for a later tick."""
-        # The intervals of sensors start at the spawn: robots of one tick would be due
-        # together for ever, and all their scans would fall into the same ticks.
+        # Sensor intervals start at the spawn. If too many robots spawned in one tick,
+        # all their scans would always fall into the same ticks.
         if client.spawning is not None:
             return False
         now = self.simulation.ticks
         if now < client.next_spawn:
             return True
-        # Nobody goes first who comes later: a flood would leave no tick to the others.
+        # Clients spawn in the order of their INITs, so that a client that sends many
+        # INITs cannot delay the others forever.
         self.queue.setdefault(client.number)
         is_first = next(iter(self.queue)) == client.number
         full = self._last_spawn == now and self._spawn_count >= SPAWNS_PER_TICK
         return full or now < self._next_spawn or not is_first
 
     def spawn(self, client: Client, command: Init) -> tuple[bool, Diagnostic | None]:
-        """Begin to spawn a robot, or go on; return whether that is done."""
+        """Begin or continue to spawn a robot.
+
+        Returns:
+            Whether the spawn has ended, and a diagnostic if it failed or had another
+            effect than requested.
+        """
         if client.spawning is None:
             client.spawning = self._spawn(client, command)
         elif self._search_work <= 0:
@@ -95,7 +101,7 @@ class Spawner:
             return True, diagnostic
 
     def remove(self, client: Client) -> None:
-        """Remove a client that spawns no more, and its robot if it has one."""
+        """Cancel the waiting INIT of a client, and remove its robot if it has one."""
         self.queue.pop(client.number, None)
         client.spawning = None
         self._despawn(client)
@@ -116,13 +122,13 @@ class Spawner:
         """Spawn a robot, which replaces the client's previous one.
 
         Yields:
-            The work of the next step of the search for a free place.
+            The work of the next step of the search for a free position.
         """
         if command.class_name.casefold() == CONTROLLER.casefold():
             self._despawn(client)
             client.controls = True
             return None
-        # Presets are cached by the requested spelling; clients have many.
+        # Names are mapped to one spelling, because presets are cached by spelling.
         class_name = self._classes.get(command.class_name.casefold())
         config = self.simulation.config
         try:
@@ -134,7 +140,7 @@ class Spawner:
         self._spawn_count = self._spawn_count + 1 if self._last_spawn == now else 1
         self._last_spawn = now
         client.next_spawn = now + SPAWN_COOLDOWN
-        # First, so that the old robot does not occupy the place of the new one.
+        # The old robot is removed first, so that it does not occupy the new position.
         self._despawn(client)
         requested, diagnostic = yield from self._requested_pose(command, model)
         z = -math.inf if command.position is None else command.position[2]
@@ -160,7 +166,7 @@ class Spawner:
         return join_diagnostics(diagnostic, moved)
 
     def _describe_place(self, vehicle: Vehicle, requested: Pose2) -> Diagnostic | None:
-        """Describe a place that is another one than requested, or off the map."""
+        """Describe a position that was moved, or is outside the map; else None."""
         pose, scene = vehicle.robot.pose, self.simulation.scene
         if (pose.x, pose.y) != (requested.x, requested.y):
             moved = f"from {_place(requested)} to {_place(pose)}"
@@ -180,7 +186,7 @@ class Spawner:
         """Return the requested pose; the origin for an unknown start.
 
         Yields:
-            The work of looking at the next start.
+            The work to check the next start.
         """
         scene = self.simulation.scene
         if command.takes_free:

@@ -1,8 +1,8 @@
-"""Clients that watch robots: they get copies of what the robots' clients are sent.
+"""Watchers: clients that get copies of the lines to the clients of other robots.
 
-A watcher has a queue of its own for the copies. If it reads too slowly it loses the
-oldest, all lines of a robot in a tick together, and holds up nobody. It never loses
-answers, nor the news about robots that come or leave.
+Each watcher has a separate queue for the copies. A watcher that reads too slowly loses
+the oldest copies, always all lines of one robot in one tick, and delays no other
+client. It never loses answers, or lines about robots that join or leave.
 """
 
 from __future__ import annotations
@@ -25,32 +25,33 @@ if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
     from radarsim.simulation.vehicle import Vehicle
 
-MAX_WATCHERS: Final = 32  # as all lines are copied for each
+MAX_WATCHERS: Final = 32  # limited, because all lines are copied for each watcher
 
 
 class Watchers:
-    """All watchers, and which robots each of them watches."""
+    """The watchers of a host, and the robots that each of them watches."""
 
     def __init__(self, dialect: Dialect, unsent: set[int]) -> None:
         """Start without watchers.
 
         Args:
             dialect: The dialect of the lines about robots.
-            unsent: Numbers of clients for whom bytes wait, to which watchers are added.
+            unsent: Numbers of clients with bytes to send; numbers of watchers are added
+                to it.
         """
         self._dialect = dialect
         self._unsent = unsent
         self._watches: dict[int, tuple[Client, Watch]] = {}
-        self._robots: dict[int, Vehicle] = {}  # that have a client
-        # The watchers of each robot, and whether its scanners list echoes for them.
+        self._robots: dict[int, Vehicle] = {}  # the robots that have a client
+        # The watchers of each robot, and whether they also get echo lines.
         self._audiences: dict[int, dict[int, tuple[Client, bool]]] = {}
 
     def __contains__(self, vehicle: Vehicle) -> bool:
         return vehicle.number in self._audiences
 
     def watch(self, client: Client, watch: Watch) -> Diagnostic | None:
-        """Let a client watch robots instead of others; return why it may not."""
-        is_end = watch.robots.names == ()  # of watching
+        """Set the robots that a client watches; return a diagnostic if refused."""
+        is_end = watch.robots.names == ()  # no robots: the client ends watching
         is_full = len(self._watches) >= MAX_WATCHERS
         if is_full and client.number not in self._watches and not is_end:
             text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
@@ -64,7 +65,7 @@ class Watchers:
         return None
 
     def remove(self, client: Client) -> None:
-        """Let a client watch no robots."""
+        """Remove a client from the watchers."""
         if self._watches.pop(client.number, None) is None:
             return
         for number, audience in list(self._audiences.items()):
@@ -75,13 +76,13 @@ class Watchers:
                 del self._audiences[number]
 
     def add_robot(self, vehicle: Vehicle) -> None:
-        """Let those watch a new robot who asked for it."""
+        """Add a new robot for the watchers that have chosen it."""
         self._robots[vehicle.number] = vehicle
         for client, watch in self._watches.values():
             self._join(client, watch, vehicle)
 
     def remove_robot(self, vehicle: Vehicle) -> None:
-        """Tell those who watch all robots that one has left."""
+        """Remove a robot, and report that to the watchers of all robots."""
         del self._robots[vehicle.number]
         self._audiences.pop(vehicle.number, None)
         for client, watch in self._watches.values():
@@ -89,13 +90,13 @@ class Watchers:
                 self.tell(client, RobotLeft(vehicle.robot.name))
 
     def tell(self, client: Client, report: Report) -> None:
-        """Queue a line that only watchers know; it is not dropped."""
+        """Queue a report that is only sent to watchers; it is never dropped."""
         line = to_bytes([report.encode(self._dialect)])
         client.watch_queue.put(line, keep=True)
         self._unsent.add(client.number)
 
     def tell_time(self, time: float) -> None:
-        """Tell the time to those who asked for it in every tick."""
+        """Send the simulated time, s, to the watchers that have requested it."""
         clocks = [client for client, watch in self._watches.values() if watch.clock]
         if clocks:
             line = to_bytes([ClockTick(time).encode(self._dialect)])
@@ -109,16 +110,15 @@ class Watchers:
         lines: bytes,
         with_echoes: bytes | None = None,
     ) -> None:
-        """Queue copies of what the client of a robot is sent.
+        """Queue copies of the lines to the client of a robot.
 
         Args:
-            vehicle: A robot that is watched.
-            lines: What its client is sent.
-            with_echoes: The same with the echoes of all scanners; None where nothing
-                differs.
+            vehicle: A watched robot.
+            lines: The lines to its client.
+            with_echoes: The same lines with the echo lines of all scanners; None if
+                both are equal.
         """
-        # The head stands in front of each line, as watchers may lose the lines before
-        # it.
+        # Every line gets the prefix, because watchers may lose the lines before it.
         head = see_head(vehicle.robot.name)
         copies = [
             head + head.join(each.splitlines(keepends=True)) if each else b""
@@ -130,7 +130,7 @@ class Watchers:
                 self._unsent.add(client.number)
 
     def _join(self, client: Client, watch: Watch, vehicle: Vehicle) -> None:
-        """Let a client watch a robot that is there, if it asked for it."""
+        """Let a client watch an existing robot if its choice includes the robot."""
         name = printable_name(vehicle.robot.name)
         if watch.robots.names is None:
             self.tell(client, RobotJoined(name, vehicle.model.name))

@@ -1,4 +1,4 @@
-// One beam, explained: what it reads, what it meets, and the power that it has left.
+// The panel that explains one beam: its reading, its echoes and its remaining power.
 
 import { sensorName } from "./beams.js";
 import { byId, element, fillTable, prepareCanvas, setOptions, setText } from "./elements.js";
@@ -7,7 +7,7 @@ import { drawMarks, edgeColour, KINDS } from "./marks.js";
 import { sensorColour, theme } from "./theme.js";
 
 export class BeamPanel extends EventTarget {
-  /** Event: `beam` (detail: {scanner, beam}). */
+  /** Fires `beam` when the user selects a beam (detail: {scanner, beam}). */
   constructor(world) {
     super();
     Object.assign(this, { world, scanners: "" });
@@ -44,7 +44,7 @@ export class BeamPanel extends EventTarget {
     this.drawPower(explained);
   }
 
-  /** Write what the beam reads and meets, or how to select one. */
+  /** Write the reading and the echoes of the beam, or how to select a beam. */
   write(explained) {
     byId("reading").classList.toggle("quiet", !explained);
     byId("rows").hidden = !explained;
@@ -62,12 +62,12 @@ export class BeamPanel extends EventTarget {
       echo.power === null || echo.power < 0 ? "–" : echo.power.toFixed(3),
     ]);
     const text = JSON.stringify(rows);
-    if (text === this.written) return; // what does not change stays selected
+    if (text === this.written) return; // unchanged rows keep the text selection of the user
     this.written = text;
     fillTable(byId("rows"), rows);
   }
 
-  /** Draw the power of the beam over its range. */
+  /** Draw the remaining power of the beam over the range. */
   drawPower(explained) {
     const canvas = byId("power");
     canvas.hidden = !explained;
@@ -129,7 +129,7 @@ export function updateMaterials(world) {
   ]));
 }
 
-/** Return a patch of the colour of a material. */
+/** Return an element that shows the colour of a material. */
 export function swatch(colour) {
   const patch = element("i", { className: "swatch" });
   patch.style.background = colour ?? theme.quiet;

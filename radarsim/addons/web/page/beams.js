@@ -1,21 +1,21 @@
-// Geometry of beams: where they point, what power they have left, which see through.
+// Geometry of beams: their angles, their remaining power, and which pass through objects.
 
-const BESIDE = 0.2; // m; nearer than this to what was passed is beside it, not behind
+const BESIDE = 0.2; // m; a hit closer to a passed object is not counted as behind it
 const ENDS = new Set(["hit", "spent", "rain"]);
 const PASSES = new Set(["leave", "sheet"]);
 
-/** Return the direction of a beam in the map, rad. */
+/** Return the angle of a beam in the map frame, rad. */
 export function beamAngle(scan, beam) {
   return scan.yaw - scan.fov / 2 + beam * scan.resolution;
 }
 
-/** Return the point of the map at a range along a beam, [x, y] m. */
+/** Return the point at a range along a beam, [x, y], m, map frame. */
 export function beamPoint(scan, beam, range) {
   const angle = beamAngle(scan, beam);
   return [scan.x + range * Math.cos(angle), scan.y + range * Math.sin(angle)];
 }
 
-/** Return the beam that points nearest to a point of the map. */
+/** Return the number of the beam that points closest to a point of the map. */
 export function beamTowards(scan, x, y) {
   const ahead = Math.atan2(y - scan.y, x - scan.x) - scan.yaw;
   const turned = Math.atan2(Math.sin(ahead), Math.cos(ahead));
@@ -23,10 +23,10 @@ export function beamTowards(scan, x, y) {
   return Math.min(Math.max(beam, 0), scan.count - 1);
 }
 
-/** Return what a sensor is called: its kind, and the name that its robot has for it. */
+/** Return the label of a sensor: its kind, and its name on the robot. */
 export const sensorName = ({ kind, scanner }) => `${kind} “${scanner}”`;
 
-/** Return the scan that a robot has of a scanner, or its first of a kind. */
+/** Return the scan of a robot by the name of the scanner; `scanOfKind` by its kind. */
 export function scanOf(robot, name) {
   return robot?.scans.find((scan) => scan.scanner === name);
 }
@@ -36,10 +36,10 @@ export function scanOfKind(robot, kind) {
 }
 
 /**
- * Sort the echoes of a scanner by beam.
+ * Group the echoes of a scanner by beam.
  *
- * Returns a list for each beam, nearest first, of {range, kind, power, strength, object,
- * material, colour}.
+ * Returns a list of echoes for each beam, nearest first: {range, kind, power, strength,
+ * object, material, colour}.
  */
 function echoesByBeam(robot, scan, colours) {
   const beams = Array.from({ length: scan.count }, () => []);
@@ -57,10 +57,11 @@ function echoesByBeam(robot, scan, colours) {
 /**
  * Describe each beam of a scan by its reading and echoes.
  *
- * Returns, for each beam, {range, length, end, echoes, power, through, holes}: the
- * reading, m, Infinity without; how long it is drawn; the echo that ended it, if known;
- * all its echoes; knots [range, power left] from the scanner to the end; whether it
- * reads something behind what it passed; stretches [from, to] inside of what it passed.
+ * Returns for each beam {range, length, end, echoes, power, through, holes}. `range` is the
+ * reading, m, Infinity without return. `length` is the drawn length, m. `end` is the echo
+ * that ended the beam, if known. `power` has points [range, remaining power]. `through` is
+ * true if the beam hit an object behind a passed one. `holes` are the intervals
+ * [from, to], m, inside passed objects.
  */
 export function describeBeams(robot, scan, colours) {
   return echoesByBeam(robot, scan, colours).map((echoes, beam) => {

@@ -1,15 +1,15 @@
-// How near a goal is to what blocks robots, by the outlines of the plan.
+// Distances between goals and obstacles, by the outlines of the plan.
 
 import { drawLabel } from "./label.js";
 import { theme } from "./theme.js";
 
 export class Clearance {
   constructor() {
-    this.segments = new Float32Array(0); // x0, y0, x1, y1 of each, m
+    this.segments = new Float32Array(0); // x0, y0, x1, y1 of each segment, m
     this.names = [];
   }
 
-  /** Take the outlines of what blocks robots. */
+  /** Store the outlines of obstacles. */
   takeScene(scene) {
     const segments = [];
     this.names = [];
@@ -25,7 +25,7 @@ export class Clearance {
     this.segments = Float32Array.from(segments);
   }
 
-  /** Return what is nearest to a point: {distance, x, y, name}; Infinity without anything. */
+  /** Return the nearest obstacle: {distance, x, y, name}; distance Infinity without one. */
   nearest(x, y) {
     const found = { distance: Infinity, x, y, name: "" };
     const { segments } = this;
@@ -42,7 +42,7 @@ export class Clearance {
     return found;
   }
 
-  /** Return why a robot would give up a goal, in words; empty if it would not. */
+  /** Return why a goal is too close to an obstacle, as a text; empty if it is not. */
   problem(robot, [x, y]) {
     if (!robot?.clearance) return "";
     const { distance, name } = this.nearest(x, y);
@@ -50,7 +50,7 @@ export class Clearance {
     return `${distance.toFixed(2)} m from ${name}, expected at least ${robot.safety.toFixed(2)} m`;
   }
 
-  /** Draw the safety distance around a goal that is being picked, and what is in it. */
+  /** Draw the safety distance around a goal that is being picked, and an obstacle in it. */
   draw(pen, viewport, robot, [x, y]) {
     if (!robot?.safety) return;
     const goal = [x, y];
@@ -75,7 +75,7 @@ export class Clearance {
   }
 }
 
-/** Draw a circle around a point of the map; lines that follow have its colour. */
+/** Draw a circle around a point of the map; the pen keeps the colour for further lines. */
 export function drawDistance(pen, viewport, [x, y], distance, colour) {
   const [left, top] = viewport.toScreen(x, y);
   pen.beginPath();

@@ -1,18 +1,18 @@
-// Driving: keys, touch stick and gamepad become orders, repeated while they are held.
+// Drives a robot by keys, touch stick and gamepad; commands repeat while they are held.
 
 import { isControl, isTyping } from "./elements.js";
 
-const PERIOD = 150; // ms between orders; the commander stops a robot 400 ms after the last
-const DEAD_ZONE = 0.15; // of a stick of a gamepad
+const PERIOD = 150; // ms between commands; a robot stops 400 ms after the last command
+const DEAD_ZONE = 0.15; // deflection of a gamepad stick that is ignored
 const KEYS = { KeyW: [1, 0], KeyS: [-1, 0], KeyA: [0, 0.5], KeyD: [0, -0.5] };
 
 export class Drive {
-  /** Drive the robot that `chosen` returns; `halt` stops everything. */
+  /** Drive the robot whose name `chosen` returns; `halt` stops all robots. */
   constructor(link, chosen, halt) {
     Object.assign(this, { link, chosen, halt });
     this.held = new Set();
     this.stick = [0, 0];
-    this.driven = null; // name of the robot of the last order that was not zero
+    this.driven = null; // name of the robot of the last command that was not zero
     addEventListener("keydown", (event) => this.press(event));
     addEventListener("keyup", (event) => this.lift(event));
     addEventListener("blur", () => this.release());
@@ -38,7 +38,7 @@ export class Drive {
     if (this.held.delete(event.code)) this.order();
   }
 
-  /** Let go of everything, and stop the robot at once if it was driven. */
+  /** Release all keys and the stick, and stop the driven robot at once. */
   release() {
     this.held.clear();
     this.stick = [0, 0];
@@ -47,7 +47,7 @@ export class Drive {
     this.driven = null;
   }
 
-  /** Forget a robot that is gone; return whether it was driven. */
+  /** Stop driving a robot that was removed; return whether it was driven. */
   forget(robot) {
     const driven = this.driven === robot;
     if (driven) {
@@ -57,7 +57,7 @@ export class Drive {
     return driven;
   }
 
-  /** Send what is held, or once that nothing is any more. */
+  /** Send a drive command while keys or sticks are held, and one stop afterwards. */
   order() {
     const [v, w] = this.wanted();
     const robot = this.chosen();
@@ -67,7 +67,7 @@ export class Drive {
     this.driven = v || w ? robot : null;
   }
 
-  /** Return what is wanted: ahead and counter-clockwise, -1 to 1 of the top speed. */
+  /** Return forward speed and turn rate to the left, as shares of the top speeds, -1 to 1. */
   wanted() {
     const pad = readGamepad();
     let [v, w] = [this.stick[0] + pad[0], this.stick[1] + pad[1]];
@@ -86,7 +86,7 @@ function readGamepad() {
   return [bare(pad.axes[1] ?? 0), bare(pad.axes[0] ?? 0)];
 }
 
-/** Make an element a stick for touch: up is ahead; it springs back. */
+/** Make an element a touch stick: up drives ahead; it returns to the centre on release. */
 export function followStick(pad, drive) {
   const knob = pad.firstElementChild;
   const set = (ahead, left) => {

@@ -1,8 +1,8 @@
-// Small helpers for the document. Texts from the network become text, never markup.
+// Helpers for the document. Texts from the network are inserted as text, never as markup.
 
 export const byId = (id) => document.getElementById(id);
 
-/** Create an element with properties (data-* and aria-* too) and children. */
+/** Create an element with properties, data-* and aria-* attributes, and children. */
 export function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);
   for (const [key, value] of Object.entries(properties)) {
@@ -13,12 +13,12 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
-/** Set a text only if it differs, so that unchanged texts are not announced again. */
+/** Set a text only if it differs, so that screen readers do not repeat unchanged texts. */
 export function setText(target, text) {
   if (target.textContent !== text) target.textContent = text;
 }
 
-/** Make a list of options; each is a text or {name, label}. */
+/** Replace the options of a select element; an option is a text or {name, label}. */
 export function setOptions(select, options) {
   const chosen = select.value;
   select.replaceChildren(
@@ -30,14 +30,14 @@ export function setOptions(select, options) {
   if ([...select.options].some((option) => option.value === chosen)) select.value = chosen;
 }
 
-/** Fill the body of a table: a row is a list of cells, a cell a text or a node. */
+/** Fill the body of a table; a row is a list of cells, which are texts or nodes. */
 export function fillTable(table, rows) {
   table.tBodies[0].replaceChildren(
     ...rows.map((row) => element("tr", {}, ...row.map((cell) => element("td", {}, cell)))),
   );
 }
 
-/** Whether a key that is pressed belongs to the element that has the focus. */
+/** Whether the focused element uses key presses itself, such as a text field. */
 export function isTyping(target) {
   return target.matches?.("input:not([type=checkbox]):not([type=range]), select, textarea");
 }
@@ -46,7 +46,7 @@ export function isControl(target) {
   return target.matches?.("input, select, textarea, button, summary, a");
 }
 
-/** Return the canvas's context, scaled to CSS pixels, at the density of the screen. */
+/** Clear a canvas; return its context in CSS pixels, at the pixel density of the screen. */
 export function prepareCanvas(canvas) {
   const density = window.devicePixelRatio || 1;
   const width = canvas.clientWidth;

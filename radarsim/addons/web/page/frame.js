@@ -1,4 +1,4 @@
-// Frames of the commander: a header in JSON, then the ranges of all scans in cm.
+// Decodes frames of the commander: a JSON header, then the ranges of all scans in cm.
 
 import { beamAngle } from "./beams.js";
 
@@ -7,10 +7,10 @@ const NO_RETURN = 65535;
 
 /**
  * Decode a frame. Each scan gets `ranges`, m, Infinity without return, and `points`: x
- * and y of its readings in the map, m, NaN without.
+ * and y of its readings, m, map frame, NaN without return.
  *
- * Layout: the length of the header (u32, little-endian), the header, then u16 ranges;
- * the `offset` of a scan counts those.
+ * Layout: the length of the header (u32, little-endian), the header, then the ranges (u16,
+ * little-endian). The `offset` of a scan is the index of its first range.
  */
 export function decodeFrame(buffer) {
   const length = new DataView(buffer).getUint32(0, true);

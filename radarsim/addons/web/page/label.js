@@ -1,8 +1,8 @@
-// Texts on canvases.
+// Draws texts on canvases.
 
 import { theme } from "./theme.js";
 
-/** Write a text with an outline of paper, readable on everything. */
+/** Write a text with an outline in the paper colour, so that it is readable anywhere. */
 export function drawLabel(pen, text, left, top) {
   pen.lineJoin = "round";
   pen.lineWidth = 3.5;

@@ -1,13 +1,13 @@
-// Which layers of the plan and of the 3D view are drawn; the browser keeps the choice.
+// The choice of layers that the plan and the 3D view draw, which the browser stores.
 
 import { byId } from "./elements.js";
 
-const KEY = "layers"; // in the storage of the browser
+const KEY = "layers"; // key in localStorage
 
-/** Whether each layer is drawn, by the name of its box: `radar rays`, `names` and so on. */
+/** Whether each layer is drawn, by the name of its checkbox, such as `radar rays`. */
 export const layers = {};
 
-/** Take the layers from the boxes of the page, now and when one changes. */
+/** Read the layers from the checkboxes of the page, now and when a checkbox changes. */
 export function followLayers(changed) {
   const kept = readKept();
   for (const box of byId("layers").querySelectorAll("input")) {
@@ -17,13 +17,13 @@ export function followLayers(changed) {
       layers[box.name] = box.checked;
       keep();
       changed();
-      // After a click of the pointer, Space has to stop robots again.
+      // The checkbox loses the focus after a click, so that Space stops robots again.
       if (!box.matches(":focus-visible")) box.blur();
     });
   }
 }
 
-// A browser may forbid to store anything: then the choice holds for this page.
+// If the browser forbids storage, the choice lasts until the page is closed.
 function readKept() {
   try {
     return JSON.parse(localStorage.getItem(KEY)) ?? {};

@@ -1,4 +1,4 @@
-// The legend of the scene, and the finding: what there is to see, in one sentence.
+// The legend of the scene, and the finding: one sentence on what the sensors detect.
 
 import { swatch } from "./beam_panel.js";
 import { sensorName } from "./beams.js";
@@ -7,13 +7,13 @@ import { layers } from "./layers.js";
 import { freeStarts } from "./starts.js";
 import { theme } from "./theme.js";
 
-const KEPT = 3000; // ms that a mark stays after it was drawn: a few beams come and go
+const KEPT = 3000; // ms that a mark stays in the legend, as single beams come and go
 
-let shown = ""; // what the legend lists
-let subject = ""; // what it is about
-const drawnAt = new Map(); // when each mark was drawn last, ms, by its text
+let shown = ""; // key of the listed rows
+let subject = ""; // key of the view, the robot and the layers
+const drawnAt = new Map(); // time when each mark was drawn last, ms, by its text
 
-/** List the marks that are drawn, and the materials of the scene. */
+/** Update the list of drawn marks and of the materials of the scene. */
 export function updateLegend(world, view) {
   const map = world.maps.get(world.chosen);
   const now = performance.now();
@@ -36,11 +36,11 @@ export function updateLegend(world, view) {
   }));
 }
 
-/** Return the marks that a view can have: [sign, text, whether it is drawn now]. */
+/** Return the marks that a view can draw: [sign, text, whether it is drawn now]. */
 function marksOf(world, view) {
   const marks = [];
   const scans = world.robot?.scans ?? [];
-  const traced = world.scan ?? scans[0]; // whose rays are drawn
+  const traced = world.scan ?? scans[0]; // the scan whose rays are drawn
   if (traced && view !== "map" && layers[`${traced.kind} rays`]) {
     const { beams, through, spent } = world.countBeams(traced);
     marks.push([`ray ${traced.kind}`, `${traced.kind} ray, fainter with less power`, beams]);
@@ -82,7 +82,7 @@ function materialsOf(world) {
   return [...materials].map(([name, colour]) => [colour, name]);
 }
 
-/** Say what the selected robot's sensors see through, or what is missing. */
+/** Write how many beams of the selected robot pass through objects, or what is missing. */
 export function writeFinding(world, view) {
   const { robot } = world;
   if (!world.hello) return;
@@ -92,7 +92,7 @@ export function writeFinding(world, view) {
   } else setText(byId("finding"), sentence(world));
 }
 
-/** Say how many beams of each sensor see through, the selected sensor first. */
+/** Return a sentence on the beams of each sensor, the selected sensor first. */
 function sentence(world) {
   const { robot, scan } = world;
   const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
@@ -100,7 +100,7 @@ function sentence(world) {
     const { beams, through, returned } = world.countBeams(one);
     if (!returned) return `${one.kind} reads nothing${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
     const told = robot.echoes?.some((echoes) => echoes.scanner === one.scanner && echoes.objects.length);
-    if (!told) return `${sensorName(one)} reads ${returned} of ${beams} beams`; // and nothing more is known yet
+    if (!told) return `${sensorName(one)} reads ${returned} of ${beams} beams`; // echoes have not arrived yet
     const count = through || "none";
     return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} of ${beams} beams`;
   });

@@ -1,11 +1,11 @@
-// The connection to the commander: opens with the token, and opens again when lost.
+// The WebSocket to the commander, which sends the token and reconnects when it is lost.
 
 const FIRST_WAIT = 500; // ms
 const LONGEST_WAIT = 4000;
 const WRONG_TOKEN = 4401;
 
 export class Link extends EventTarget {
-  /** Open a connection. Events: `message` (detail: the message), `state` (detail: text). */
+  /** Open a connection. Fires `message` (detail: the message) and `state` (detail: text). */
   constructor() {
     super();
     this.token = takeToken();
@@ -45,7 +45,7 @@ export class Link extends EventTarget {
     this.dispatchEvent(new CustomEvent("state", { detail }));
   }
 
-  /** Send a message; return whether there is a connection. */
+  /** Send a message; return false if there is no connection. */
   send(op, fields = {}) {
     if (this.socket.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify({ op, ...fields }));
@@ -53,7 +53,7 @@ export class Link extends EventTarget {
   }
 }
 
-/** Take the token out of the address bar, and keep it for reloads of this tab. */
+/** Move the token from the address bar to the session storage, for reloads of the tab. */
 function takeToken() {
   const given = new URLSearchParams(location.hash.slice(1)).get("token");
   try {
@@ -63,6 +63,6 @@ function takeToken() {
     }
     return given ?? sessionStorage.getItem("token") ?? "";
   } catch {
-    return given ?? ""; // storage may be forbidden; the address then keeps the token
+    return given ?? ""; // storage is forbidden, so the address keeps the token
   }
 }

@@ -1,4 +1,4 @@
-// The commander's page: takes messages, passes what the user does, draws.
+// The page of the commander: receives messages, sends requests of the user, and draws.
 
 import { BeamPanel, updateMaterials } from "./beam_panel.js";
 import { beamTowards } from "./beams.js";
@@ -39,9 +39,9 @@ const time = new TimePanel(world, link);
 const drive = new Drive(link, () => (world.robot?.mine ? world.chosen : null), stopAll);
 
 const touch = matchMedia("(pointer: coarse), (max-width: 800px)");
-const MARGIN = 10; // px above what lies at the top of the stage
+const MARGIN = 10; // px above the elements at the top of the stage
 let view = "plan";
-let picking = null; // what a click on the scene gives a place to: "robot", "goal", "measure"
+let picking = null; // what the next click on the scene places: "robot", "goal", "measure"
 let shown = { frames: 0, since: performance.now(), rate: 0 };
 let unacknowledged = null; // time of a frame that is not drawn yet
 let waiting = false;
@@ -127,7 +127,7 @@ function takeFrame(frame) {
   unacknowledged = frame.t ?? 0;
 }
 
-// What went wrong is shown until something else is done.
+// An error is shown until the user clicks a button.
 document.addEventListener("click", ({ target }) => {
   if (target.closest?.("button")) setText(byId("error"), "");
 }, true);
@@ -160,7 +160,7 @@ function showLost(text) {
   document.body.classList.toggle("stale", Boolean(text));
 }
 
-/** Tell whether the page is on a screen; the server sends nothing to one that is not. */
+/** Report whether the page is visible; the server sends no frames to a hidden page. */
 function tellWhetherSeen() {
   link.send("look", { on: !document.hidden });
 }
@@ -189,7 +189,7 @@ function draw() {
   if (unacknowledged !== null) acknowledge();
 }
 
-/** Tell that a frame is drawn, so that the next one may come. */
+/** Acknowledge a frame that is drawn, so that the server sends the next frame. */
 function acknowledge() {
   link.send("ack", { t: unacknowledged });
   document.dispatchEvent(new CustomEvent("drawn", { detail: { t: unacknowledged } }));
@@ -207,7 +207,7 @@ function writeStatus() {
   setText(byId("status"), `${robotsText} · ${shown.rate.toFixed(0)} frames/s · ${countTasks(world)}`);
 }
 
-// --- what the user does ---------------------------------------------------------------
+// --- user actions ---------------------------------------------------------------------
 
 function select(name) {
   world.choose(name);
@@ -233,7 +233,7 @@ function selectBeam(scanner, number) {
   redraw();
 }
 
-/** A click on the scene: a place that is picked, a goal, a start, or a beam. */
+/** Handle a click on the scene: place a robot or goal, use a start, or select a beam. */
 function tap({ x, y, heading, shift }) {
   const start = view === "plan" && !picking ? startAt(world, viewport, x, y) : undefined;
   if (picking === "measure") {
@@ -250,9 +250,9 @@ function tap({ x, y, heading, shift }) {
   redraw();
 }
 
-/** Send the selected robot to a goal; return false if it is too near to something. */
+/** Send the selected robot to a goal; return false if it is too close to an obstacle. */
 function goTo(x, y, heading) {
-  world.pointer = [x, y]; // of a finger, which does not hover
+  world.pointer = [x, y]; // fingers do not hover, so it is set here
   const problem = clearance.problem(world.robot, [x, y]);
   if (problem) {
     setText(byId("error"), `The goal is too near: ${problem}.`);
@@ -277,7 +277,7 @@ function pick(what) {
   redraw();
 }
 
-/** Return the place that is being picked, [x, y, heading], or null. */
+/** Return the pose that is being picked, [x, y, heading], or null. */
 function aimedAt() {
   const hovered = picking === "goal" && world.pointer ? [...world.pointer, tasks.heading] : null;
   return viewport.aim ?? hovered;
@@ -291,7 +291,7 @@ function writeAim(text) {
 /** Save the view as a picture. */
 function takePicture() {
   if (view === "scans") show("plan");
-  draw(); // what a view in 3D shows is there only while it is drawn
+  draw(); // WebGL clears its canvas after each frame
   const canvases = view === "space" ? [byId("space"), byId("labels")] : [byId("plan")];
   const level = world.hello?.level || "radarsim";
   const when = `${(world.frame.t ?? 0).toFixed(2)} s`;
@@ -299,7 +299,7 @@ function takePicture() {
   savePicture(canvases, `${level}_${when.replace(" ", "")}.png`.replace(/[^\w.-]+/g, "_"), { text, paper: theme.paper, ink: theme.ink });
 }
 
-/** Return how deep something at the top of the stage reaches, px below its margin. */
+/** Return the bottom of an element at the top of the stage, px below the margin. */
 function depthOf(name) {
   const [part, stage] = [byId(name), byId("stage")].map((one) => one.getBoundingClientRect());
   return part.bottom - stage.top - MARGIN;
@@ -320,7 +320,7 @@ async function show(name) {
   fit();
 }
 
-/** Show everything again, unless the view was moved by hand. */
+/** Fit the view to the whole scene, unless the user has moved it. */
 function fit() {
   if (viewport.fitted) viewport.fit(view === "map" ? world.extentWithMap() : world.extent());
   redraw();
@@ -357,7 +357,7 @@ const KEYS = {
 
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
-  const step = { ArrowLeft: 1, ArrowRight: -1 }[event.key]; // beams count from the right
+  const step = { ArrowLeft: 1, ArrowRight: -1 }[event.key]; // beams are numbered from the right
   if (step && event.target.matches("canvas") && world.scan) {
     event.preventDefault();
     const count = world.scan.count;
@@ -368,7 +368,7 @@ addEventListener("keydown", (event) => {
   }
 });
 
-// After a click of the pointer, keys act on the scene again: Space has to stop.
+// The scene gets the focus after a click on a button, so that Space stops robots.
 addEventListener("click", ({ target, detail }) => {
   if (detail && target.closest("button, summary")) {
     byId(view === "space" ? "space" : "plan").focus({ preventScroll: true });

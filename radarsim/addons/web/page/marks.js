@@ -1,4 +1,4 @@
-// Marks of echoes: the shape tells the kind, the colour the material.
+// Draws marks of echoes; the shape shows the kind, and the colour shows the material.
 
 import { theme } from "./theme.js";
 
@@ -18,7 +18,7 @@ const SHAPES = {
   square: [[-0.8, -0.8], [0.8, -0.8], [0.8, 0.8], [-0.8, 0.8]],
 };
 
-/** Add the outline of a mark of a kind to the path of a pen; return whether to fill it. */
+/** Add the outline of a mark to the path of a pen; return whether to fill it. */
 export function traceMark(pen, kind, x, y, size) {
   const { shape } = KINDS[kind] ?? KINDS.hit;
   if (shape === "cross" || shape === "star") {
@@ -42,9 +42,9 @@ export function traceMark(pen, kind, x, y, size) {
 }
 
 /**
- * Draw marks, few strokes for many of them.
+ * Draw marks, with one stroke for all marks of the same kind and colour.
  *
- * Each mark is {kind, colour, x, y}, in px.
+ * Each mark is {kind, colour, x, y}, with x and y in px.
  */
 export function drawMarks(pen, marks, size) {
   const groups = new Map();
@@ -68,7 +68,7 @@ export function drawMarks(pen, marks, size) {
   pen.restore();
 }
 
-/** Return a colour of a material as an edge that stands out from its own area. */
+/** Return an edge colour that contrasts with the colour of a material. */
 export function edgeColour(colour) {
   if (!colour) return theme.ink;
   const share = theme.dark ? 0.3 : -0.42; // towards white, or black

@@ -8,7 +8,7 @@ export class Measure {
     this.ends = []; // up to two points, m
   }
 
-  /** Take a point: the first end of a line, or its second. */
+  /** Set the first end of a new line, or the second end of the line. */
   tap(x, y) {
     this.ends = this.ends.length === 1 ? [this.ends[0], [x, y]] : [[x, y]];
   }
@@ -17,14 +17,14 @@ export class Measure {
     this.ends = [];
   }
 
-  /** Return the length of the line in words; empty without one. */
+  /** The length and angle of the line as a text; empty without a line. */
   get text() {
     if (this.ends.length < 2) return "";
     const [[x0, y0], [x1, y1]] = this.ends;
     return describe(x1 - x0, y1 - y0);
   }
 
-  /** Draw the line; an end that is not there yet follows the pointer. */
+  /** Draw the line; until its second end is set, that end follows the pointer. */
   draw(pen, viewport, pointer) {
     const [from, to] = [this.ends[0], this.ends[1] ?? pointer];
     if (!from) return;

@@ -1,4 +1,4 @@
-// The plan: the scene from above, robots, rays with the power left, readings, paths.
+// The plan: the scene from above, with robots, rays by remaining power, readings, paths.
 
 import { beamPoint, scanOf, sensorName } from "./beams.js";
 import { prepareCanvas } from "./elements.js";
@@ -11,27 +11,27 @@ import { drawHeading, drawRuns } from "./run_marks.js";
 import { drawStarts, startAt } from "./starts.js";
 import { sensorColour, theme } from "./theme.js";
 
-const LEVELS = 6; // of opacity, for the power that a ray has left
+const LEVELS = 6; // levels of opacity for the remaining power of a ray
 const LABEL = "12px system-ui, sans-serif";
 
 export class Plan {
   constructor(canvas, world, viewport, clearance, measure) {
     Object.assign(this, { canvas, world, viewport, clearance, measure });
-    this.shapes = []; // of the scene: {part, areas, lines}
+    this.shapes = []; // shapes of the scene: {part, areas, lines}
     this.still = document.createElement("canvas"); // the scene as last drawn
     this.stillKey = "";
     this.readings = new Readings();
   }
 
-  /** Take the outlines of a scene, in place of the former's. */
+  /** Replace the outlines of the scene. */
   takeScene(scene) {
     this.shapes = (scene?.parts ?? []).map(shapeOf);
     this.stillKey = "";
   }
 
   /**
-   * Draw everything; `picking` is what a click gives a place to, or null, and `aim` that
-   * place, [x, y, heading], or null.
+   * Draw everything; `picking` is what the next click places, or null, and `aim` the pose
+   * that is being picked, [x, y, heading], or null.
    */
   draw(view, picking, aim) {
     const surface = prepareCanvas(this.canvas);
@@ -57,13 +57,13 @@ export class Plan {
     this.drawScale(pen, surface);
   }
 
-  /** The free start that the pointer is at, or undefined. */
+  /** The free start under the pointer, or undefined. */
   get pointedStart() {
     const { pointer } = this.world;
     return pointer ? startAt(this.world, this.viewport, ...pointer) : undefined;
   }
 
-  /** Draw what does not move; it is kept until the view or the colours change. */
+  /** Draw the fixed scene from a cached canvas, which a changed view or colour renews. */
   drawStill(surface, view) {
     const { width, height, density } = surface;
     const { scale, centre } = this.viewport;
@@ -132,7 +132,7 @@ export class Plan {
     pen.drawImage(map.image, left, top, size[0] * scale, size[1] * scale);
   }
 
-  /** Add where the beams of a robot end. */
+  /** Add the readings of a robot. */
   addReadings(density, robot, view) {
     const chosen = robot.name === this.world.chosen;
     for (const scan of robot.scans) {
@@ -149,7 +149,7 @@ export class Plan {
     }
   }
 
-  /** Draw the rays of the radar that is selected, or of the laser without one. */
+  /** Draw the rays of the selected scan, or of the robot's first scan. */
   drawRays(pen) {
     const { robot } = this.world;
     const scan = this.world.scan ?? robot.scans[0];
@@ -161,7 +161,7 @@ export class Plan {
     this.drawEnds(pen, scan, beams, colour);
   }
 
-  /** Stroke rays with an opacity by the power that they have left. */
+  /** Stroke rays with an opacity by their remaining power. */
   strokeRays(pen, scan, beams, through, colour) {
     const levels = Array.from({ length: LEVELS + 1 }, () => new Path2D());
     const start = this.viewport.toScreen(scan.x, scan.y);
@@ -187,7 +187,7 @@ export class Plan {
     pen.globalAlpha = 1;
   }
 
-  /** Mark spent beams, the holes that others come through, and what these read. */
+  /** Mark beams without power, passages through objects, and the readings behind them. */
   drawEnds(pen, scan, beams, colour) {
     const crosses = [];
     pen.lineCap = "round";
@@ -234,7 +234,7 @@ export class Plan {
     pen.stroke();
   }
 
-  /** Draw the beam that is explained, with a mark for each echo. */
+  /** Draw the explained beam, with a mark for each echo. */
   drawBeam(pen, { scan, number, beam }) {
     const start = this.viewport.toScreen(scan.x, scan.y);
     const end = this.viewport.toScreen(...beamPoint(scan, number, beam.length));
@@ -254,7 +254,7 @@ export class Plan {
     pen.font = `600 ${LABEL}`;
     const text = Number.isFinite(beam.range) ? `${number}: ${beam.range.toFixed(2)} m` : `${number}: –`;
     const right = end[0] + 9 + pen.measureText(text).width;
-    const turned = right > this.canvas.clientWidth; // it would be cut off
+    const turned = right > this.canvas.clientWidth; // the label would be cut off
     pen.textAlign = turned ? "right" : "left";
     drawLabel(pen, text, ...(turned ? [end[0] - 9, end[1] + 20] : [end[0] + 9, end[1] - 9]));
     pen.textAlign = "left";
@@ -277,7 +277,7 @@ export class Plan {
   }
 }
 
-/** Cut knots [range, power] into stretches [from, to, power] that are about even. */
+/** Cut points [range, power] into intervals [from, to, power] of almost equal power. */
 function* stretches(knots) {
   for (let i = 1; i < knots.length; i++) {
     const [[from, before], [to, after]] = [knots[i - 1], knots[i]];
@@ -304,7 +304,7 @@ function shapeOf(part) {
   return { part, areas, lines };
 }
 
-/** Return what the canvas shows in words. */
+/** Return a description of the canvas for screen readers. */
 export function describePlan(world) {
   const { robot, scan } = world;
   if (!robot) return "Plan without a robot";

@@ -1,4 +1,4 @@
-// A scan in polar form, ahead is up: its readings, and its echoes by material.
+// A polar plot of a scan, with ahead up: its readings, and its echoes by material.
 
 import { scanOf, scanOfKind, sensorName } from "./beams.js";
 import { prepareCanvas, setText } from "./elements.js";
@@ -6,14 +6,14 @@ import { drawLabel } from "./label.js";
 import { drawMarks } from "./marks.js";
 import { sensorColour, theme } from "./theme.js";
 
-const RANGES = [2, 5, 10, 15, 20, 30, 50, 100, 200, 500]; // m, of the outermost ring
+const RANGES = [2, 5, 10, 15, 20, 30, 50, 100, 200, 500]; // m; of the outermost ring
 const MARGIN = 14; // px
 const LEFT_OUT = 0.01; // share of the beams of a scan that may end beyond the outermost ring
-const KEPT = 3000; // ms for which the rings stay as wide as they had to be
-const outermost = new Map(); // by robot: {range, m; needed: when it had to be so wide, ms}
+const KEPT = 3000; // ms before the rings shrink to a smaller range
+const outermost = new Map(); // by robot: {range, m; needed: last time it was needed, ms}
 
 export class Polar extends EventTarget {
-  /** Show scans of a kind in a figure. Event: `beam` (detail: {scanner, beam}). */
+  /** Show scans of a kind in a figure. Fires `beam` (detail: {scanner, beam}) on a click. */
   constructor(figure, world, kind) {
     super();
     Object.assign(this, { figure, world, kind });
@@ -21,7 +21,7 @@ export class Polar extends EventTarget {
     this.canvas.addEventListener("click", (event) => this.click(event));
   }
 
-  /** The scan that is shown: the one whose beams are explained, or the first. */
+  /** The shown scan: the scan with the explained beam, or the first of this kind. */
   get scan() {
     const chosen = scanOf(this.world.robot, this.world.scanner);
     return chosen?.kind === this.kind ? chosen : scanOfKind(this.world.robot, this.kind);
@@ -32,7 +32,7 @@ export class Polar extends EventTarget {
     const { pen, width, height } = prepareCanvas(this.canvas);
     const outer = scan ? outerRange(this.world.robot) : 0;
     this.write(scan, outer);
-    if (!scan || Math.min(width, height) < 3 * MARGIN) return; // it is hidden
+    if (!scan || Math.min(width, height) < 3 * MARGIN) return; // the canvas is hidden
     this.layout = layOut(scan, width, height, outer);
     this.drawRings(pen, scan);
     const outline = this.fillReadings(pen, scan);
@@ -42,10 +42,10 @@ export class Polar extends EventTarget {
     pen.stroke(outline);
     this.drawBeyond(pen, scan);
     if (scan === this.world.scan && this.world.beam !== null) this.drawBeam(pen, scan);
-    this.drawRanges(pen, scan); // last, as readings would cover them
+    this.drawRanges(pen, scan); // drawn last, so that readings do not cover the labels
   }
 
-  /** Write the caption: which sensor, and what becomes of its beams. */
+  /** Write the caption: the sensor, and the numbers of its readings. */
   write(scan, outer) {
     const caption = this.figure.querySelector(".name");
     const what = this.figure.querySelector(".what");
@@ -64,7 +64,7 @@ export class Polar extends EventTarget {
     this.canvas.setAttribute("aria-label", `${title}: ${text}`);
   }
 
-  /** Return the place of a range along a beam, px. */
+  /** Return the position of a range along a beam, px. */
   place(scan, beam, range) {
     const { left, top, scale } = this.layout;
     const angle = beam * scan.resolution - scan.fov / 2;
@@ -90,7 +90,7 @@ export class Polar extends EventTarget {
     pen.stroke();
   }
 
-  /** Label the rings: those of a full circle not ahead, where most readings matter. */
+  /** Label the rings; on a full circle diagonally, to keep the forward direction free. */
   drawRanges(pen, scan) {
     const { left, top, scale, outer } = this.layout;
     const half = Math.min(scan.fov / 2, Math.PI);
@@ -106,7 +106,7 @@ export class Polar extends EventTarget {
     pen.textAlign = "left";
   }
 
-  /** Fill what the beams cross; return the outline where neighbouring beams end. */
+  /** Fill the area that the beams cross; return the outline of their ends. */
   fillReadings(pen, scan) {
     const { left, top, outer } = this.layout;
     const [area, outline] = [new Path2D(), new Path2D()];
@@ -127,7 +127,7 @@ export class Polar extends EventTarget {
     return outline;
   }
 
-  /** Mark beams that end beyond the outermost ring by triangles that point outward. */
+  /** Mark beams that end beyond the outermost ring with triangles that point outward. */
   drawBeyond(pen, scan) {
     const { outer, scale } = this.layout;
     pen.beginPath();
@@ -176,16 +176,16 @@ export class Polar extends EventTarget {
   }
 }
 
-/** Return the distance of rings, m. */
+/** Return the distance between two rings, m. */
 function ringStep(outer) {
   return outer / (outer % 4 && outer % 5 === 0 ? 5 : 4);
 }
 
 /**
- * Return the range of the outermost ring, m: the same for all scans of a robot.
+ * Return the range of the outermost ring, m, which all scans of a robot share.
  *
- * A single far beam does not change it, and it shrinks only after a while, as far beams
- * come and go from scan to scan.
+ * A single far beam does not change it. It shrinks only after a delay, as far beams come
+ * and go from scan to scan.
  */
 export function outerRange(robot, now = performance.now()) {
   const farthest = Math.max(1, ...robot.scans.map(({ ranges }) => mostRange(ranges)));
@@ -196,13 +196,13 @@ export function outerRange(robot, now = performance.now()) {
   return range;
 }
 
-/** Return the range within which beams return, m, but for one and the farthest per cent. */
+/** Return the largest range, m, without the farthest 1 % of beams, or at least one beam. */
 function mostRange(ranges) {
   const sorted = ranges.filter(Number.isFinite).sort();
   return sorted.at(-1 - Math.max(1, Math.floor(LEFT_OUT * sorted.length))) ?? sorted[0] ?? 0;
 }
 
-/** Return where the sensor is, px, and how many px a metre has. */
+/** Return the position of the sensor, px, the scale, px/m, and the outermost range, m. */
 function layOut(scan, width, height, outer) {
   const half = Math.min(scan.fov / 2, Math.PI);
   const across = half < Math.PI / 2 ? Math.sin(half) : 1;

@@ -1,18 +1,18 @@
-// Where beams end: dots of radars, squares of lasers, written as pixels of one picture.
+// Draws readings: dots for radars and squares for lasers.
 //
-// Thousands of them are shown at once, and each call of a canvas takes its time.
+// They are written as pixels of one image, as thousands of canvas calls would be slow.
 
 import { sensorColour } from "./theme.js";
 
 export class Readings {
   constructor() {
     this.canvas = document.createElement("canvas");
-    this.pen = this.canvas.getContext("2d", { willReadFrequently: true }); // kept in memory
+    this.pen = this.canvas.getContext("2d", { willReadFrequently: true }); // kept in main memory
     this.image = null;
     this.stamps = new Map(); // by shape, colour, size and density
   }
 
-  /** Begin without any, on a picture of so many columns and rows. */
+  /** Start an empty image with a number of columns and rows. */
   begin(columns, rows) {
     if (this.image?.width === columns && this.image.height === rows) {
       this.pixels.fill(0);
@@ -27,7 +27,7 @@ export class Readings {
   /**
    * Add the readings of a scan.
    *
-   * `hides` says of a beam whether its reading is left out; `size` is half the width, px.
+   * `hides` returns whether the reading of a beam is left out; `size` is half the width, px.
    */
   add(viewport, scan, { colour, size, alpha, density, hides }) {
     const { side, marks } = this.stampOf(scan.kind, colour, size, alpha, density);
@@ -39,18 +39,18 @@ export class Readings {
     for (let beam = 0; beam < scan.count; beam++) {
       const x = Math.round(left + points[2 * beam] * scale);
       const y = Math.round(top - points[2 * beam + 1] * scale);
-      // Without a reading it is not a number, and so neither inside nor outside.
+      // NaN, of a beam without reading, fails all of these comparisons.
       if (!(x >= 0 && x <= width - side && y >= 0 && y <= height - side)) continue;
       if (hides?.(beam)) continue;
       for (const { right, down, pixel } of marks) {
         const place = (y + down) * width + x + right;
-        // The less transparent one is kept, so that no edge cuts into a mark beside it.
+        // The more opaque pixel is kept, so that no edge cuts into an adjacent mark.
         if (pixel >>> 24 >= pixels[place] >>> 24) pixels[place] = pixel;
       }
     }
   }
 
-  /** Draw all that were added. */
+  /** Draw the image with all added readings. */
   draw(pen, width, height) {
     if (!this.image.width || !this.image.height) return;
     this.pen.putImageData(this.image, 0, 0);
@@ -64,7 +64,7 @@ export class Readings {
   }
 }
 
-/** Return the colour of the readings of a robot: of its sensors, or its own among others. */
+/** Return the colour of readings: that of the sensor, or of a robot among several. */
 export function readingColour(robot, scan, chosen) {
   return chosen || !robot.colour ? sensorColour(scan.kind) : robot.colour;
 }

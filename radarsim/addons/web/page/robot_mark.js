@@ -1,12 +1,12 @@
-// A robot seen from above, with its name.
+// Draws a robot from above, with its name.
 
 import { drawLabel } from "./label.js";
 import { layers } from "./layers.js";
 import { theme } from "./theme.js";
 
-const SMALLEST = 18; // px that the hull is long, so that it is found at any zoom
+const SMALLEST = 18; // px; least length of a robot, so that it is visible at any zoom
 
-/** Draw a robot: hull, wheels, an arrow ahead, and its name. */
+/** Draw a robot: its hull, its wheels, an arrow that points ahead, and its name. */
 export function drawRobot(pen, viewport, robot, chosen) {
   const [left, top] = viewport.toScreen(robot.x, robot.y);
   const [length, width] = robot.size ?? [0.6, 0.5];
@@ -26,7 +26,7 @@ export function drawRobot(pen, viewport, robot, chosen) {
   pen.textAlign = "left";
 }
 
-/** Stroke paper around a path: what is below may be as bright as the ink, as maps are. */
+/** Stroke a path in the paper colour, for contrast with the background, such as a map. */
 function strokeHalo(pen, path) {
   pen.strokeStyle = theme.paper;
   pen.lineWidth = 4.5;

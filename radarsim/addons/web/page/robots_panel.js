@@ -2,10 +2,10 @@
 
 import { byId, element, setOptions, setText } from "./elements.js";
 
-const PLACE = "at a place"; // a name that no start has: those are single words
+const PLACE = "at a place"; // no start has this name, as their names have no blanks
 
 export class RobotsPanel extends EventTarget {
-  /** Events: `choose`, `remove` (detail: the robot's name), `pick` (the place to add at). */
+  /** Fires `choose` (detail: name of the robot), and `pick` to pick a pose on the plan. */
   constructor(world, link) {
     super();
     Object.assign(this, { world, link, names: "" });
@@ -17,10 +17,10 @@ export class RobotsPanel extends EventTarget {
     byId("remove").addEventListener("click", () => link.send("remove", { robot: world.chosen }));
   }
 
-  /** Take the classes and starts of a server. */
+  /** Show the robot classes and starts of a server. */
   takeHello({ classes, starts, played }) {
     byId("add").hidden = played;
-    setOptions(this.form.elements.class, classes); // the first one does for all there is
+    setOptions(this.form.elements.class, classes); // the first class has both radar and laser
     const first = starts.length ? [{ name: "", label: "first free start" }] : [];
     setOptions(this.form.where, [...first, ...starts.map((start) => start.name), PLACE]);
     this.showPlace();
@@ -35,7 +35,7 @@ export class RobotsPanel extends EventTarget {
     byId("spawn-place").hidden = this.form.where.value !== PLACE;
   }
 
-  /** Set the place where a robot is added, m and rad; without yaw it stays. */
+  /** Set the pose at which a robot is added, m and rad; yaw may be left unchanged. */
   setPlace(x, y, yaw) {
     this.form.where.value = PLACE;
     this.showPlace();
@@ -104,7 +104,7 @@ export class RobotsPanel extends EventTarget {
   }
 }
 
-/** Whether a control of a form, or of none, does something with a robot. */
+/** Whether the controls of a form, or outside of forms, can be used for a robot. */
 function mayUse(form, robot) {
   if (form === "mapping") return Boolean(robot);
   if (form === "goto" || form === "explore") return Boolean(robot?.mine && !robot.hindrance);

@@ -1,13 +1,13 @@
-// Runs to goals: the path so far, where it hit and left obstacles, the goal.
+// Draws drives to goals: the path so far, its hit and leave points, and the goal.
 
 import { drawDistance } from "./clearance.js";
 import { drawLabel } from "./label.js";
 import { theme } from "./theme.js";
 
-const REACH = 13; // px from the middle of a goal to the ends of its cross
-const ARROW = 30; // px from there to the tip of its heading
+const REACH = 13; // px from the centre of a goal to the ends of its cross
+const ARROW = 30; // px from the centre to the tip of the arrow of the heading
 
-/** Draw the paths of all robots, and the goal that was clicked, with its safety distance. */
+/** Draw the paths of all robots, and the clicked goal with its safety distance. */
 export function drawRuns(pen, viewport, world) {
   const goal = goalOf(world);
   if (goal && world.robot?.safety) drawDistance(pen, viewport, goal, world.robot.safety, theme.goal);
@@ -20,13 +20,13 @@ export function drawRuns(pen, viewport, world) {
   if (world.goal) drawGoal(pen, viewport, world.goal, theme.goal);
 }
 
-/** Return where the selected robot is on its way to, [x, y, ...] m, or null. */
+/** Return the goal to which the selected robot drives, [x, y, ...], m, or null. */
 function goalOf(world) {
   const goal = world.stateOfGoal(world.chosen) === "running" ? world.paths.get(world.chosen)?.goal : null;
   return world.goal ?? goal ?? null;
 }
 
-/** Draw a goal by how the drive to it goes: a cancelled one is no goal any more. */
+/** Draw a goal by the state of its task; a cancelled goal is not drawn. */
 function drawEndedGoal(pen, viewport, goal, state) {
   if (state === "cancelled") return;
   drawGoal(pen, viewport, goal, state === "failed" ? theme.alarm : theme.goal);
@@ -47,7 +47,7 @@ function drawPath(pen, viewport, path, width) {
   }
 }
 
-/** Mark hit and leave points, with H1, L1 and so on. */
+/** Mark hit or leave points, with the labels H1, L1 and so on. */
 function drawPoints(pen, viewport, points, colour, letter) {
   points.forEach(([x, y], number) => {
     const [left, top] = viewport.toScreen(x, y);
@@ -79,7 +79,7 @@ function drawGoal(pen, viewport, goal, ring) {
   drawHeading(pen, viewport, goal, ring);
 }
 
-/** Draw the heading of a place, [x, y, heading], as an arrow; none without a heading. */
+/** Draw the heading of a pose, [x, y, heading], as an arrow; none without a heading. */
 export function drawHeading(pen, viewport, [x, y, heading], colour) {
   if (!Number.isFinite(heading)) return;
   pen.save();

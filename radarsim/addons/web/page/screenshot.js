@@ -1,6 +1,6 @@
-// A picture of the view, as a file.
+// Saves a picture of the view as a file.
 
-/** Save canvases, one over the other, with a line of text below, as a PNG of a name. */
+/** Save stacked canvases, with a line of text below, as a PNG file. */
 export async function savePicture(canvases, name, { text, paper, ink }) {
   const [first] = canvases;
   const density = first.width / Math.max(first.clientWidth, 1);

@@ -1,10 +1,10 @@
-// Settings of a scanner, a control each, as the commander lists them.
+// The settings of a scanner, with one control for each setting of the commander's list.
 
 import { sensorName } from "./beams.js";
 import { byId, element, setText } from "./elements.js";
 
-const PAUSE = 90; // ms between two values of a slider that is moved
-const OWN = 1500; // ms that a control keeps what was set by hand
+const PAUSE = 90; // ms between two values that a moving slider sends
+const OWN = 1500; // ms that a control keeps a value of the user
 const UNLIMITED = "unlimited";
 
 export class SettingsPanel {
@@ -13,7 +13,7 @@ export class SettingsPanel {
     byId("settings").addEventListener("submit", (event) => event.preventDefault());
   }
 
-  /** Make the controls of the settings that a server knows. */
+  /** Create the controls for the settings of a server. */
   takeHello({ settings }) {
     const controls = settings.map((setting) => this.control(setting));
     const last = settings.findLastIndex((setting) => setting.slides);
@@ -27,7 +27,7 @@ export class SettingsPanel {
 
   control(setting) {
     const input = makeInput(setting);
-    // no <output>: the label would belong to it
+    // An <output> element would take the label from the input.
     const output = element("span", { className: "value", "aria-hidden": "true" });
     const name = setting.unit ? `${setting.label}, ${setting.unit}` : setting.label;
     const className = input.type === "number" ? "field" : setting.type;
@@ -37,7 +37,7 @@ export class SettingsPanel {
     return control;
   }
 
-  /** Send a new value, the last one of those that come quickly one after the other. */
+  /** Send a new value; of quick changes, only the last value in each pause is sent. */
   change(control) {
     control.touched = performance.now();
     showValue(control, readValue(control));
@@ -88,7 +88,7 @@ function makeInput({ type, min, max, step, choices, slides }) {
   return input;
 }
 
-/** Return the value of a control, null without one. */
+/** Return the value of a control, or null if it has none. */
 function readValue({ setting: { type, choices }, input }) {
   if (type === "choice") return choices.find((choice) => String(choice) === input.value) ?? null;
   if (type === "boolean") return input.checked;
@@ -101,7 +101,7 @@ function writeValue({ setting: { type }, input }, value) {
   else if (input.value !== text && (value !== null || input.type !== "range")) input.value = text;
 }
 
-/** Write the value of a slider beside it. */
+/** Write the value of a slider next to it. */
 function showValue({ input, output }, value) {
   if (input.type !== "range") return;
   setText(output, value === null ? UNLIMITED : String(+Number(value).toPrecision(4)));

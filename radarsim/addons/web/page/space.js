@@ -8,20 +8,20 @@ import { readingColour } from "./readings.js";
 import { freeStarts } from "./starts.js";
 import { sensorColour, theme } from "./theme.js";
 
-const HULL = 0.25; // m high
-const TALL = 0.9; // m; what is taller and longer than it surrounds the scene
-const WIDE = 1.4; // width by height of a view that the scene fits into
-const NEAR = 1.5; // m; a start with a robot that near has no name
-const LONG = 0.4; // share of the scene's larger side
+const HULL = 0.25; // m; height of the hull of a robot
+const TALL = 0.9; // m; taller parts that are also long are drawn transparent, as walls
+const WIDE = 1.4; // aspect ratio of a view that the scene fits into
+const NEAR = 1.5; // m; starts closer to a robot have no name
+const LONG = 0.4; // least length of walls, as a share of the scene's larger side
 
 export class Space extends EventTarget {
-  /** Event: `tap` (detail: {x, y, shift}, m, on the plane of the sensor). */
+  /** Fires `tap` (detail: {x, y, shift}, m, on the horizontal plane of the sensor). */
   constructor(canvas, labels, world) {
     super();
     Object.assign(this, { canvas, labels, world, three: null, robots: new Map() });
   }
 
-  /** Load three.js and build the scene from its triangles, if there are any. */
+  /** Load three.js and build the scene, from its triangles if they have arrived. */
   async open() {
     if (this.three) return;
     this.three = await import("./three.bundle.js");
@@ -50,15 +50,15 @@ export class Space extends EventTarget {
     this.fit();
   }
 
-  /** Look at everything from the south-west, above. */
+  /** Move the camera to a view of the whole scene from above, from the south-west. */
   fit() {
     if (!this.three) return;
     const [x0, y0, x1, y1] = this.world.extent();
     const size = Math.max(x1 - x0, y1 - y0);
     const middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-    // From farther away where the view is narrow, so that all of the width is in it.
+    // In a narrow view, the camera is farther away to show the whole width.
     const away = size * Math.max(1, (WIDE * this.canvas.clientHeight) / Math.max(this.canvas.clientWidth, 1));
-    // A little south of the middle, so that the legend covers nothing of it.
+    // The target is slightly south of the centre, so that the legend covers no part.
     const [x, y] = [middle[0], middle[1] - 0.06 * away];
     this.camera.position.set(x - 0.32 * away, y - 0.98 * away, 0.9 * away);
     this.controls.target.set(x, y, 0);
@@ -73,7 +73,7 @@ export class Space extends EventTarget {
     this.controls.update();
   }
 
-  /** Take the triangles of a scene, in place of the former's. */
+  /** Replace the triangles of the scene. */
   takeTriangles(triangles) {
     if (!this.three) return;
     this.solids.traverse((solid) => solid.geometry?.dispose());
@@ -89,7 +89,7 @@ export class Space extends EventTarget {
     const shape = new T.BufferGeometry();
     shape.setAttribute("position", new T.BufferAttribute(new Float32Array(part.vertices), 3));
     shape.setIndex(part.faces);
-    const flat = shape.toNonIndexed(); // edges stay sharp
+    const flat = shape.toNonIndexed(); // keeps edges sharp
     flat.computeVertexNormals();
     flat.computeBoundingBox();
     shape.dispose();
@@ -117,7 +117,7 @@ export class Space extends EventTarget {
     this.drawLabels();
   }
 
-  /** Write the names of robots and starts, and what the explained beam reads. */
+  /** Write the names of robots and starts, and the reading of the explained beam. */
   drawLabels() {
     const { pen, width, height } = prepareCanvas(this.labels);
     const { robot, beam, scan } = this.world;
@@ -156,7 +156,7 @@ export class Space extends EventTarget {
     }
   }
 
-  /** Build a robot: a hull on four wheels, with a plate that tells where ahead is. */
+  /** Build a robot: a hull on four wheels, with a plate that marks its front. */
   model(robot) {
     const T = this.three;
     const [length, width] = robot.size ?? [0.6, 0.5];
@@ -201,7 +201,7 @@ export class Space extends EventTarget {
     fill(T, this.lines.geometry, rays.places, rays.colours);
   }
 
-  /** Trace the rays of a scan, fainter with less power; those that see through stand out. */
+  /** Return the rays of a scan, fainter with less power, stronger if through objects. */
   traceRays(scan) {
     const [places, colours] = [[], []];
     const [ink, colour] = [theme.ink, sensorColour(scan.kind)].map((name) => new this.three.Color(name));
@@ -218,7 +218,7 @@ export class Space extends EventTarget {
     return { places, colours };
   }
 
-  /** Turn a click into a tap on the plane of the sensor; drags turn the camera. */
+  /** Convert a click into a `tap` on the plane of the sensor; drags rotate the camera. */
   click(event) {
     const T = this.three;
     const { scan } = this.world;

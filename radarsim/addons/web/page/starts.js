@@ -1,15 +1,15 @@
-// The starts of the map: where they are, which are free, and which one is pointed at.
+// The start poses of the map: which are free, and which is under the pointer.
 
 import { drawLabel } from "./label.js";
 import { layers } from "./layers.js";
 import { theme } from "./theme.js";
 
-const TAKEN = 0.4; // m; a start with a robot that near is not free
-const REACH = 18; // px within which it is pointed at
-const CROWD = 56; // px; a start with a robot that near has its name only if pointed at
-const MOST_NAMES = 12; // beyond it only the one that is pointed at has its name
+const TAKEN = 0.4; // m; a start closer to a robot is not free
+const REACH = 18; // px; radius in which the pointer selects a start
+const CROWD = 56; // px; a start closer to a robot has a name only under the pointer
+const MOST_NAMES = 12; // with more starts, only the start under the pointer has a name
 
-/** Return the starts at which there is no robot. */
+/** Return the starts without a robot nearby. */
 export function freeStarts(world) {
   const near = (start) => (robot) => Math.hypot(robot.x - start.x, robot.y - start.y) < TAKEN;
   return (world.hello?.starts ?? []).filter((start) => !world.frame.robots.some(near(start)));
@@ -23,7 +23,7 @@ export function startAt(world, viewport, x, y) {
     .sort((one, other) => away(one) - away(other))[0];
 }
 
-/** Draw the free starts as arrows that point ahead; what is pointed at says what it does. */
+/** Draw the free starts as arrows along their yaw, and the action of the pointed start. */
 export function drawStarts(pen, viewport, world, pointed) {
   const starts = freeStarts(world);
   pen.textAlign = "center";

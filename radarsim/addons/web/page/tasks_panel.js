@@ -1,11 +1,11 @@
-// What a robot is told to do by itself: go to a goal, explore, build a map.
+// The panel of tasks: drive to a goal, explore, and build a map.
 
 import { byId, element, setOptions, setText } from "./elements.js";
 
 const WORDS = { running: "running", done: "done", failed: "failed", cancelled: "cancelled" };
 
 export class TasksPanel extends EventTarget {
-  /** Event: `pick` (a goal is to be clicked). */
+  /** Fires `pick` when the user wants to click a goal on the plan. */
   constructor(world, link) {
     super();
     Object.assign(this, { world, link });
@@ -18,7 +18,7 @@ export class TasksPanel extends EventTarget {
     });
     this.explore.addEventListener("submit", (event) => {
       event.preventDefault();
-      this.map(true); // in the colours that are chosen
+      this.map(true); // sends the chosen colours
       link.send("explore", { robot: world.chosen, strategy: this.explore.strategy.value });
     });
     this.mapping.addEventListener("submit", (event) => event.preventDefault());
@@ -26,7 +26,7 @@ export class TasksPanel extends EventTarget {
     byId("goal-pick").addEventListener("click", () => this.dispatchEvent(new Event("pick")));
   }
 
-  /** Take the algorithms and strategies of the commander. */
+  /** Show the algorithms and strategies of the commander. */
   takeHello({ algorithms, strategies }) {
     setOptions(this.goto.algorithm, algorithms);
     setOptions(this.explore.strategy, strategies);
@@ -38,7 +38,7 @@ export class TasksPanel extends EventTarget {
     return Number.isNaN(degrees) ? null : (degrees * Math.PI) / 180;
   }
 
-  /** Send the selected robot to a goal, m; a heading, rad, replaces that in the form. */
+  /** Send the selected robot to a goal, m; a heading, rad, replaces the form's heading. */
   go(x, y, heading) {
     if (heading !== undefined) this.goto.heading.value = Math.round((heading * 180) / Math.PI);
     this.goto.x.value = x.toFixed(2);
@@ -49,13 +49,13 @@ export class TasksPanel extends EventTarget {
       setText(byId("error"), `${chosen} cannot drive by itself: ${robot.hindrance}`);
       return;
     }
-    setText(byId("error"), ""); // of a goal before
+    setText(byId("error"), ""); // of an earlier goal
     this.world.goal = [x, y, this.heading];
     const { algorithm } = this.goto;
     this.link.send("goto", { robot: chosen, algorithm: algorithm.value, goal: [x, y], heading: this.heading });
   }
 
-  /** Begin or end a map of what the selected sensor sees, or change its colours. */
+  /** Start or end a map of the selected sensor's scans, or change its colours. */
   map(on) {
     const scanner = this.world.scan?.scanner ?? null;
     this.link.send("map", { robot: this.world.chosen, on, colours: this.mapping.colours.value, scanner });
@@ -84,7 +84,7 @@ export class TasksPanel extends EventTarget {
   }
 }
 
-/** Return how many tasks run, as the status line tells it. */
+/** Return the number of running tasks, as a text for the status line. */
 export function countTasks(world) {
   const running = [...world.tasks.values()].filter((task) => task.state === "running").length;
   return running === 1 ? "1 task" : `${running} tasks`;

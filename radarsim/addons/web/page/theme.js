@@ -1,4 +1,4 @@
-// Colours of the canvases: the style sheet's, read again when light and dark change.
+// The colours of canvases, read from the style sheet, for light and dark mode.
 
 const NAMES = [
   "paper", "ink", "quiet", "line", "faint", "radar", "laser", "goal", "path", "true",
@@ -7,7 +7,7 @@ const NAMES = [
 
 export const theme = {};
 
-/** Read the colours of the style sheet, now and when the scheme changes. */
+/** Read the colours of the style sheet, now and when the colour scheme changes. */
 export function followTheme(changed) {
   const scheme = matchMedia("(prefers-color-scheme: dark)");
   const read = () => {

@@ -1,9 +1,9 @@
-// Time: pause, step and speed, and the timeline of a recording.
+// The controls of time: pause, step and speed, and the timeline of a recording.
 
 import { byId, setText } from "./elements.js";
 
 const STEP = 0.1; // s, as most scanners scan ten times a second
-const PAUSE = 100; // ms between two places of the timeline that is dragged
+const PAUSE = 100; // ms between two requests while the timeline is dragged
 
 export class TimePanel {
   constructor(world, link) {
@@ -15,17 +15,17 @@ export class TimePanel {
     this.slider.addEventListener("input", () => this.seek());
   }
 
-  /** Pause, or go on. */
+  /** Pause or resume. */
   toggle() {
     if (!this.world.time.refusal) this.link.send("pace", { paused: !this.world.time.paused });
   }
 
-  /** Let the time of one scan pass, and pause. */
+  /** Step by the time of one scan, and pause. */
   step() {
     if (!this.world.time.refusal) this.link.send("pace", { step: STEP });
   }
 
-  /** Go to where the timeline is dragged, the last of places that come quickly. */
+  /** Jump to the time of the dragged timeline, at most once in each pause. */
   seek() {
     this.timer ||= setTimeout(() => {
       this.timer = 0;
@@ -33,7 +33,7 @@ export class TimePanel {
     }, PAUSE);
   }
 
-  /** Show how time passes, as all browsers see it. */
+  /** Show speed and pause from the message `time`, which all browsers receive. */
   take() {
     const { refusal, paused, speed, start, end } = this.world.time;
     for (const name of ["pause", "step", "speed"]) {
@@ -52,7 +52,7 @@ export class TimePanel {
     setText(byId("end"), `${end.toFixed(1)} s`);
   }
 
-  /** Show a speed, also one that is no choice, as of a server that was started with it. */
+  /** Show a speed; a speed that is not in the list, such as of a server, is added to it. */
   showSpeed(speed) {
     const select = byId("speed");
     const known = [...select.options].some((option) => Number(option.value) === speed);

@@ -1,28 +1,28 @@
-// The part of the map that a canvas shows: moved and zoomed by pointer, wheel and keys.
+// The part of the map that a canvas shows, which pointer, wheel and keys move and zoom.
 
-const MARGIN = 14; // px around what is fitted
-const STILL = 5; // px that a pointer may move in a click
+const MARGIN = 14; // px around a fitted extent
+const STILL = 5; // px; a pointer that moves less makes a click, not a drag
 const STEP = 1.3;
 const LIMITS = [2, 4000]; // px per metre
 
 export class Viewport extends EventTarget {
   /**
-   * Events: `change`, `tap` (detail: {x, y, shift, heading}, m and rad) and `hover`
-   * (detail: [x, y] or null). A tap has a heading if it was dragged while `turning` is
-   * true, or with Shift; other drags move the map.
+   * Fires `change`, `tap` (detail: {x, y, shift, heading}, m and rad) and `hover`
+   * (detail: [x, y] or null). A drag while `turning` is true, or with Shift, gives a tap
+   * with a heading; other drags move the map.
    */
   constructor(canvas, covered) {
     super();
     this.canvas = canvas;
-    this.covered = covered; // returns how many px at top and bottom are covered
+    this.covered = covered; // returns the covered heights at top and bottom, px
     this.scale = 40; // px per metre
     this.centre = [0, 0];
-    this.fitted = true; // until it is moved by hand
+    this.fitted = true; // false once the user has moved the map
     this.measure();
     this.pointers = new Map();
     this.moved = 0;
     this.turning = false;
-    this.aim = null; // [x, y, heading] while a place is dragged to a heading, m and rad
+    this.aim = null; // [x, y, heading], m and rad, while a drag sets a heading
     canvas.addEventListener("pointerdown", (event) => this.press(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
     for (const end of ["pointerup", "pointercancel"]) {
@@ -32,12 +32,12 @@ export class Viewport extends EventTarget {
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
   }
 
-  /** Take the size of the canvas: to ask for it at each point would take long. */
+  /** Cache the size of the canvas, as reading it for each point would be slow. */
   measure() {
     this.size = [this.canvas.clientWidth, this.canvas.clientHeight];
   }
 
-  /** Show an extent, [x0, y0, x1, y1] m, between what lies over the canvas. */
+  /** Show an extent, [x0, y0, x1, y1], m, in the part of the canvas that is not covered. */
   fit([x0, y0, x1, y1]) {
     this.measure();
     const [width, height] = this.size;
@@ -65,7 +65,7 @@ export class Viewport extends EventTarget {
     ];
   }
 
-  /** Zoom by a factor, about a point of the canvas, or its middle. */
+  /** Zoom by a factor about a point of the canvas, by default its centre. */
   zoom(factor, left = this.size[0] / 2, top = this.size[1] / 2) {
     const [x, y] = this.toWorld(left, top);
     this.scale = Math.min(Math.max(this.scale * factor, LIMITS[0]), LIMITS[1]);

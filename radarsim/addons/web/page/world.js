@@ -1,4 +1,4 @@
-// What the commander has told: robots and their scans, the map, tasks, what is chosen.
+// The state of the page: robots and their scans, maps, tasks, and the selection.
 
 import { describeBeams, scanOf } from "./beams.js";
 
@@ -8,24 +8,24 @@ export class World {
     this.scene = null;
     this.triangles = null;
     this.frame = { t: 0, robots: [] };
-    this.framed = false; // whether a frame has come
-    this.maps = new Map(); // by robot: the last `map`, with its decoded image
+    this.framed = false; // whether a frame has arrived
+    this.maps = new Map(); // by robot: the last message `map`, with its decoded image
     this.paths = new Map(); // by robot
     this.tasks = new Map(); // by id
     this.drives = new Map(); // by robot: the state of its newest drive to a goal
     this.chosen = null; // name of the selected robot
-    this.wanted = null; // name of a robot to select as soon as it is there
-    this.scanner = null; // whose beam is explained
+    this.wanted = null; // name of a robot to select as soon as it appears
+    this.scanner = null; // name of the scanner whose beam is explained
     this.beam = null;
-    this.held = null; // what `explained` returned when it was held
+    this.held = null; // result of `explained` that is kept by `hold`
     this.time = { refusal: "", paused: false, speed: 1, start: 0, end: null };
-    this.pointer = null; // [x, y] where the pointer is in the plan, m
-    this.goal = null; // [x, y, heading] of a goal that was clicked, until its task tells it
+    this.pointer = null; // position of the pointer in the plan, [x, y], m
+    this.goal = null; // clicked goal, [x, y, heading], until its path arrives
     this.described = new Map(); // beams of the selected robot by scanner
     this.colours = new Map(); // by material
   }
 
-  /** The robot that is selected, or undefined. */
+  /** The selected robot, or undefined. */
   get robot() {
     return this.frame.robots.find((robot) => robot.name === this.chosen);
   }
@@ -35,7 +35,7 @@ export class World {
     return scanOf(this.robot, this.scanner) ?? this.robot?.scans[0];
   }
 
-  /** Take a frame; return whether another robot became the selected one. */
+  /** Store a frame; return whether it selected another robot. */
   takeFrame(frame) {
     this.frame = frame;
     this.framed = true;
@@ -48,7 +48,7 @@ export class World {
     return true;
   }
 
-  /** Forget what a former connection told. */
+  /** Remove the state of a former connection. */
   reset() {
     for (const told of [this.maps, this.paths, this.tasks, this.drives, this.described]) told.clear();
     this.hello = this.scene = this.triangles = this.goal = this.held = null;
@@ -71,7 +71,7 @@ export class World {
     }
   }
 
-  /** Describe the beams of a scan of the selected robot, once a frame. */
+  /** Describe the beams of a scan of the selected robot; the result is cached per frame. */
   beamsOf(scan) {
     if (!this.described.has(scan.scanner)) {
       this.described.set(scan.scanner, describeBeams(this.robot, scan, this.colours));
@@ -79,7 +79,7 @@ export class World {
     return this.described.get(scan.scanner);
   }
 
-  /** The beam that is explained: {scan, number, beam}, or null. */
+  /** Return the explained beam, {scan, number, beam}, or null. */
   explained() {
     const { scan, beam: number } = this;
     if (this.held) return this.held;
@@ -87,13 +87,13 @@ export class World {
     return beam ? { scan, number, beam } : null;
   }
 
-  /** Keep the explained beam as it is now, or follow the scans again. */
+  /** Keep the explained beam of the present scan, or follow new scans again. */
   hold(on) {
     this.held = null;
     this.held = on ? this.explained() : null;
   }
 
-  /** Count what a scan reads: {beams, through, spent, returned}. */
+  /** Count the beams of a scan: {beams, through, spent, returned}. */
   countBeams(scan) {
     const beams = this.beamsOf(scan);
     return {
@@ -104,7 +104,7 @@ export class World {
     };
   }
 
-  /** Take the image of a map; `drawn` is called once it can be drawn. */
+  /** Store the image of a map; `drawn` is called once the image is decoded. */
   takeMap(message, drawn) {
     if (!message.png) {
       this.maps.delete(message.robot);
@@ -120,19 +120,19 @@ export class World {
   }
 
   takeTask(task) {
-    this.tasks.delete(task.id); // so that the newest is last
+    this.tasks.delete(task.id); // moves the newest task to the end
     this.tasks.set(task.id, task);
     if (task.kind === "goto") this.drives.set(task.robot, task.state);
     const ended = [...this.tasks.values()].filter((one) => one.state !== "running");
     for (const old of ended.slice(0, -4)) this.tasks.delete(old.id);
   }
 
-  /** Return how the newest drive of a robot to a goal goes: the state of its task. */
+  /** Return the state of a robot's newest drive to a goal. */
   stateOfGoal(robot) {
     return this.drives.get(robot) ?? "running";
   }
 
-  /** Return the extent of the scene and of a map, m, as ``extent``. */
+  /** Return the extent of the scene and of the selected map; see `extent`. */
   extentWithMap() {
     const [x0, y0, x1, y1] = this.extent();
     const map = this.maps.get(this.chosen);
@@ -142,7 +142,7 @@ export class World {
     return [Math.min(x0, x), Math.min(y0, y), Math.max(x1, right), Math.max(y1, top)];
   }
 
-  /** Return the extent of the scene, or of robots and readings, [x0, y0, x1, y1] m. */
+  /** Return the extent of the scene, or of robots and readings, [x0, y0, x1, y1], m. */
   extent() {
     if (this.scene) return this.scene.bounds;
     const points = this.frame.robots.flatMap((robot) => [
