@@ -139,8 +139,7 @@ def expect_version(library: ctypes.CDLL) -> None:
     library.rtcReleaseDevice(device)
     if version // 10000 != 4 or not boxes:
         raise EngineError(
-            f"Embree version {version}, user geometries {bool(boxes)},"
-            " expected 4xxxx and True"
+            f"Embree {version}, user geometries {bool(boxes)}, expected 4xxxx and True"
         )
 
 
@@ -321,8 +320,7 @@ def _build(
     # The scene is not released at exit, since a daemon thread may still trace rays.
     close.atexit = False
     if error:
-        text = f"Embree error {error} while it built {len(triangles)} triangles"
-        raise EngineError(text)
+        raise EngineError(f"Embree error {error} building {len(triangles)} triangles")
     return packed
 
 

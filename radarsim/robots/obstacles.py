@@ -81,8 +81,7 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
     faces = np.ascontiguousarray(faces, np.int32)
     count = engine.slice_faces(vertices, faces, height, segments)
     if count < 0:
-        text = f"a face refers to a vertex beyond the {len(vertices)} of the mesh"
-        raise ValueError(text)
+        raise ValueError(f"a face refers to none of the {len(vertices)} vertices")
     return segments[:count].copy()
 
 

@@ -139,9 +139,7 @@ def test_lost_connection_raises_a_client_error(
 
     client = connect(serve(drop))
     assert client.session.greeting is None
-    expected = (
-        r"^the .*connection.* waited for the start poses, the last line was 'STA {Type"
-    )
+    expected = r"^the .*connection.* waited for the start poses, the last line was"
     with pytest.raises(ClientError, match=expected) as caught:
         client.start_poses()
     assert not isinstance(caught.value, ClientTimeout)
@@ -175,9 +173,7 @@ def test_server_that_does_not_read_is_a_client_error(
 ) -> None:
     client = connect(serve(_take_nothing), timeout=0.5)
     text = "x" * 60_000
-    expected = (
-        r"^the server has stopped reading; the client could not send 'SET {Type A"
-    )
+    expected = r"^the server has stopped reading; the client could not send 'SET"
     with pytest.raises(ClientError, match=expected):
         _flood(client, text)
     assert not client.stop()

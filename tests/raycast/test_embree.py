@@ -29,7 +29,7 @@ def test_error_of_embree_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(embree, "open_library", Failing)
     with pytest.raises(EngineError) as caught:
         EmbreeScene([(TRIANGLE, FACE)])
-    assert str(caught.value) == "Embree error 4 while it built 1 triangles"
+    assert str(caught.value) == "Embree error 4 building 1 triangles"
 
 
 def test_meshes_are_copied() -> None:
@@ -77,8 +77,8 @@ NEEDED = ", expected 4xxxx and True"
     ("answers", "text"),
     [
         ((0, 40400, 1), "Embree could not create a device with its defaults"),
-        ((1, 30904, 1), f"Embree version 30904, user geometries True{NEEDED}"),
-        ((1, 40400, 0), f"Embree version 40400, user geometries False{NEEDED}"),
+        ((1, 30904, 1), f"Embree 30904, user geometries True{NEEDED}"),
+        ((1, 40400, 0), f"Embree 40400, user geometries False{NEEDED}"),
     ],
     ids=["none", "version 3", "no user geometries"],
 )

@@ -164,8 +164,7 @@ def _triangles(primitive: Any, collada: Any) -> Mesh:
         # pycollada allocates the number of indices that the polygons declare.
         corners, said = len(primitive.index), int(primitive.vcounts.sum())
         if corners != said:
-            text = f"<vcount> adds up to {said} corners, expected {corners} as in <p>"
-            raise MeshError(text)
+            raise MeshError(f"<vcount> counts {said} corners, expected {corners}")
         primitive = primitive.triangleset()
     if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
         return _NOTHING
