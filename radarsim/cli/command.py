@@ -296,7 +296,7 @@ class PlanCommand(click.Command):
         for name in sorted(os.environ):
             if name.startswith(prefix) and name not in known:
                 meant = did_you_mean(name, known)
-                print_message(f"warning: {name}{meant} is ignored, it is no option's")
+                print_message(f"warning: {name}{meant} is ignored: no option has it")
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return the fields set by the command line, the environment or a file."""

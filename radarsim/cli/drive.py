@@ -49,7 +49,7 @@ def drive(
             problem = f"{name} is no terminal"
     terminal = os.environ.get("TERM", "")
     if terminal in ("dumb", "unknown"):
-        problem = problem or f"terminal {terminal!r} cannot place text"
+        problem = problem or f"terminal {terminal!r} cannot position text"
     if problem:
         print_message(f"{problem}, expected a terminal to drive at")
         return 2

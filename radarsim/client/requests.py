@@ -433,7 +433,7 @@ class Requests:
             yield data
         except ConnectionError as error:
             line = data.decode("latin-1").strip()
-            text = f"{error}, expected to send {line[:80]!r}"
+            text = f"{error}; the client could not send {line[:80]!r}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
 
     def drive(self, left: float, right: float) -> Exchange[None]:
@@ -667,7 +667,7 @@ class Requests:
         except TimeoutError:
             raise self._timeout(waiter) from None
         except ConnectionError as error:
-            text = f"{error}, expected {waiter.expected}"
+            text = f"{error} while the client waited for the {waiter.expected}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
         except GeneratorExit:
             # The call was cancelled after the report had come but before it returned.
@@ -697,8 +697,8 @@ class Requests:
     def _describe_last_line(self) -> str:
         session = self.session
         if not session.last:
-            return "no whole line came"
-        unread = f"; {session.unread} lines were of no known kind"
+            return "no complete line was received"
+        unread = f"; {session.unread} lines could not be parsed"
         return f"the last line was {session.last[:80]!r}{unread * bool(session.unread)}"
 
 

@@ -326,7 +326,7 @@ class Teleop:
                 screen = self._app.run_async(set_exception_handler=False)
                 code: int = await first_of(screen, self._listen(), self._steer())
             except EOFError:
-                text = "the keyboard is gone, expected a key"
+                text = "the keyboard input has ended, expected a key"
                 raise RadarsimError(text) from None
         return code
 

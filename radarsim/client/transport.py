@@ -26,7 +26,7 @@ CLOSE_GRACE = 0.2  # s for the server to read the last commands before the close
 LOCAL_HOSTS = ("", "localhost", "0.0.0.0", "::", "::1")
 DEFAULT_PORT = 3000  # default port of USARSim
 CLOSED = "the connection is closed"
-STUCK = "the server takes nothing any more"
+STUCK = "the server has stopped reading"
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:

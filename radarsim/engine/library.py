@@ -287,7 +287,7 @@ class Engine:
             built = library.radarsim_sources().decode()
             if built != source_digest():
                 raise EngineError(
-                    f"{path} is not that of its source; compile it again by"
+                    f"{path} was built from other sources; compile it again by"
                     " 'pip install -e .', or by 'python radarsim/engine/build.py'"
                     " where ziglang is installed"
                 )

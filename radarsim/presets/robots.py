@@ -260,7 +260,7 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     def _drives_or_flies(self) -> Self:
         missing = [key for key in _WHEEL_KEYS if key not in self.model_fields_set]
         if self.flight is None and missing:
-            raise ValueError(f"no {list_names(missing)}, expected of what drives")
+            raise ValueError(f"no {list_names(missing)}, expected for wheeled robots")
         has_wheels = len(missing) < len(_WHEEL_KEYS) or self.steering is not None
         if self.flight is not None and has_wheels:
             raise ValueError("expected flight, or wheels and steering, but not both")

@@ -112,7 +112,7 @@ def load_library(paths: list[Path]) -> ctypes.CDLL:
     """
     if len(paths) != 1:
         names = [path.name for path in paths]
-        raise EngineError(f"{names!r} in embreex, expected one library of Embree 4")
+        raise EngineError(f"embreex has {names!r}, expected one library of Embree 4")
     try:
         library = ctypes.CDLL(str(paths[0]))
         # Without declared types, ctypes would truncate pointers to 32 bits.
@@ -133,7 +133,7 @@ def expect_version(library: ctypes.CDLL) -> None:
     """
     device = library.rtcNewDevice(None)
     if not device:
-        raise EngineError("Embree made no device, expected one with its defaults")
+        raise EngineError("Embree could not create a device with its defaults")
     version = library.rtcGetDeviceProperty(device, PROPERTY_VERSION)
     boxes = library.rtcGetDeviceProperty(device, PROPERTY_USER_GEOMETRY)
     library.rtcReleaseDevice(device)
@@ -320,7 +320,7 @@ def _build(
     # The scene is not released at exit, since a daemon thread may still trace rays.
     close.atexit = False
     if error:
-        raise EngineError(f"Embree error {error} over {len(triangles)} triangles")
+        raise EngineError(f"Embree error {error} building {len(triangles)} triangles")
     return packed
 
 

@@ -342,6 +342,6 @@ def check_known_end(traces: Traces) -> None:
     t, power = float(traces.ranges[0]), float(traces.power[0])
     if abs(t - 3.0) > 1e-9 or abs(power - 0.5) > 1e-9:
         raise EngineError(
-            f"a ray of known end ends at {t:.6g} m with power {power:.6g}, expected"
-            " 3 m and 0.5: this Embree is laid out otherwise than version 4.4"
+            f"a test ray ends at {t:.6g} m with power {power:.6g}, expected 3 m"
+            " and 0.5: the memory layout of this Embree differs from version 4.4"
         )

@@ -325,12 +325,12 @@ def _group_by_material(
     in_file = {surface.material or "" for surface in surfaces}
     named = sorted(in_file - {""})
     problems: list[Problem] = [
-        (("materials",), f"missing {short_repr(name)} of the file")
+        (("materials",), f"no material for {short_repr(name)} of the file")
         for name in named
         if name not in given
     ]
     if "" in in_file - given.keys():
-        text = "no names in parts of the file, expected 'material'"
+        text = "parts of the file name no material, expected 'material'"
         problems.insert(0, (("materials",), text))
     unknown = [name for name in given if name not in in_file]
     problems += [

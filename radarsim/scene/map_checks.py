@@ -86,16 +86,16 @@ def surface_problems(entry: MaterialKeys, material: Material) -> Iterator[Proble
         ("sheet_attenuation_db", is_sheet, "has a 'sheet_loss'"),
     ):
         if given.get(key) and not (fits and math.isfinite(material.density)):
-            yield (key,), f"expected only of what a radar enters and {of}"
+            yield (key,), f"expected only for what a radar can enter and {of}"
     if "transmission_db" in given and not material.radar_mirror:
-        yield ("transmission_db",), "expected only of a mirror to radar"
+        yield ("transmission_db",), "expected only for a mirror for radar"
     for wave, key, density in (
         ("radar", "absorption_db", material.density),
         ("laser", "laser_absorption_db", material.laser_density),
     ):
         if math.isinf(density):
             continue
-        expected = f"expected only of what is opaque to a {wave}"
+        expected = f"expected only for a material that is opaque to a {wave}"
         if given.get(key):
             yield (key,), f"{given[key]:g}, {expected}"
         if entry.mirror in (wave, "both"):
@@ -129,7 +129,7 @@ def object_problems(item: object) -> Iterator[Problem]:
             yield (key,), "expected only for a mesh"
     if "reflector" in given:
         for key in sorted(given & _NOT_OF_REFLECTORS):
-            yield (key,), "expected none of a reflector"
+            yield (key,), "expected none for a reflector"
     elif not given & {"material", "materials"}:
         yield (), "no material, expected 'material' or, for a mesh, 'materials'"
     for first, second in _EXCLUSIVE:

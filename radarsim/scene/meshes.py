@@ -97,7 +97,7 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
         text = "faces are present in both orientations, with nothing inside"
         raise MeshError(f"{doubled} {text}")
     if flat:
-        raise MeshError(f"{flat} faces enclose no volume, as sheets with two sides")
+        raise MeshError(f"{flat} faces enclose no volume, as two-sided sheets")
     return vertices, faces
 
 
@@ -284,4 +284,4 @@ def _select(vertices: Floats, faces: Any) -> Mesh:
 
 def _check_corners(faces: Any, count: int) -> None:
     if not 0 <= faces.min() <= faces.max() < count:
-        raise ValueError("a face names a vertex that is not there")
+        raise ValueError("a face refers to a vertex that does not exist")

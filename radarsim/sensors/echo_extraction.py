@@ -129,7 +129,7 @@ def extract_echoes(
         echoes,
     )
     if count < 0:
-        raise EngineError("events of other rays or parts, expected those of a sensor")
+        raise EngineError("events of rays or parts that the traces do not have")
     return echoes[:count]
 
 

@@ -73,7 +73,7 @@ class ServerThread(threading.Thread):
             self._end()
         self.join(STOP_TIMEOUT)
         if self.is_alive():
-            late = f"the thread runs on, expected its end within {STOP_TIMEOUT:g} s"
+            late = f"the server thread has not ended within {STOP_TIMEOUT:g} s"
             self._errors.append(TimeoutError(late))
         if self._errors:
             raise ExceptionGroup("usarsim_server failed", self._errors)

@@ -177,7 +177,7 @@ class Server(PeerServer):
                 due += lag
                 lost += lag
             if lost and due > next_log:
-                log.warning("too slow: simulated time waited for %.1f s", lost)
+                log.warning("machine too slow: simulated time waited %.1f s", lost)
                 next_log, lost = due + LAG_LOG_INTERVAL, 0.0
             await asyncio.sleep(max(0.0, -lag))
             try:

@@ -236,7 +236,7 @@ class WirelessClient(QuestionClient):
             return "ERROR {Reason Robot.Alread.Exists}"
         self.name, self.ports = robot, ports
         self._wireless.robots[robot] = self
-        log.info("%s: is %s", self.peer, printable_name(robot))
+        log.info("%s: registered as %s", self.peer, printable_name(robot))
         return "INITREPLY {Status OK}"
 
     def _tell_strength(self, name: str) -> str:

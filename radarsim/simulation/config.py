@@ -281,7 +281,7 @@ def check_rays(
     left = max(before, MOST_EXTRA_RAYS - others)
     if extra > left:
         raise PresetError(
-            f"{extra:.0f} rays a second more than the class has, expected at most"
-            f" {left:.0f}, what other clients leave of {MOST_EXTRA_RAYS}"
+            f"{extra:.0f} rays a second more than in the class, expected at most"
+            f" {left:.0f}: other clients use the rest of {MOST_EXTRA_RAYS}"
         )
     return extra

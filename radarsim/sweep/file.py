@@ -106,11 +106,11 @@ class SweepFile(_Model):
         own = {"scan": "pose", "trial": "algorithm", "map": "strategy"}
         for kind, key in own.items():
             if kind != self.kind and getattr(self, key) is not None:
-                raise ValueError(f"'{key}' is of kind {kind}, came kind {self.kind}")
+                raise ValueError(f"'{key}' is only for kind {kind}, not {self.kind}")
         if self.kind == "scan" and self.pose is None:
             raise ValueError("no 'pose', expected one with kind scan")
         if self.kind != "scan" and self.count != 1:
-            raise ValueError("'count' is of kind scan")
+            raise ValueError("'count' is only for kind scan")
         return self
 
     def tasks(self) -> Iterator[Parameters]:

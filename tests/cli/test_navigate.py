@@ -333,8 +333,8 @@ def test_goal_is_reached_over_tcp(serve: Serve) -> None:
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
-        ("stalls", "no scan of 'lms200' within 0.8 s, nothing came"),
-        ("mute", "no scan of 'lms200' within 0.8 s, what came: "),
+        ("stalls", "no scan of 'lms200' within 0.8 s, nothing received"),
+        ("mute", "no scan of 'lms200' within 0.8 s, received only: "),
         ("drops", ""),  # an end or a reset, as it comes
     ],
 )

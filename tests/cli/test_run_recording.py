@@ -94,7 +94,7 @@ def test_run_on_a_server_elsewhere_is_recorded(
     assert calls[0].tick > 0  # simulated time ran before
     refused = run_in_process("replay", str(folder), "--verify")
     assert refused.code == 1
-    assert "expected one of a server" in refused.err
+    assert "expected a server's recording" in refused.err
 
 
 def test_existing_folder_is_refused_before_anything_runs(tmp_path: Path) -> None:

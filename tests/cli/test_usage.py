@@ -87,12 +87,12 @@ WRONG = {
     "navigate --algorithm bug2": {
         "--algorithm bug3": "--algorithm: 'bug3' (did you mean 'bug2'?), expected one",
         "--map empty_room": "'--map', expected MAP as an argument, without an option",
-        "--connect h:1": "--goal: nowhere to go, expected X,Y, or a map that has a tr",
+        "--connect h:1": "--goal: no goal, expected X,Y, or a map that has a trial",
         "--goal=0,0": "missing: one of MAP and --connect; see 'radarsim navigate ",
         "--goal=0,0 --connect h:1 --seed 1": "--seed: expected MAP with it",
         "--goal=0,0 --connect h:1 --set a.b=1": "--set: expected MAP with it",
         "--goal=0,0 --connect me": "--connect: 'me', expected HOST:PORT",
-        "empty_room": "nowhere to go, expected X,Y: the map 'empty_room' has no trial",
+        "empty_room": "no goal, expected X,Y: the map 'empty_room' has no trial",
     },
     "navigate bug_box --algorithm bug2": {
         "--connect h:1": "expected only one of MAP and --connect",

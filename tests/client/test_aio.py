@@ -41,7 +41,7 @@ async def test_one_task_reads_while_another_drives(
         assert place >= 0.1
         assert (await c.wait_for(reports.GroundTruth)).pose.x > -8
     with pytest.raises(
-        ClientError, match=r"^the connection is closed, expected to send 'DRI"
+        ClientError, match=r"^the connection is closed; the client could not send 'DRI"
     ):
         await c.drive(1, 1)
 
@@ -180,8 +180,6 @@ async def test_close_does_not_wait_for_a_server_that_does_not_read(
 
     streams = await asyncio.open_connection("127.0.0.1", serve(stall))
     async with AsyncClient(*streams, timeout=0.05) as client:
-        with pytest.raises(
-            ClientError, match=r"^the server takes nothing any more, exp"
-        ):
+        with pytest.raises(ClientError, match=r"^the server has stopped reading; the"):
             await flood(client)
         assert not await client.stop()

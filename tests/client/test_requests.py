@@ -387,7 +387,7 @@ def test_calls_wait_exactly_the_timeout_when_the_server_is_silent(
     call: Callable[[Client], object],
 ) -> None:
     server = ScriptedServer({}, [])
-    with pytest.raises(ClientTimeout, match="within 1 s, no whole line came"):
+    with pytest.raises(ClientTimeout, match="within 1 s, no complete line was"):
         call(Client(server, timeout=1))
     assert server.time() == pytest.approx(1)
 

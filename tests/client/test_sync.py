@@ -118,9 +118,7 @@ def test_close_ends_the_calls_of_other_threads(serve: Serve, threads: int) -> No
         time.sleep(0.2)  # until they wait
         client.close()
         for each in waiting:
-            with pytest.raises(
-                ClientError, match=r"^the connection is closed, expected"
-            ):
+            with pytest.raises(ClientError, match=r"^the connection is closed while"):
                 each.result(DEADLINE)
         assert looping.result(DEADLINE) == []
         is_over.set()
@@ -190,8 +188,6 @@ def test_calls_on_a_closed_client_raise_an_error(empty_room: Scene) -> None:
     client.close()
     client.close()
     assert client.read()  # reports that had arrived
-    with pytest.raises(
-        ClientError, match=r"^the link is closed, expected report, the la"
-    ):
+    with pytest.raises(ClientError, match=r"^the link is closed while .* the report"):
         client.read()
     assert not client.stop()

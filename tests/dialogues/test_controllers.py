@@ -138,15 +138,17 @@ def test_crates_cannot_be_put_into_robots_or_each_other(empty_room: Scene) -> No
     wire.send(f"{move} -2.7,0,-0.5}}", f"{move} 2,2.2,-1}}", f"{move} -2,0,-0.9}}")
     expected = "expected a free place"
     assert wire.news == [
-        f"CONTROL AbsMove to a place of ['R1'], {expected}",
-        f"CONTROL AbsMove to a place of ['crate1'], {expected}",
-        f"CONTROL AbsMove to a place of ['R1'], {expected}",
+        f"CONTROL AbsMove to a place occupied by ['R1'], {expected}",
+        f"CONTROL AbsMove to a place occupied by ['crate1'], {expected}",
+        f"CONTROL AbsMove to a place occupied by ['R1'], {expected}",
     ]
     assert places(wire)["foo"][:3] == (1.5, 3.0, 1.0)
     wire.send(f"{move} -2,0,-1.2}}")  # over the robot, which is .46 m high
     assert places(wire)["foo"][:3] == (-2.0, 0.0, 1.2)
     wire.send(CREATE.replace("crate1", "crate2"))
-    assert wire.news[3:] == [f"CONTROL Create to a place of ['crate1'], {expected}"]
+    assert wire.news[3:] == [
+        f"CONTROL Create to a place occupied by ['crate1'], {expected}"
+    ]
 
 
 def test_crates_leave_with_their_controller_unless_they_are_permanent(

@@ -283,7 +283,7 @@ def test_library_of_another_source_is_reported(
     with pytest.raises(EngineError) as caught:
         Engine(build.LIBRARY)
     assert str(caught.value) == (
-        f"{build.LIBRARY} is not that of its source; compile it again by"
+        f"{build.LIBRARY} was built from other sources; compile it again by"
         " 'pip install -e .', or by 'python radarsim/engine/build.py'"
         " where ziglang is installed"
     )

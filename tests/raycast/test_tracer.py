@@ -301,8 +301,8 @@ def test_unexpected_result_of_the_engine_check_is_rejected(
     with pytest.raises(EngineError) as caught:
         check_known_end(wrong)
     assert str(caught.value) == (
-        f"a ray of known end ends at {t:.6g} m with power {power:.6g}, expected"
-        " 3 m and 0.5: this Embree is laid out otherwise than version 4.4"
+        f"a test ray ends at {t:.6g} m with power {power:.6g}, expected 3 m"
+        " and 0.5: the memory layout of this Embree differs from version 4.4"
     )
 
 

@@ -173,19 +173,19 @@ def test_amounts_are_those_of_the_entry() -> None:
         ),
         (
             "{density: 1, absorption_db: ^3}",
-            "3, expected only of what is opaque to a radar",
+            "3, expected only for a material that is opaque to a radar",
         ),
         (
             "{density: 1, mirror: ^radar}",
-            "'radar', expected only of what is opaque to a radar",
+            "'radar', expected only for a material that is opaque to a radar",
         ),
         (
             "{based_on: concrete, attenuation_db: ^3}",
-            "expected only of what a radar enters and has an inside",
+            "expected only for what a radar can enter and has an inside",
         ),
         (
             "{density: 1, sheet_attenuation_db: ^3}",
-            "expected only of what a radar enters and has a 'sheet_loss'",
+            "expected only for what a radar can enter and has a 'sheet_loss'",
         ),
         ("{density: 1, albedo: ^1.5}", "1.5, expected at most 1"),
         ("{based_on: ^leaf}", f"'leaf', expected one of {list(library_names())}"),

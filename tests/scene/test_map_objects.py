@@ -108,7 +108,7 @@ CLOSED = (
         ),
         (
             "name: a, mesh: meshes/tree.obj, materials: ^{Leaves: leaf}",
-            ".materials: missing 'Bark' of the file",
+            ".materials: no material for 'Bark' of the file",
         ),
         (
             "name: a, mesh: meshes/cube.obj, materials: {Leaves: leaf, Twig: ^leaf}",
@@ -116,7 +116,7 @@ CLOSED = (
         ),
         (
             "name: a, mesh: meshes/plain.obj, materials: ^{}",
-            ".materials: no names in parts of the file, expected 'material'",
+            ".materials: parts of the file name no material, expected 'material'",
         ),
     ],
 )

@@ -232,7 +232,8 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
         pytest.param(
             "a.ply",
             ply_box().replace("3 0 2 3", "3 0 2 9"),
-            "'a.ply': cannot be read as PLY: a face names a vertex that is not there",
+            "'a.ply': cannot be read as PLY: a face refers to a vertex that does not"
+            " exist",
             id="index out of range",
         ),
         pytest.param(

@@ -309,7 +309,7 @@ def test_combined_rays_share_the_beam() -> None:
 def test_events_of_others_are_refused(weights: int, parts: int) -> None:
     bush = [layer("bush", leaf(0.1), 2, 5)]
     traces = trace_ahead(bush)
-    with pytest.raises(EngineError, match="other rays or parts"):
+    with pytest.raises(EngineError, match="rays or parts that"):
         extract(bush[:parts], traces, weights=np.ones(weights))
 
 

@@ -223,7 +223,7 @@ def test_failed_task_is_a_row_with_its_error(
         ("name: radar", "name: radr", ":4:16: sensor.name: 'radr'"),
         ("25.5]", "-1]", "sensor.side_offset_uu"),
         ("steps: 2", "steps: 1", "small.yaml:5:20: pose.y: steps 1, expected 2"),
-        ("kind: scan", "kind: trial", "'pose' is of kind scan"),
+        ("kind: scan", "kind: trial", "'pose' is only for kind scan"),
         ("x: -7.8, ", "", "small.yaml:5:7: pose.x: missing"),
     ],
 )

@@ -273,5 +273,5 @@ def os_mask(
         factor = 10 * LEVELS_PER_DB * math.log10(os_factor(bins, which, pfa))
         limit, row = float(np.float32(factor)), (nearest, training.step, half)
         if not engine.find_os(levels, *row, *span, which, limit, found):
-            raise EngineError(f"order {order} of {training}")
+            raise EngineError(f"order {order} of {training}, expected one of its bins")
     return found

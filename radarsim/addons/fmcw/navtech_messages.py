@@ -98,7 +98,7 @@ class MessageBuffer:
         while received and not self.problem:
             # An error is reported as soon as the bytes cannot be a signature.
             if not SIGNATURE.startswith(received[: len(SIGNATURE)]):
-                self.problem = f"{bytes(received[:16])!r}, expected the signature"
+                self.problem = f"{bytes(received[:16])!r}, expected Navtech's signature"
                 break
             if len(received) < _HEAD.size:
                 break

@@ -182,7 +182,7 @@ class RadarClient(PeerConnection):
             self._transport.write(data)
         # Rule 1: complete azimuths are left out, never parts of messages.
         elif now - self._read_at > PATIENCE:
-            log.warning("%s: closed: it reads nothing", self.peer)
+            log.warning("%s: closed: the client does not read", self.peer)
             self.close()
 
     def _forget(self) -> None:

@@ -164,14 +164,14 @@ def _triangles(primitive: Any, collada: Any) -> Mesh:
         # pycollada allocates the number of indices that the polygons declare.
         corners, said = len(primitive.index), int(primitive.vcounts.sum())
         if corners != said:
-            raise MeshError(f"polygons of {said} corners, expected {corners}")
+            raise MeshError(f"<vcount> counts {said} corners, expected {corners}")
         primitive = primitive.triangleset()
     if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
         return _NOTHING
     # All parts share one array of vertices; only the used vertices are kept.
     used, corner = np.unique(primitive.vertex_index, return_inverse=True)
     if used[0] < 0:
-        raise MeshError(f"vertex {used[0]}, expected at least 0")
+        raise MeshError(f"vertex index {used[0]}, expected at least 0")
     vertices: Floats = primitive.vertex[used].astype(np.float64)
     check_vertices(vertices)
     return vertices, corner.reshape(-1, 3).astype(np.int32)

@@ -121,7 +121,7 @@ class ImportedMap:
 
     def warnings(self) -> list[str]:
         """Return warnings on unused patterns, default materials and a missing floor."""
-        lines = [f"--material {each!r} fits nothing" for each in self._unused]
+        lines = [f"--material {each!r} matches no object" for each in self._unused]
         names = list(dict.fromkeys(self.defaulted))
         if names:
             shown = ", ".join(map(repr, names[:MAX_SHOWN]))
@@ -175,7 +175,7 @@ class ImportedMap:
             ForeignFileError: If the map is invalid or has no objects.
         """
         if not self._objects:
-            nothing = f"{self._source}: nothing in it becomes an object of a map"
+            nothing = f"{self._source}: it has no object for a map"
             raise ForeignFileError(f"{nothing}: {self.summary()}")
         *position, yaw = self.start
         spot = {"position": rounded(position), "yaw_deg": round(yaw, 4)}
@@ -200,7 +200,7 @@ class ImportedMap:
         except MapError as error:
             first = error.problems[0].removeprefix(f"{file}:")
             reason = first.partition(": ")[2]
-            wrong = f"{self._source}: does not become a map: {reason}"
+            wrong = f"{self._source}: cannot become a map: {reason}"
             raise ForeignFileError(wrong) from error
         x, y, z = position
         self.has_floor = any(

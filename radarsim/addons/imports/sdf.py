@@ -137,7 +137,7 @@ class _Importer:
         level: int,
     ) -> None:
         if model.text_of("static") not in ("true", "1") and not prefix:
-            text = f"the model {model.name!r} stands still here"
+            text = f"the model {model.name!r} becomes a static object"
             self._map.note(model.path, model.line, text)
         name = f"{prefix}{model.name}"
         place, scale, saved = _restored(state, place)

@@ -157,7 +157,7 @@ def check_map(info: RecordingInfo, name: str) -> None:
 
     path, _ = find_map(name)
     if info.map_digest not in ("", digest_of(path)):
-        raise RecordingError(f"{path} is not as it was, expected the map recorded")
+        raise RecordingError(f"{path} has changed, expected the recorded map")
 
 
 def recorded_scene(info: RecordingInfo) -> "Scene | None":

@@ -81,10 +81,10 @@ def _verify(bag: BagReader, map_: str | None) -> int:
 
     info = bag.info
     if info.version != __version__:
-        print_message(f"recorded by version {info.version}, this is {__version__}")
+        print_message(f"recorded by radarsim {info.version}, replayed by {__version__}")
     if not info.map:
         raise RecordingError(
-            f"{bag.folder} is of a client alone, expected one of a server to verify"
+            f"{bag.folder} was recorded by a client, expected a server's recording"
         )
     name = map_ or info.map
     # With another map, the first scan would differ even if the program is the same.
@@ -111,8 +111,8 @@ def _verify(bag: BagReader, map_: str | None) -> int:
 def end_text(bag: BagReader) -> str:
     """Return a message on why a recording has no end, and how to repair it."""
     if bag.is_being_written:
-        return "it is still being recorded, and read up to here"
-    return f"it breaks off; 'radarsim recording repair {bag.folder}' makes it whole"
+        return "it is still being recorded, and was read as far as it goes"
+    return f"it is truncated; 'radarsim recording repair {bag.folder}' repairs it"
 
 
 def info(folder: Folder) -> None:

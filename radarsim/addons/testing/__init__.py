@@ -113,8 +113,8 @@ class UsarsimClient:
             try:
                 data = self._socket.recv(65536)
             except TimeoutError:
-                so_far = f"{self._unread[:80]!r} is there of it"
-                raise TimeoutError(f"no line in time, {so_far}") from None
+                so_far = f"received {self._unread[:80]!r}"
+                raise TimeoutError(f"no complete line in time, {so_far}") from None
             if not data:
                 raise ConnectionError("the server has closed the connection")
             self._unread += data

@@ -136,7 +136,7 @@ class Activities:
         elif name in self._makers:
             self._makers[name].colours = request.colours
         elif len(self._makers) >= MOST_MAPS:
-            raise BadRequest(f"{MOST_MAPS} maps are being made, expected no more")
+            raise BadRequest(f"{MOST_MAPS} maps are being built, which is the limit")
         else:
             from radarsim.addons.web.algorithms import MapMaker  # noqa: PLC0415
 
@@ -198,11 +198,11 @@ class Activities:
         """
         own = self._robots.find_own(robot)
         if own.refusal is not None:
-            raise BadRequest(f"{robot!r} cannot go by itself: {own.refusal}")
+            raise BadRequest(f"{robot!r} cannot drive by itself: {own.refusal}")
         self.stop(robot)
         # Threads of cancelled tasks count: they run until they next read or drive.
         if self._threads >= MOST_TASKS:
-            raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
+            raise BadRequest(f"{MOST_TASKS} tasks are running, which is the limit")
         self._count += 1
         task = RobotClient(own, kind, self._count, self.clock)
         self.running[robot] = task

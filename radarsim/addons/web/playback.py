@@ -98,13 +98,13 @@ class RecordedLines:
         with suppress(*BROKEN):
             summary = self._reader.get_summary()
         if summary is None or summary.statistics is None or not summary.chunk_indexes:
-            text = "breaks off, expected a whole recording"
+            text = "is truncated"
             raise RecordingError(self._describe(text))
         self.end = summary.statistics.message_end_time // TICK / 100
         self.robots = _find_robots(self._calls(TO_SERVER, None, None), self.end)
         first = next(self._calls(TO_CLIENT, None, None), None)
         if first is None:
-            text = f"nothing was sent in {self._path}, expected a robot at least"
+            text = f"{self._path} has no data for clients, expected a robot"
             raise RecordingError(text)
         self.start = seconds(first.tick)
 

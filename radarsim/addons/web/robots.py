@@ -105,7 +105,7 @@ class Robots:
         if self._address is None:
             raise BadRequest(f"no robot can be added: {PLAYED}")
         if len(self.own) + len(self._spawning) >= MOST_ROBOTS:
-            raise BadRequest(f"{MOST_ROBOTS} robots are there, expected no more")
+            raise BadRequest(f"there are {MOST_ROBOTS} robots, which is the limit")
         # Servers ignore upper and lower case in names.
         taken = {name.casefold() for name in (*self.views, *self._spawning)}
         if request.name is None:

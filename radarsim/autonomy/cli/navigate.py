@@ -151,9 +151,9 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
     trial = None if scene is None else scene.trial
     check_start(scene, mission.start)
     if not mission.goals and trial is None:
-        text = "nowhere to go, expected X,Y, or a map that has a trial"
+        text = "no goal, expected X,Y, or a map that has a trial"
         if scene is not None:
-            text = f"nowhere to go, expected X,Y: the map {scene.name!r} has no trial"
+            text = f"no goal, expected X,Y: the map {scene.name!r} has no trial"
         raise click.BadParameter(text, param_hint="--goal")
     if trial is None:
         return mission

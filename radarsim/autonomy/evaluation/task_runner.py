@@ -31,7 +31,7 @@ from joblib.externals.loky import get_reusable_executor
 from radarsim.errors import RadarsimError, SweepError, import_optional
 from radarsim.processes import start_worker, starting_workers
 
-LOST: Final = "its process was killed or crashed, expected a result"
+LOST: Final = "the worker process was killed or crashed, expected a result"
 CHECK_INTERVAL: Final = 1.0  # s between two checks whether there are workers
 _EXTRA: Final = "cluster"
 _CONNECTING: Final = 30  # s; timeout of the connection
@@ -253,7 +253,7 @@ def count_threads(client: Any, address: str, report: Callable[[str], None]) -> i
     except TimeoutError:
         why = f"no workers for {_WITHOUT_WORKERS} s, expected some"
     except (OSError, RuntimeError) as error:
-        why = f"it is gone: {error}"
+        why = f"the connection is lost: {error}"
     kept = "results so far are kept for --resume"
     raise SweepError(f"--scheduler {address}: {why}; {kept}")
 

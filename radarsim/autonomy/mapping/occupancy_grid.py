@@ -138,7 +138,7 @@ class GridFrame:
                 f"a map of {width:.0f} by {height:.0f} m in cells of"
                 f" {self.resolution:g} m, expected at most {MAX_SIDE} cells on a side"
                 f" and {MAX_CELLS:.3g} in all;"
-                " the place of the robot may be wrong, or the cells are too small"
+                " the pose of the robot may be wrong, or the cells are too small"
             )
         return GridFrame(self.resolution, column, row, columns, rows)
 
@@ -196,7 +196,7 @@ class OccupancyGrid:
         # Converted to cells, such numbers would be
         # arbitrary, and the map would grow there.
         if not np.isfinite(ends).all():
-            raise ValueError("beams without a direction or an end, expected numbers")
+            raise ValueError("beams with angles or ranges that are no finite numbers")
         self._extend(sensor.x, sensor.y, ends)
         size = self.frame.resolution
         hits = scan.hits

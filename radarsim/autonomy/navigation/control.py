@@ -108,9 +108,9 @@ class StuckDetector:
                 pose, command = self._heading, f"turn {degrees:.0f}°"
         if command:
             raise NavigationError(
-                f"the robot stays at {pose.x:.2f} {pose.y:.2f}, commanded to {command};"
-                " perhaps something is nearer than it is seen, and the safety distance"
-                " too small"
+                f"the robot stays at {pose.x:.2f} {pose.y:.2f} although commanded to"
+                f" {command}; perhaps an obstacle is nearer than sensed, and a larger"
+                " safety distance helps"
             )
 
 
@@ -134,7 +134,7 @@ class StandstillDetector:
             raise NavigationError(
                 f"the robot has stood at {pose.x:.2f} {pose.y:.2f} for"
                 f" {STANDSTILL_LIMIT:g} s:"
-                " on all sides something is nearer than the safety distance"
+                " obstacles on all sides are nearer than the safety distance"
             )
 
 
@@ -196,7 +196,7 @@ class ControlLoop:
             if newest is not None:
                 return newest
         names = ", ".join(sorted(received))
-        came = f"what came: {names}" if received else "nothing came"
+        came = f"received only: {names}" if received else "nothing received"
         missing = f"no {self._source.missing} within {self._timeout:g} s"
         hint = f"; {self._source.hint}" * bool(self._source.hint)
         raise ClientTimeout(f"{missing}, {came}; the robot was commanded to stop{hint}")

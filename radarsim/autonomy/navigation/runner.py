@@ -142,8 +142,8 @@ class ClearanceCheck:
     def _raise(self, what: str, place: Point, distance: float) -> None:
         least = self._bumpers.safety_distance
         raise TooNearError(
-            f"{what} {place[0]:.2f} {place[1]:.2f} is {distance:.2f} m from something,"
-            f" expected at least the safety distance, {least:g} m"
+            f"{what} {place[0]:.2f} {place[1]:.2f} is {distance:.2f} m from an"
+            f" obstacle, expected at least the safety distance, {least:g} m"
         )
 
 

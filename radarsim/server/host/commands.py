@@ -130,7 +130,7 @@ def _find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
         text = f"{verb} without a robot, expected INIT"
         return Diagnostic(f"{verb} without robot", text)
     if not client.vehicle.alive:
-        text = f"{verb} with an empty battery, expected nothing"
+        text = f"{verb} to a robot with an empty battery has no effect"
         return Diagnostic("battery", text)
     return client.vehicle
 

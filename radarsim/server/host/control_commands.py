@@ -127,7 +127,7 @@ def _move(crates: Crates, placed: PlacedCrate, command: Control) -> Diagnostic |
 def _hindrance(command: Control, in_way: list[str]) -> Diagnostic | None:
     if not in_way:
         return None
-    text = f"CONTROL {command.action} to a place of {list_names(in_way)}"
+    text = f"CONTROL {command.action} to a place occupied by {list_names(in_way)}"
     return Diagnostic("no place", f"{text}, expected a free place")
 
 

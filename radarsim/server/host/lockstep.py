@@ -34,7 +34,7 @@ def receive_stepwise(
         step()
     if data := take():
         return data
-    raise TimeoutError(f"nothing came within {timeout:g} s of simulated time")
+    raise TimeoutError(f"no data within {timeout:g} s of simulated time")
 
 
 class InProcessTransport:

@@ -40,7 +40,7 @@ def test_garbage_ends_the_reading_and_raises_nothing(
     assert buffer.feed(encode_message(*message)) == [message]
     buffer.feed(garbage)
     if not SIGNATURE.startswith(garbage[:16]):
-        assert "expected the signature" in buffer.problem
+        assert "expected Navtech's signature" in buffer.problem
         assert buffer.feed(encode_message(*message)) == []
 
 

@@ -137,10 +137,10 @@ def test_default_material_and_unused_patterns_are_reported(
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(tree({"name": "shrub"}, {"name": "brick"})))
     run = import_file(path, "--material", "*leaf*=hedge")
-    assert "--material '*leaf*' fits nothing\n" in run.err
+    assert "--material '*leaf*' matches no object\n" in run.err
     assert "concrete by default: 'shrub'\n" in run.err
     run = import_file(path, "--material", "SHR*=hedge")
-    assert "fits nothing" not in run.err
+    assert "matches no object" not in run.err
     assert "by default" not in run.err
 
 

@@ -106,7 +106,7 @@ def test_omissions_are_reported_with_their_line(
 </link></model>"""
     lines = import_world(SHAPES + more).text.splitlines()
     for word in (
-        *("model://tree", "<light>", "stands still", "<plane>", "<heightmap>"),
+        *("model://tree", "<light>", "static object", "<plane>", "<heightmap>"),
         *("a.dae", "../a.stl", "relative to 'f'"),
     ):
         assert sum(word in line for line in lines) == 1
@@ -285,7 +285,7 @@ def test_summary_gives_the_reasons_and_how_to_read_collada(
     assert len(radarsim.load_map(tmp_path / "map.yaml").parts) == 2
     nothing = import_world(40 * dae)
     reason = reasons.partition(", ")[0]
-    text = "nothing in it becomes an object of a map: 40 of 40 models left out"
+    text = "it has no object for a map: 40 of 40 models left out"
     assert nothing.err == f"radarsim: {tmp_path / 'w.sdf'}: {text}: {reason}\n"
     monkeypatch.undo()
     strict = import_world(world, "--strict")

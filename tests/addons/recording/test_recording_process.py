@@ -74,7 +74,7 @@ def test_run_over_tcp_is_repeated_to_the_byte(recorded: Path) -> None:
 def test_other_map_is_refused(recorded: Path) -> None:
     done = run_in_process("replay", str(recorded), "--verify", "--map", "smoke_room")
     assert done.code == 1
-    assert "expected the map recorded" in " ".join(done.err.split())
+    assert "expected the recorded map" in " ".join(done.err.split())
 
 
 def test_contents_are_listed(recorded: Path) -> None:

@@ -107,7 +107,7 @@ class Client:
 
 @pytest.mark.parametrize(
     ("is_gone", "why"),
-    [(True, "it is gone: no connection"), (False, "no workers for 120 s")],
+    [(True, "the connection is lost: no connection"), (False, "no workers for 120 s")],
 )
 def test_cluster_without_workers_ends_the_sweep(*, is_gone: bool, why: str) -> None:
     printed: list[str] = []

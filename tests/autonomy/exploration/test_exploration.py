@@ -184,7 +184,7 @@ def test_clock_counts_where_time_stamps_stand_still(empty_room: Scene) -> None:
     [
         pytest.param(
             *(rb"{Name InsTest} {Location [^,]*,", rb"\g<0>-1000", MappingError),
-            "the place of the robot may be wrong",
+            "the pose of the robot may be wrong",
             id="an INS that is suddenly a kilometre away",
         ),
         pytest.param(

@@ -41,7 +41,7 @@ def test_3_m_commanded_without_motion_is_stuck() -> None:
     for time in range(13):
         push.check(at(time), Twist(0.25, 0.0))
     with pytest.raises(
-        NavigationError, match=r"stays at 0\.00 1\.50, commanded to go 3 m"
+        NavigationError, match=r"stays at 0\.00 1\.50 although commanded to go 3 m"
     ):
         push.check(at(13.0), Twist(0.25, 0.0))
 
@@ -56,7 +56,9 @@ def test_two_turns_commanded_without_turning_are_stuck() -> None:
     detector = StuckDetector()
     for time in range(26):
         detector.check(at(time, yaw=0.02 * (time % 2)), Twist(0.0, -0.5))
-    with pytest.raises(NavigationError, match=r"at 0\.00 1\.50, commanded to turn 720"):
+    with pytest.raises(
+        NavigationError, match=r"at 0\.00 1\.50 although commanded to turn 720"
+    ):
         detector.check(at(26.0), Twist(0.0, -0.5))
 
 

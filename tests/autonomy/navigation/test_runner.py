@@ -173,8 +173,8 @@ def test_goal_is_met_by_slam_after_40_m(foliage_room: Scene) -> None:
 @pytest.mark.parametrize(
     ("fault", "what_came"),
     [
-        pytest.param("stalls", "nothing came", id="server that pauses"),
-        pytest.param(SCANS, "what came: .*GroundTruth.*", id="no more scans"),
+        pytest.param("stalls", "nothing received", id="server that pauses"),
+        pytest.param(SCANS, "received only: .*GroundTruth.*", id="no more scans"),
     ],
 )
 def test_robot_is_stopped_if_no_scans_arrive(
@@ -256,7 +256,7 @@ def test_robot_without_odometry_is_reported_with_what_it_has(
     with pytest.raises(ClientError) as error:
         go(link, pose_source=PoseSource.ODOMETRY, drive_unit="rev_per_s")
     text = str(error.value)
-    assert text.startswith("no pose from odometry within 2 s, what came: ")
+    assert text.startswith("no pose from odometry within 2 s, received only: ")
     assert text.endswith(hint)
     assert all(drive.left == drive.right == 0 for _, drive in link.drive_commands)
 
@@ -315,7 +315,7 @@ def test_stuck_robot_is_an_error(
 ) -> None:
     link = FaultyTransport(Host(empty_room), ignores_drive=True, rewrite=rewrite)
     with pytest.raises(
-        NavigationError, match=r"stays at -8\.00 0\.00, commanded to go 3 m"
+        NavigationError, match=r"stays at -8\.00 0\.00 although commanded to go 3 m"
     ):
         go(link, speed=0.6)
     assert stops(link) == [link.drive_commands[-1][0]]

@@ -138,7 +138,7 @@ def test_only_the_status_is_sent_after_the_battery_runs_out(empty_room: Scene) -
         number, b"DRIVE {Left 1} {Right 1} {Light false}\r\nGETGEO {Type Robot}\r\n"
     )
     assert first.kind == second.kind == "battery"
-    assert first.text == "DRIVE with an empty battery, expected nothing"
+    assert first.text == "DRIVE to a robot with an empty battery has no effect"
     after = run(host, number, 100)
     assert len(after) == 10
     assert all(line.startswith("STA ") and "{Battery 0}" in line for line in after)
