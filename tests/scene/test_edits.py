@@ -179,7 +179,11 @@ def test_mistakes_in_objects_are_map_errors_without_a_file(
     [
         ("foliage", {"densty": 1.0}, "did you mean 'density'"),
         ("foliage", {"density": -1.0}, "at least 0"),
-        ("foliage", {"absorption_db": 3.0}, "only for a material that is opaque to a radar"),
+        (
+            "foliage",
+            {"absorption_db": 3.0},
+            "only for a material that is opaque to a radar",
+        ),
         ("new", {"solid": False}, "density: missing"),
     ],
 )
