@@ -97,7 +97,7 @@ def import_(
         from radarsim.simulation.config import SimulationConfig
 
         model, notes = import_ini(file, robot)
-        # A server makes the same check when it loads the file.
+        # A server checks the robot class in the same way when it loads the file.
         SimulationConfig(robots=(model,)).check()
         content = model.model_dump(mode="json", exclude_defaults=True)
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
@@ -126,7 +126,7 @@ def import_(
 
 
 def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
-    """Write a map, and its meshes into a new folder; on an error, write nothing."""
+    """Write a map file and a new folder with its meshes; write nothing on an error."""
     with raise_on_signals(), ExitStack() as undo:
         try:
             if imported.meshes:
@@ -137,7 +137,7 @@ def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
         except OSError as error:
             text = f"cannot write {folder}: {describe_os_error(error)}"
             raise click.BadParameter(text, param_hint="-o") from None
-        # The map is written after its meshes, as ``to_text`` loads them for a check.
+        # The meshes are written first, because ``to_text`` loads them to check the map.
         write_file(output, imported.to_text(output).encode(), "-o")
         undo.pop_all()
 

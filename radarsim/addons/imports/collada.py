@@ -63,7 +63,7 @@ def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            # numpy ends a list at a malformed number, and only warns.
+            # At a malformed number, numpy only warns and drops the rest of the list.
             warnings.filterwarnings("error", "string or file could not be read")
             return _read(content, collada)
     except (MeshError, MissingPackage):
@@ -95,8 +95,8 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
         del instance[:]  # removes references to materials, which are removed as well
     for mesh in root.iter(f"{namespace}mesh"):
         _reduce_to_positions(mesh, namespace)
-    # pycollada parses the checked XML again. It would also accept zip files, and use
-    # other installed parsers, which accept entities and further encodings.
+    # pycollada gets only the XML that was checked above. It would also unpack zip
+    # files, and may use an installed parser that accepts entities and other encodings.
     reduced = io.BytesIO(ElementTree.tostring(root))
     file = collada.Collada(reduced, ignore=[collada.DaeError])
     if file.scene is None:
@@ -124,7 +124,8 @@ def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:
             mesh.remove(each)
     for each in mesh.findall(f"*/{namespace}input"):
         if each.get("semantic") not in ("VERTEX", "POSITION"):
-            # The input keeps its column of indices. Colours are never read.
+            # Removing the input would shift the columns of indices. It becomes a colour
+            # instead, as colours are never read.
             each.set("semantic", "COLOR")
             each.set("source", source)
 
@@ -159,9 +160,10 @@ _NOTHING: Final[Mesh] = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 
 
 def _triangles(primitive: Any, collada: Any) -> Mesh:
-    """Return the triangles of a part of a geometry; lines have none."""
+    """Return the triangles of a part of a geometry; a part with lines has none."""
     if isinstance(primitive, collada.polylist.Polylist):
-        # pycollada allocates the number of indices that the polygons declare.
+        # The counts are checked first, because pycollada allocates memory for all
+        # indices that the polygons declare.
         corners, said = len(primitive.index), int(primitive.vcounts.sum())
         if corners != said:
             raise MeshError(f"<vcount> counts {said} corners, expected {corners}")

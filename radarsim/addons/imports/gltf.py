@@ -39,7 +39,8 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
     try:
         names = sorted({each.material or "" for each in read_surfaces(file, inside)})
         files = MeshFiles(inside, inside, MeshBudget())
-        # The file is parsed again, as surfaces have material names, but no extras.
+        # Surfaces contain the names of their materials but not the extras, so the file
+        # is parsed a second time.
         described = GltfFile(content, file.suffix.lower(), files).materials
     except MeshError as error:
         reason = str(error).removeprefix(f"{file.name!r}: ")
@@ -53,7 +54,8 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
                 imported.note(path, 1, text)
             continue
         keys = _known_keys(path, imported, material)
-        # The materials of a map file have unique names.
+        # Material names of a map file are unique, so two materials with the same name
+        # need the same extras.
         if keys and own.setdefault(material.name, keys) != keys:
             text = f"two materials are called {short_repr(material.name)}"
             raise wrong(path, 1, f"{text}, expected the same extras")
@@ -71,7 +73,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
 def _known_keys(
     path: Path, imported: ImportedMap, material: Material
 ) -> dict[str, object]:
-    """Return the extras that are keys of a map's material; the map checks values."""
+    """Return the extras that are keys of map materials; values are not checked."""
     extras = material.extras if isinstance(material.extras, dict) else {}
     name = short_repr(material.name)
     if material.extras is not None and material.extras is not extras:

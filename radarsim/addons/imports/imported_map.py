@@ -38,7 +38,7 @@ class ImportedMap:
     """
 
     def __init__(self, source: Path, options: ImportOptions) -> None:
-        """Begin without objects.
+        """Create a map without objects.
 
         Args:
             source: The file that is imported.
@@ -68,7 +68,7 @@ class ImportedMap:
         self.notes.append(place(path, line, text))
 
     def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
-        """Count a model; it counts as left out if more than half of its shapes are.
+        """Count a model, as left out if more than half of its shapes are left out.
 
         Args:
             reasons: The reason for each shape that is left out, such as "without a
@@ -92,7 +92,7 @@ class ImportedMap:
         return 2 * self._left_out.total() > self.models
 
     def summary(self) -> str:
-        """Return the numbers of models left out, by reason, and of other parts."""
+        """Return a summary of the models, by reason, and other parts left out."""
         text = f"{self._left_out.total()} of {self.models} models left out"
         reasons = self._left_out.most_common()
         shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]
@@ -103,7 +103,7 @@ class ImportedMap:
         return text + f"; also {', '.join(others)}" * bool(self.others)
 
     def material_of(self, name: str, known: str | None = None) -> str:
-        """Return the material of an object: that of the first pattern that fits.
+        """Return the material of the first pattern that matches the name of an object.
 
         Args:
             name: Name of the object.
@@ -194,7 +194,8 @@ class ImportedMap:
             sort_keys=False,
             allow_unicode=True,
         )
-        # The map is checked, as names and sizes of other programs may be invalid.
+        # Names and sizes from other programs may be invalid in a map, so the map is
+        # checked.
         try:
             scene = load_scene(parse_yaml(file, text))
         except MapError as error:

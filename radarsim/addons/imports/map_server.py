@@ -53,7 +53,7 @@ class MapServerKeys(BaseModel):
 
 
 def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMap:
-    """Import a map; boxes cover exactly the occupied cells.
+    """Import a map as boxes that cover exactly the occupied cells.
 
     Args:
         path: The YAML file.
@@ -65,7 +65,8 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     file, keys = _read(path)
     line = int(file.place(["image"]).rsplit(":", 2)[1])
     folders = (path.parent, *options.model_path)
-    # The path may be of another machine, so the bare file name is searched as well.
+    # The path may come from another machine, so the file name alone is searched as
+    # well.
     name = PurePath(keys.image).name
     picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:
@@ -89,7 +90,7 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     rows, columns = occupied.shape
 
     def pose(row: float, column: float, z: float) -> Pose3:
-        """Return the pose of a point in pixels from the top left corner of the map."""
+        """Return the pose of a point given in pixels from the map's top left corner."""
         return corner.compose(Pose3(column * side, (rows - row) * side, z))
 
     if options.start is None:
@@ -147,7 +148,8 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
             if picture.mode.startswith(("I", "F")):
                 text = f"pixels of mode {picture.mode}, expected 8 bits"
                 raise wrong(path, 1, text)
-            # Pictures of any mode become grey and alpha, such as palettes and colours.
+            # Pictures of all modes, such as palette or RGB, are converted to grey with
+            # alpha.
             pixels = np.asarray(picture.convert("LA"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
         text = "cannot be read, expected a picture such as PGM or PNG"

@@ -28,7 +28,8 @@ NEWEST: Final = (1, 12)  # version of SDFormat; newer files are the last choice
 LEFT_OUT: Final = ("road", "population", "actor")  # elements of a world
 # URI schemes of files in Gazebo's resource folders, which --model-path replaces.
 SEARCHED: Final = ("model://", "package://", "file://")
-# Common models that are not needed: robots drive at z = 0, scanners need no light.
+# Suns and ground planes are left out: scanners need no light, and robots drive at z =
+# 0.
 _NOT_NEEDED: Final = re.compile(r".*/(sun|ground[ _]plane)(/[0-9]+|/tip)?")
 _FUEL: Final = re.compile(
     r"https?://([^/]+)/(?:1\.0/)?([^/]+)/models/([^/]+)(?:/(\d+|tip))?(?:/files/(.*))?"
@@ -145,7 +146,8 @@ class _Importer:
         reasons, added, is_not_missed = [], 0, False
         for link in model.all("link"):
             for shape in link.all(self._shapes):
-                # Model, link and shape often have the same name; it is written once.
+                # Model, link and shape often have the same name, which is written only
+                # once.
                 names = "_".join(dict.fromkeys((name, link.name, shape.name)))
                 try:
                     if link.name in saved:
@@ -199,7 +201,7 @@ class _Importer:
                 self._map.note(file, other.line, note)
                 self._map.count_model(["not the first in an included file"])
         model, size = self._files[file]
-        # The limit is needed, as nested includes could double at each level.
+        # Without this limit, the number of nested includes could double at each level.
         self._included += size + 1
         if self._included > MAX_INCLUDED:
             too_many = f"more than {MAX_INCLUDED} elements in includes"
@@ -240,7 +242,7 @@ class _Importer:
 def _restored(
     state: XmlElement | None, place: Pose3
 ) -> tuple[Pose3, list[float], dict[str, Pose3]]:
-    """Return pose and scale of a model, and poses of its links, in the world frame."""
+    """Return pose and scale of a model and poses of its links from a saved state."""
     if state is None:
         return place, [1.0, 1.0, 1.0], {}
     pose, scale = state.first("pose"), state.first("scale")
@@ -258,7 +260,7 @@ def _restored(
 
 
 def _model_file(folder: Path) -> Path | None:
-    """Return the SDF file of a model's folder: the newest in its model.config."""
+    """Return the newest SDF file that the model.config of a folder lists."""
     name = "model.sdf"
     with suppress(ForeignFileError):  # model.config is missing or malformed
         files = [
@@ -277,7 +279,7 @@ def _version(text: str) -> tuple[int, ...]:
 
 
 def _fuel_references(uri: re.Match[str], folders: Sequence[Path]) -> Iterator[str]:
-    """Yield possible paths of a Fuel model: by its name, or as Fuel tools store it."""
+    """Yield the paths at which users or Fuel's tools may have stored a Fuel model."""
     host, owner, name, version, file = uri.groups(default="")
     for base in (name, f"{host}/{owner}/models/{name}".lower(), name.lower()):
         yield f"{base}/{file}"

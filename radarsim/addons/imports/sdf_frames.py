@@ -39,7 +39,7 @@ class Frames:
     def __init__(
         self, scope: XmlElement, model_of: Callable[[XmlElement], XmlElement]
     ) -> None:
-        """Begin without poses.
+        """Create frames whose poses are not computed yet.
 
         Args:
             scope: The model or world.
@@ -80,7 +80,7 @@ class Frames:
         return pose
 
     def _frame(self, name: str, user: XmlElement, depth: int) -> Pose3:
-        """Return the pose of a frame that an element names."""
+        """Return the pose of the frame with this name; ``user`` refers to the frame."""
         if name not in self._poses:
             if depth >= MAX_CHAIN:
                 text = f"more than {MAX_CHAIN} poses relative to each other"
@@ -99,15 +99,15 @@ class Frames:
         return self._poses[name]
 
     def _inside(self, model: XmlElement) -> "Frames":
-        """Return the frames of a model; they are cached."""
-        # Without the cache, nested models with two poses that depend on the next model
-        # would double the time at each level.
+        """Return the cached frames of a nested model."""
+        # Two poses of a model may depend on frames of the model inside it. Without the
+        # cache, the time would double at each level of nesting.
         if id(model) not in self._inner:
             self._inner[id(model)] = Frames(model, self._model_of)
         return self._inner[id(model)]
 
     def _find(self, name: str) -> XmlElement | None:
-        """Return the link, frame, joint or model of a name in the scope."""
+        """Return the link, frame, joint or model with a name in the scope, or None."""
         if self._named is None:
             self._named = {}
             for child in self._scope.children:
@@ -123,7 +123,7 @@ class Frames:
 
 
 def parse_pose(pose: XmlElement) -> Pose3:
-    """Return the pose of an element ``pose``, in the frame to which it is relative.
+    """Parse an element ``pose``; the result is in the frame that it is relative to.
 
     Raises:
         ForeignFileError: If the pose is malformed.

@@ -36,7 +36,7 @@ class MeshCopies:
     """Creates the mesh files of a map; each original is read once."""
 
     def __init__(self, imported: ImportedMap, folder: str) -> None:
-        """Begin without meshes.
+        """Create an object that has not copied any meshes yet.
 
         Args:
             imported: The map, to which the files are added.
@@ -65,7 +65,8 @@ class MeshCopies:
             MeshError: If the mesh cannot be used.
             MissingPackage: If it is a COLLADA file and pycollada is not installed.
         """
-        # One copy serves all uniform scales, such as of a tree in many sizes.
+        # One copy of a mesh is enough for all uniform scales, such as trees in many
+        # sizes.
         uniform = scale[0] if len(set(scale)) == 1 and scale[0] > 0 else 1.0
         own = tuple(each / uniform for each in scale)
         key = (file, own, part, centred)
@@ -90,7 +91,7 @@ class MeshCopies:
         return self._shape(key)
 
     def _shape(self, key: tuple[object, ...]) -> dict[str, object]:
-        """Return the keys of a further object with a mesh that was created before."""
+        """Return the map keys of another object that reuses an existing mesh."""
         made = self._made[key]
         if isinstance(made, Exception):
             raise made
@@ -103,7 +104,7 @@ class MeshCopies:
     def _placed(
         self, file: Path, scale: tuple[float, ...], part: str, *, centred: bool
     ) -> list[Mesh]:
-        """Return the meshes of a file, scaled and, if wanted, centred."""
+        """Return the scaled meshes of a file, with their centre at 0 if ``centred``."""
         if file not in self._originals:
             self._originals[file] = self._read(file)
         original = self._originals[file]
@@ -168,7 +169,7 @@ class MeshCopies:
 def read_shape(
     geometry: XmlElement, scale: Sequence[float], copies: MeshCopies
 ) -> dict[str, object]:
-    """Return the keys of a map file for a shape that is no mesh file.
+    """Return the keys of a map file for a shape other than a mesh file.
 
     Args:
         geometry: Element ``geometry`` that contains the shape.
@@ -272,7 +273,7 @@ def _round(tag: str, radius: float, length: float) -> Mesh:
 
 
 def _extruded(geometry: XmlElement) -> Mesh:
-    """Return the extruded polylines of a shape; a polyline in another is a hole."""
+    """Return a mesh of extruded polylines; a polyline inside another is a hole."""
     import shapely  # noqa: PLC0415 - slow, and rarely needed
     from trimesh import creation  # noqa: PLC0415 - slow, and rarely needed
 
@@ -295,7 +296,7 @@ def _extruded(geometry: XmlElement) -> Mesh:
     if not len(found):
         text = "<polyline>s without an area are left out"
         raise LeftOut(first, text, "with a wrong <polyline>")
-    # Each triangle has four points, as the first corner is repeated.
+    # The ring of a triangle has four points, because it repeats the first corner.
     corners = found.reshape(-1, 4, 2)[:, :3]
     vertices, faces = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     solid = creation.extrude_triangulation(vertices, faces.reshape(-1, 3), 1.0)

@@ -39,7 +39,8 @@ def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
     """
     try:
         with path.open("rb") as file:
-            # One more byte shows that the file is too large, even if it is a device.
+            # Reading one byte more than allowed detects files that are too large, even
+            # devices.
             content = file.read(most + 1)
     except OSError as error:
         raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
@@ -49,7 +50,7 @@ def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """Read a text file; line ends become line feeds.
+    """Read a text file, and convert its line ends to line feeds.
 
     The encoding is UTF-16 if the file starts with its byte order mark, else UTF-8, or
     Latin-1 if the file is not valid UTF-8.
@@ -91,7 +92,7 @@ def find_in(folders: Iterable[Path], reference: str) -> Path | None:
 
 
 def rounded(numbers: Iterable[float]) -> list[float]:
-    """Round numbers to five digits, as map files have them: 0.01 mm for lengths."""
+    """Round numbers to the five decimals of map files, which is 0.01 mm for lengths."""
     return [round(float(number), 5) + 0.0 for number in numbers]
 
 
@@ -116,15 +117,15 @@ class XmlElement:
     children: list["XmlElement"] = field(default_factory=list)
 
     def all(self, tag: str) -> Iterator["XmlElement"]:
-        """Yield the child elements of a name."""
+        """Yield the child elements with this name."""
         return (child for child in self.children if child.tag == tag)
 
     def first(self, tag: str) -> "XmlElement | None":
-        """Return the first child element of a name, or None."""
+        """Return the first child element with this name, or None."""
         return next(self.all(tag), None)
 
     def text_of(self, tag: str) -> str:
-        """Return the text of the first child element of a name, or an empty text."""
+        """Return the text of the first child element with this name, or ``""``."""
         found = self.first(tag)
         return found.text.strip() if found else ""
 
@@ -206,7 +207,7 @@ def read_xml(path: Path) -> XmlElement:
 
 
 def _encoding(content: bytes) -> str | None:
-    """Return Latin-1 if a file claims to be UTF-8, but is not valid; else None."""
+    """Return Latin-1 if a file should be UTF-8 but is not valid UTF-8, else None."""
     declared = _DECLARED.match(content)
     is_utf_8 = declared is None or declared[1].lower() == b"utf-8"
     if content.startswith((b"\xff\xfe", b"\xfe\xff", b"<\0")) or not is_utf_8:

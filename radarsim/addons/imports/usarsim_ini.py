@@ -27,13 +27,13 @@ from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_settings, short_repr
 
 BASE: Final = "P3AT"  # its body is used for classes that are not shipped
-# Item types with the same name as the class of the part, in any case.
+# Item types whose names equal the class of the part, ignoring upper and lower case.
 _TYPES: Final = (
     *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Sonar"),
     *("GPS", "IMU", "AcceleroMeter", "AltitudeSensor", "MagneticCompass"),
     *("MissionTime", "Battery"),
 )
-# Item types, and presets of scanners, by the class of the part.
+# Item type of each class of parts, and the preset if the part is a scanner.
 ITEMS: Final = {each.casefold(): (each, None) for each in _TYPES} | {
     "acceleration": ("Accel", None),
     "gpssensor": ("GPS", None),
@@ -55,7 +55,7 @@ Sections: TypeAlias = dict[str, list[tuple[int, str, str]]]  # lines: number, ke
 
 
 def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str]]:
-    """Import the items of a robot class, on the body of a shipped class.
+    """Import the items of a robot class, and add them to the body of a shipped class.
 
     Args:
         path: The file.
@@ -136,7 +136,7 @@ def _read_sections(path: Path) -> Sections:
 
 
 def _parse_struct(path: Path, number: int, text: str) -> Struct:
-    """Parse a struct: with other brackets and separators, it is valid YAML."""
+    """Parse a struct, which is valid YAML once brackets and separators are replaced."""
 
     def to_yaml(token: re.Match[str]) -> str:
         if token[2]:
@@ -159,7 +159,7 @@ def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
         return None
     position = _vector(path, number, part, "position")
     direction = _vector(path, number, part, "direction")
-    # The frame of Unreal has y to the right and z down, like that of the protocol.
+    # In the frames of Unreal and of the protocol, y points to the right and z down.
     pose = pose_from_wire([*position, *direction])
     type_, sensor = known
     name = part.get("itemname")
@@ -177,7 +177,7 @@ def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
 
 
 def _class_of(part: Struct) -> str:
-    """Return the class of a part without its package."""
+    """Return the class name of a part without the name of its package."""
     name = part.get("itemclass", "")
     return name.rpartition(".")[2] if isinstance(name, str) else ""
 

@@ -48,11 +48,12 @@ METADATA_FILE: Final = "metadata.yaml"
 INFORMATION: Final = "radarsim"  # name of the metadata record with the conditions
 LATCHED: Final = "transient_local"  # durability of latched topics
 DISTRIBUTION: Final = "jazzy"  # ROS distribution of the type definitions
-# The C dumper is used if available, as Python takes seconds for hundreds of topics.
+# The C dumper is used if available, because the Python dumper takes seconds for
+# hundreds of topics.
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
-# Bytes; chunks have about 2**16. The limit keeps a damaged or forged length from making
-# the reader allocate too much memory.
+# Bytes of a record; a chunk has about 2**16. Without the limit, a damaged or forged
+# length could make the reader allocate too much memory.
 LARGEST_RECORD = 2**28
 BROKEN = (
     McapError,
@@ -152,14 +153,16 @@ class BagWriter:
         if topic not in self._channels:
             self._add_topic(topic, type_, latched=latched)
         channel, number = self._channels[topic], self._counts[topic]
-        # Log time and publish time are simulated, so the same run gives the same bag.
+        # Both times are simulated times, so the same run gives the same bag.
         self._writer.add_message(channel, time, data, time, sequence=number)
         self._counts[topic] += 1
-        # Chunks end by recorded time, so the same run gives the same bytes.
+        # A chunk ends after an interval of recorded time, not of wall time, so the same
+        # run gives the same bytes.
         if time - self._flushed >= FLUSH_INTERVAL:
             self._writer.flush()
             self._flushed = time
-        # Flushing puts whole chunks into the file in case the process is killed.
+        # Complete chunks are flushed to the file, so they survive if the process is
+        # killed.
         self._file.flush()
 
     def close(self) -> None:
@@ -172,7 +175,8 @@ class BagWriter:
             self._writer.finish()
         finally:
             self._file.close()
-        # Only a repair writes to another path; otherwise this does nothing.
+        # A repair writes to another path, which replaces the bag's file here. Without a
+        # repair, both paths are the same.
         path = self._path.replace(self._folder / file_name(self._folder))
         # Players read the topics from the metadata, not from the MCAP file.
         text = _to_yaml({"rosbag2_bagfile_information": _metadata_of(path)})
@@ -277,7 +281,7 @@ class BagReader:
             return not lock(file, shared=True)
 
     def messages(self) -> Iterator[BagMessage]:
-        """Yield all messages, as far as the file can be read.
+        """Yield the messages up to the end of the file or to the first damaged record.
 
         Raises:
             RecordingError: If the file cannot be opened.
@@ -287,7 +291,8 @@ class BagReader:
             reader = NonSeekingReader(
                 file, validate_crcs=True, record_size_limit=LARGEST_RECORD
             )
-            # The order is that of the file, as sorting needs all messages in memory.
+            # Messages keep the order of the file, because sorting needs all of them in
+            # memory.
             for schema, channel, message in reader.iter_messages(log_time_order=False):
                 quality = channel.metadata.get("offered_qos_profiles", "")
                 yield BagMessage(

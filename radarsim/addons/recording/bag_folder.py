@@ -79,7 +79,7 @@ class RecordingInfo(BaseModel):
         seed: int,
         **others: object,
     ) -> Self:
-        """Return the conditions of a run of a host.
+        """Create the conditions of a run from its host.
 
         Args:
             map_: Name or path of the map; @VARIANT may follow. None for a scene that
@@ -103,7 +103,7 @@ class RecordingInfo(BaseModel):
 
     @classmethod
     def of_config(cls, config: "SimulationConfig", **others: object) -> Self:
-        """Return the conditions with a configuration; ``others`` are further fields."""
+        """Create the conditions from a configuration; ``others`` are further fields."""
         known = {
             "version": __version__,
             "dialect": config.dialect.name,
@@ -251,7 +251,8 @@ def find_file(folder: Path) -> Path:
         RecordingError: If there is no file or several; the message names recordings
             that may be meant.
     """
-    # In a renamed folder the file has another name. It is used if it is the only one.
+    # If the folder was renamed, its file still has the old name. The file is used if it
+    # is the only MCAP file in the folder.
     expected = folder / file_name(folder)
     try:
         is_there = expected.exists()
@@ -295,7 +296,8 @@ def lock(file: IO[bytes], *, shared: bool = False) -> bool:
     try:
         import fcntl  # noqa: PLC0415 - missing on Windows
 
-        # The lock ends with its process even after a crash, which a lock file does not.
+        # The system releases this lock even if the process crashes. A lock file would
+        # remain.
         kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:

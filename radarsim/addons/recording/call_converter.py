@@ -56,7 +56,7 @@ class CallConverter:
     """Converts the calls of one run, in order."""
 
     def __init__(self, info: RecordingInfo) -> None:
-        """Begin without clients; ``info`` has the conditions of the run."""
+        """Create a converter without clients; ``info`` is the run's conditions."""
         self._info = info
         self._dialect = get_dialect(info.dialect)
         self._legend = Legend()
@@ -67,11 +67,12 @@ class CallConverter:
         self._clock = 0  # tick of the next clock message
 
     def convert(self, event: RunEvent) -> Iterator[tuple[int, TopicMessage]]:
-        """Yield the messages of an event with their times, ns; the call comes last."""
-        # Players sort messages by time, so each event has its own time. A thousand
-        # events of a tick are still far from the next tick.
+        """Yield the messages of an event and their times, ns; the call comes last."""
+        # Players sort messages by time, so each event gets its own time, 1 ns after the
+        # last. A tick has time for far more than a thousand events.
         last, self._time = self._time, max(event.tick * TICK, self._time + 1)
-        # Waits have no simulated time, and maps are added later than their time.
+        # Waits take no simulated time, and maps are recorded later than the time they
+        # show, so neither advances the clock.
         if event.type not in (EventType.WAIT, EventType.MAP):
             if event.tick - self._clock > CLOCK_GAP:
                 self._clock = event.tick
@@ -97,7 +98,7 @@ class CallConverter:
             case EventType.PICTURE:
                 yield from self._picture(connection, data, time)
             case EventType.DISCONNECT:
-                # Client numbers are never reused, so old entries are of no use.
+                # Client numbers are never reused, so the entry is not needed any more.
                 del self._connections[client]
             case EventType.TAKE | EventType.FINISH:
                 for report in connection.session.receive(data):
@@ -116,7 +117,7 @@ class CallConverter:
     ) -> Iterator[TopicMessage]:
         """Create the topics of a robot, or update them when its settings change."""
         name, *lines = text.split("\r\n")
-        # A new setting of the same robot keeps the state of its topics.
+        # If only a setting of the robot has changed, its topics keep their state.
         if connection.topics is None or connection.robot != name:
             connection.topics = RobotTopics(
                 self._topic_name(name),
@@ -141,7 +142,8 @@ class CallConverter:
         scanners = described.scanners(connection.session.scans)
         robot = None
         if geo and conf:
-            # Only drive commands need the complete geometry of the robot.
+            # An incomplete geometry is no error, because scans and poses do not need
+            # it.
             unit = self._info.drive_unit
             with suppress(ClientError):
                 robot = RobotInfo.from_reports(geo, conf, scanners, unit)
@@ -183,14 +185,14 @@ class CallConverter:
     def _commands(
         self, connection: _Connection, data: bytes, time: float
     ) -> Iterator[TopicMessage]:
-        """Yield the motion that each drive command in the bytes asks for."""
-        # A host also stops reading after a line that is too long.
+        """Yield the commanded motion of each drive command in the bytes."""
+        # A host reads no commands after a line that is too long, so none are converted.
         if connection.commands.overflow is not None:
             return
         for line in connection.commands.feed(data):
             if connection.topics is None:
                 continue
-            # A malformed command becomes no motion; its bytes are recorded as a call.
+            # A malformed command is skipped here; its bytes are recorded as a call.
             with suppress(MalformedMessage):
                 command = parse_command(line, self._dialect)[0]
                 if isinstance(command, Drive):

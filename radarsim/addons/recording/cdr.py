@@ -112,7 +112,7 @@ def type_definitions(name: str) -> list[dict[str, Any]]:
 
 
 def _type_of(description: Any) -> tuple[str, int]:
-    """Return the type of a field, and its array length: 0 if variable, -1 if no array.
+    """Return a field's type and array length: 0 if variable, -1 if it is no array.
 
     Args:
         description: Description of the field by rosbags.

@@ -68,7 +68,7 @@ def replay(
 
 
 def _verify(bag: BagReader, map_: str | None) -> int:
-    """Simulate a run again, print whether it is the same, and return the exit code.
+    """Simulate a run again, print whether the bytes are equal; return the exit code.
 
     Raises:
         RecordingError: If the recording has no map, or the map has changed.
@@ -109,7 +109,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
 
 
 def end_text(bag: BagReader) -> str:
-    """Return a message on why a recording has no end, and how to repair it."""
+    """Return a message on why a recording is incomplete, and how to repair it."""
     if bag.is_being_written:
         return "it is still being recorded, and was read as far as it goes"
     return f"it is truncated; 'radarsim recording repair {bag.folder}' repairs it"

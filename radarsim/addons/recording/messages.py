@@ -18,9 +18,9 @@ NANOSECONDS: Final = 1_000_000_000
 CLOCK: Final = "/clock"  # topic
 MAP: Final = "map"  # frame
 LATEST: Final = 2.0**31 - 1  # s; latest time that fits into a message
-# Covariance of x, y, z, roll, pitch, yaw, in squares of m and rad, or of m/s and rad/s.
-# Filters need values, so drivers of wheeled robots set similar ones. They are large
-# for the axes that wheels do not measure.
+# Covariance of x, y, z, roll, pitch and yaw: m**2 and rad**2 for poses, (m/s)**2 and
+# (rad/s)**2 for motion. Filters need these values, and drivers of wheeled robots
+# publish similar ones. Axes that wheels do not measure have large values.
 ODOMETRY_COVARIANCE: Final = np.diag([1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-3]).ravel()
 # Data types of ``sensor_msgs/msg/PointField``, by numpy type.
 _POINT_TYPES: Final = {"<f4": 7, "<u2": 4}
@@ -34,8 +34,8 @@ TARGET: Final = np.dtype(
 
 Points: TypeAlias = NDArray[np.void]
 # The fields of a message, in the order of the type's definition: numbers, texts, arrays
-# of numbers, nested ``Fields``, or lists of these. They are attributes, as the encoder
-# of rosbags reads attributes and so needs no copy (row m of the benchmarks).
+# of numbers, nested ``Fields``, or lists of these. A namespace is used because the
+# encoder of rosbags reads attributes, so no copy is needed (row m of the benchmarks).
 Fields: TypeAlias = SimpleNamespace
 
 
@@ -239,7 +239,7 @@ def twist_stamped(
 
 
 def transform(time: float, parent: str, child: str, pose: Pose3) -> Fields:
-    """Return the pose of a frame in its parent, for ``transforms``."""
+    """Return a ``TransformStamped``: the pose of a frame in its parent frame."""
     place = Fields(
         translation=vector(pose.x, pose.y, pose.z), rotation=quaternion(pose)
     )
@@ -250,7 +250,7 @@ def transform(time: float, parent: str, child: str, pose: Pose3) -> Fields:
 def transforms(
     topic: str, each: Sequence[Fields], *, latched: bool = False
 ) -> TopicMessage:
-    """Return a ``TFMessage`` with the results of ``transform``."""
+    """Return a ``TFMessage`` with transforms, each made by ``transform``."""
     fields = Fields(transforms=each)
     return TopicMessage(topic, "tf2_msgs/msg/TFMessage", fields, latched)
 
@@ -258,7 +258,7 @@ def transforms(
 def occupancy_grid(
     time: float, corner: tuple[float, float], resolution: float, cells: NDArray[np.int8]
 ) -> TopicMessage:
-    """Return the message of ``/map``.
+    """Return an ``OccupancyGrid`` for the topic ``/map``.
 
     Args:
         time: Simulated time, s.
@@ -341,5 +341,6 @@ def quaternion(pose: Pose3) -> Fields:
 
 def float32(value: float) -> float:
     """Round a number to single precision."""
-    # JSON has double precision; its subscribers get the same numbers as those of CDR.
+    # JSON has double precision. Rounding gives subscribers of JSON and of CDR the same
+    # numbers.
     return float(np.float32(value))

@@ -73,11 +73,11 @@ class EventType(IntEnum):
 
 
 class RunEvent(NamedTuple):
-    """A call of a host, or a description.
+    """An event of a run: a call of the host, or a description.
 
     Attributes:
         type: Kind of the event.
-        tick: Number of ticks of simulated time before it.
+        tick: Number of ticks of simulated time before the event.
         client: Number of the client.
         data: Bytes received from a client or sent to it, or a description.
     """
@@ -89,12 +89,12 @@ class RunEvent(NamedTuple):
 
     @property
     def is_call(self) -> bool:
-        """Whether it is a call, which is needed to repeat the run."""
+        """Whether the event is a host call, which is needed to repeat the run."""
         return self.type <= EventType.END
 
 
 def pack(*values: Any) -> bytes:
-    """Return values that fit into JSON, and an array as the last value, as bytes."""
+    """Encode values that fit into JSON, followed by one array, as bytes."""
     *head, array = values
     file = io.BytesIO()
     file.write(json.dumps(head).encode() + b"\n")
@@ -103,7 +103,7 @@ def pack(*values: Any) -> bytes:
 
 
 def unpack(data: bytes) -> list[Any]:
-    """Return the arguments with which ``pack`` was called."""
+    """Decode the values and the array that ``pack`` has encoded."""
     file = io.BytesIO(data)
     return [*json.loads(file.readline()), np.load(file, allow_pickle=False)]
 
@@ -153,7 +153,7 @@ class HostRecorder(HostObserver):
         spectra: bool = False,
         camera_interval: int = 0,
     ) -> None:
-        """Record to a function.
+        """Create a recorder that passes its events to a function.
 
         Args:
             record: Called with each event; it must not raise.
@@ -180,7 +180,7 @@ class HostRecorder(HostObserver):
 
     def disconnect(self, client: int) -> None:
         """See ``HostObserver.disconnect``."""
-        # Client numbers are not reused, and an entry would keep the vehicle alive.
+        # The entry is removed, because it would keep the removed vehicle in memory.
         self._described.pop(client, None)
         self._report(EventType.DISCONNECT, client)
 
@@ -193,7 +193,8 @@ class HostRecorder(HostObserver):
         if vehicle is None:
             return
         # A changed setting creates a new configuration, so comparing identities is
-        # enough. It is fast, as it happens after every packet of every client.
+        # enough. The comparison has to be fast, because it runs after every packet of
+        # every client.
         known, config = self._described.get(client, (None, None))
         if known is vehicle and config is vehicle.config:
             return
@@ -207,8 +208,8 @@ class HostRecorder(HostObserver):
         dialect = vehicle.config.dialect
         lines = [report.encode(dialect) for report in reports if report is not None]
         name = f"{vehicle.robot.name}\r\n".encode()
-        # The description comes before the lines to the client, which are converted
-        # into messages by it.
+        # The description is recorded before the lines to the client, because converting
+        # the lines into messages needs it.
         self._report(EventType.ROBOT, client, name + to_bytes(lines))
 
     def step(self, *, passes: bool) -> None:
@@ -239,8 +240,8 @@ class HostRecorder(HostObserver):
         self._record(RunEvent(type_, self._tick, client, data))
 
     def _report_wait(self) -> None:
-        # Idle ticks are counted, as a server may wait for its engine or be paused for
-        # minutes, at a hundred ticks a second.
+        # Idle ticks are counted instead of recorded one by one. A server that is
+        # paused, or waits for its engine, has a hundred idle ticks per second.
         if self._idle_ticks:
             idle, self._idle_ticks = self._idle_ticks, 0
             self._record(RunEvent(EventType.WAIT, self._tick, idle))
@@ -259,7 +260,7 @@ class HostRecorder(HostObserver):
         assert self._simulation is not None  # robots exist only after ``begin``
         for antenna in antennas_of(self._simulation).of(vehicle):
             collector = TurnCollector(antenna.mounted.item.name, report)
-            # An observer does not make the antenna rotate, unlike a listener.
+            # Unlike a listener, an observer does not make the antenna rotate.
             antenna.observers.append(collector.take)
 
 
@@ -286,14 +287,14 @@ class WireRecorder:
     """Records bytes on connections to a server as calls of a host.
 
     The time of a call is the last time that the server has sent. Calls before the first
-    time are kept until it is known.
+    reported time are kept until that time is known.
 
     Attributes:
         time: The last time that the server has sent, s.
     """
 
     def __init__(self, record: Callable[[RunEvent], None]) -> None:
-        """Begin without connections.
+        """Create a recorder without connections.
 
         Args:
             record: Called with each event; it must not raise.
@@ -332,7 +333,7 @@ class WireRecorder:
         for line in connection.sent.feed(data):
             if spawned := spawned_robot(line):
                 connection.robot = spawned[0] or spawned[1]
-                # The new robot replaces the old one, whose descriptions do not apply.
+                # The descriptions of the old robot do not apply to the new robot.
                 connection.descriptions.clear()
                 self._describe(number, connection)
 
@@ -349,7 +350,7 @@ class WireRecorder:
             for line in lines
             if (match := _DESCRIPTION.match(line))
         ]
-        # Servers repeat these answers on request; only changes are recorded.
+        # Clients may request the same descriptions again; only changes are recorded.
         if not connection.descriptions.items() >= set(found):
             connection.descriptions.update(found)
             self._describe(number, connection)
@@ -372,13 +373,13 @@ class WireRecorder:
         self._report(EventType.ROBOT, number, "\r\n".join(lines).encode())
 
     def _note_time(self, data: bytes | None) -> None:
-        """Store the last time in bytes of the server; None at the end of recording."""
+        """Store the last time in the server's bytes; ``data`` is None at the end."""
         found = _TIME.findall(data) if data is not None else []
         if found:
             # Robots report one after the other, so times may go back between lines.
             self.time = max(self.time, float(found[-1]))
-        # Events before the first time get that time. With 0 s, they would be hours
-        # before the rest if the server has been running for long.
+        # Events before the first reported time get that time. At 0 s, they would be
+        # hours before all other events if the server has been running for hours.
         if self._early is not None and (found or data is None):
             early, self._early = self._early, None
             for event in early:
@@ -402,7 +403,7 @@ class WatchRecorder(WireRecorder):
     """
 
     def __init__(self, record: Callable[[RunEvent], None]) -> None:
-        """Begin without robots; see ``WireRecorder``."""
+        """Create a recorder without robots; see ``WireRecorder``."""
         super().__init__(record)
         self.numbers: dict[str, int] = {}
         self._last_number = 0
@@ -418,7 +419,8 @@ class WatchRecorder(WireRecorder):
         match report:
             case RobotJoined(robot, class_name):
                 asked = self._join(robot)
-                # A spawn command is recorded, as no other event contains the class.
+                # A spawn command is recorded, because no other event contains the
+                # robot's class.
                 spawn = questions.spawn(class_name, name=robot)
                 self.sent(self.numbers[robot], spawn.data)
             case RobotLeft(robot):

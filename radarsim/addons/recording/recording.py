@@ -63,7 +63,8 @@ class ScanSeries:
         """Create a series from messages with the same beams."""
         last = messages[-1]
         ranges = np.array([message.ranges for message in messages])
-        # The first scans may lack the limits, as clients may ask for them later.
+        # The first scans may lack the range limits, because clients may query them
+        # later.
         ranges[ranges >= last.range_max] = np.inf
         return cls(
             times_of(message.header for message in messages),
@@ -308,7 +309,8 @@ def load_recording(folder: Path | str) -> Recording:
         decode,
     )
 
-    # By their beams: another resolution or field of view begins another series.
+    # Scans are grouped by their beams: a new resolution or field of view starts a new
+    # series.
     scans: defaultdict[str, dict[tuple[float, ...], list[LaserScan]]]
     scans = defaultdict(dict)
     clouds: defaultdict[str, list[PointCloud2]] = defaultdict(list)

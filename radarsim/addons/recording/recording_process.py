@@ -111,8 +111,8 @@ class RecordingProcess:
         if self.has_ended:
             return
         frame = frame_of(event)
-        # Appending to a deque needs no lock, so no tick waits for the thread. There are
-        # two counters, as a single one that both threads change would need a lock.
+        # Appending to a deque needs no lock, so no tick waits for the thread. Each
+        # thread has its own counter, because a shared counter would need a lock.
         self._frames.append(frame)
         self._queued += len(frame)
         while self._is_patient and self._is_behind() and not self.has_ended:
@@ -156,7 +156,8 @@ class RecordingProcess:
             pipe.close()
 
     def _write_frames(self, pipe: IO[bytes]) -> None:
-        # Only the frames that are queued now: the server may add more endlessly.
+        # Only the frames that are queued now are written, as the server may keep adding
+        # more.
         frames = [self._frames.popleft() for _ in range(len(self._frames))]
         pipe.write(b"".join(frames))
         pipe.flush()

@@ -36,7 +36,7 @@ class Repetition(NamedTuple):
 
 
 def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
-    """Repeat a run up to the first difference.
+    """Repeat a recorded run until its output differs from the recording.
 
     Args:
         host: A host with the recorded conditions, which has had no clients yet.
@@ -45,7 +45,8 @@ def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
     tick = clients = equal = 0
     lines: Counter[int] = Counter()
     for call in calls:
-        # Each call has the number of ticks before it, so time passes as it did.
+        # The host is stepped up to the recorded tick of the call, so time passes as it
+        # did in the recorded run.
         while tick < call.tick:
             host.step()
             tick += 1
@@ -100,12 +101,12 @@ def _difference(call: RunEvent, sent: bytes, lines_before: int) -> str:
     return f"{place} of client {call.client}: {came}"
 
 
-# The bytes of each write to a client, and the time since it connected, s.
+# Each write to a client: the time since the client connected, s, and the bytes.
 Writes: TypeAlias = list[tuple[float, bytes]]
 
 
 def writes_of(calls: Iterable[RunEvent], client: int | None) -> Writes:
-    """Return the writes to a client.
+    """Return the recorded writes to a client.
 
     Args:
         calls: The recorded calls, in order.
@@ -163,13 +164,15 @@ async def serve_replay(
     async def play(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         peer = peer_name(writer.transport)
         log.info("%s: connected", peer)
-        # A client would block if its commands were not read and the buffers were full.
+        # Commands are read and ignored, because a client would block once buffers are
+        # full.
         ignoring = asyncio.ensure_future(_ignore(reader))
         loop = asyncio.get_running_loop()
         start = loop.time()
         with suppress(OSError):
             for time, data in writes:
-                # Times count from the start, so that delays do not add up.
+                # Times are measured from the start of the playback, so that delays do
+                # not add up.
                 await asyncio.sleep(start + time / speed - loop.time())
                 if writer.is_closing():
                     break

@@ -26,7 +26,7 @@ LEAST_BODY: Final = 0.05  # m, height
 def body_of(
     robot: RobotInfo, geo: RobotGeo, classes: Iterable[RobotModel]
 ) -> RobotModel:
-    """Return the class of a robot, or a P3AT with the dimensions from the server.
+    """Return a robot's class; an unknown class becomes a P3AT of the reported size.
 
     Args:
         robot: The robot.
@@ -44,7 +44,8 @@ def body_of(
             "length": robot.length,
             "width": robot.width,
             "height": robot.height or 2 * robot.wheel_radius + LEAST_BODY,
-            # No server reports it; that of most robots is near their axles.
+            # Servers do not report the height of the origin. Most robots have it near
+            # the axles.
             "origin_height": robot.wheel_radius,
             "wheel_radius": robot.wheel_radius,
             "wheel_separation": robot.wheel_separation,
@@ -76,7 +77,7 @@ def robot_description(
         )
     base = ET.SubElement(robot, "link", name=frame("base_link"))
     radius = 0.0 if body.flight else body.wheel_radius
-    # The hull is a box from half the axle height up to the lowest scanner.
+    # The body is drawn as a box from half the axle height up to the lowest scanner.
     bottom = radius / 2 - body.origin_height
     tops = [each.mount.z - SCANNER_HEIGHT / 2 for each in scanners]
     top = min([body.height - body.origin_height, *tops])

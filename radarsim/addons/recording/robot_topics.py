@@ -57,7 +57,8 @@ from radarsim.server.views import MOUNT
 
 SOURCES = (Odometry, Ins, GroundTruth)  # sensors for the pose in ``odom``, best first
 REFERENCES = (GroundTruth, Ins)  # sensors for the pose in ``map``, best first
-# Multiple of the top speed. A faster motion is a jump, such as a reset of odometry.
+# A motion faster than this multiple of the top speed is a jump, such as a reset of
+# odometry.
 JUMP = 2.0
 OPTICAL_FRAME: Final = "camera_optical"
 # The z axis points ahead, x to the right and y down (REP-103).
@@ -73,12 +74,12 @@ class Legend:
         self._published = -1  # number of names
 
     def number(self, field: Literal["kind", "object", "material"], name: str) -> int:
-        """Return the number of a name; ``field`` is a field of points."""
+        """Return the number of a name in a field; a new name gets the next number."""
         names = self._names[field]
         return names.setdefault(name, len(names))
 
     def news(self) -> Iterator[TopicMessage]:
-        """Yield the names as JSON, a list for each field of points, if any are new."""
+        """If there are new names, yield all names as JSON, a list for each field."""
         count = sum(map(len, self._names.values()))
         if count != self._published:
             self._published = count
@@ -90,7 +91,7 @@ class RobotFrames:
     """Computes the odometry and the frames of one robot from its pose sensors."""
 
     def __init__(self, name: str, *, own_localization: bool) -> None:
-        """Begin without readings.
+        """Create frames without readings.
 
         Args:
             name: Name of the robot, the prefix of its frames and topics; empty for
@@ -113,13 +114,13 @@ class RobotFrames:
         Args:
             kind: Report type of the sensor: one of ``SOURCES``.
             time: Simulated time, s.
-            pose: Pose of the robot, from odometry in ``odom``, else in ``map``.
+            pose: Pose of the robot: in ``odom`` if from odometry, else in ``map``.
             robot: The robot, if it is known.
         """
         before = self._readings.get(kind)
         self._readings[kind] = time, pose
-        # Once a sensor has reported twice, all sensors have reported. Before that, a
-        # better source may still follow.
+        # Once any sensor has reported twice, all sensors have reported. Until then, a
+        # better source than the current one may still report.
         self._knows_all |= before is not None and time > before[0]
         source = next(each for each in SOURCES if each in self._readings)
         if kind is not source or not self._knows_all:
@@ -133,8 +134,8 @@ class RobotFrames:
         yield odometry(self._topic, time, self._odom, self._base, pose, motion)
         reference = next((r for r in REFERENCES if r in self._readings), None)
         if reference is not None and not self._own_localization:
-            # Both poses are of the same tick: odometry is sent after INS, and INS after
-            # ground truth.
+            # Both poses belong to the same tick, because servers send ground truth, INS
+            # and odometry in this order.
             place = self._readings[reference][1].compose(pose.inverse())
             frames.append(transform(time, MAP, self._odom, place))
         yield transforms("/tf", frames)
@@ -183,7 +184,7 @@ class RobotTopics:
         ]
 
     def description(self, name: str, body: RobotModel) -> Iterator[TopicMessage]:
-        """Yield the URDF of the robot, if it has changed; ``name`` is its full name."""
+        """Yield the URDF of the robot if it has changed; ``name`` is the full name."""
         text = robot_description(name, body, self._scanners, self._frame)
         if text != self._description:
             self._description = text
@@ -212,7 +213,7 @@ class RobotTopics:
                 pass
 
     def of_drive(self, command: Drive, time: float) -> TopicMessage | None:
-        """Return the ``cmd_vel`` of a drive command; None without wheel speeds."""
+        """Return a drive command as ``cmd_vel``, or None if it has no wheel speeds."""
         robot = self._robot
         speeds = command.left, command.right
         if robot is None or speeds[0] is None or speeds[1] is None:
@@ -230,7 +231,7 @@ class RobotTopics:
     def of_turn(
         self, scanner: str, time: float, bin_size: float, rows: NDArray[np.uint8]
     ) -> Iterator[TopicMessage]:
-        """Yield a revolution of a radar as an image; the first follows its layout.
+        """Yield a radar revolution as an image, and the layout before the first image.
 
         Args:
             scanner: Name of the scanner item.
@@ -240,7 +241,7 @@ class RobotTopics:
                 data set: 11 bytes of time, encoder and validity, and B counts.
         """
         names = topic_name(scanner), "spectrum"
-        # Readers need the layout for the ranges of bins; it is latched.
+        # Subscribers need the layout to compute the ranges of bins; it is latched.
         if scanner not in self._announced_spectra:
             self._announced_spectra.add(scanner)
             layout = {"bin_size": bin_size, "metadata_bytes": METADATA_BYTES}
@@ -278,8 +279,9 @@ class RobotTopics:
             self._frame(scan.name),
             scan.ranges,
             fov=scan.fov,
-            # The resolution is rounded in the line; the error would add up over
-            # hundreds of beams.
+            # The resolution in the line is rounded, and its error would add up over
+            # hundreds of beams, so the angle between beams is computed from the field
+            # of view.
             resolution=scan.fov / gaps if gaps else scan.resolution,
             min_range=known.min_range if known else 0.0,
             max_range=known.max_range if known else math.inf,
@@ -347,7 +349,7 @@ class RobotTopics:
 
 
 def below(robot: str, *names: str) -> str:
-    """Return a frame, or a topic without its first slash, of a robot.
+    """Prefix the name of a frame or a topic with the name of its robot, if any.
 
     >>> below("R1", "lms200", "scan"), below("", "odom")
     ('R1/lms200/scan', 'odom')

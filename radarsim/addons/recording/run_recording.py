@@ -1,4 +1,4 @@
-"""The option ``--record`` of commands that serve, drive a robot or follow a robot."""
+"""Implements the option ``--record`` of commands that serve, drive or follow robots."""
 
 from __future__ import annotations
 
@@ -161,8 +161,8 @@ class RunRecording(Recording):
         if mapper is None or not mapper.scans:
             return
         time = mapper.trajectory.times[-1]
-        # A map with each scan would take most of a recording. The last map is always
-        # recorded.
+        # Recording a map with every scan would take up most of the file, so maps are
+        # recorded at intervals. The last map is always recorded.
         if time < self._map_due and not last:
             return
         from radarsim.addons.recording.recorders import EventType, RunEvent, pack
@@ -184,7 +184,7 @@ class RunRecording(Recording):
             self._wire = WireRecorder(self._process.add)
         else:
             info = RecordingInfo.of_host(*self._hosted, robots_map=self._robots_map)
-            # Simulated time waits if the process cannot keep up.
+            # The simulation waits if the recording process cannot keep up.
             self._process = RecordingProcess(self._folder, info, is_patient=True)
             self._process.record(self._hosted[1])
         return self

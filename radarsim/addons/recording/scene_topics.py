@@ -1,4 +1,4 @@
-"""Topics of a map: its surfaces, its true occupancy grid, and camera pictures."""
+"""Creates topics of a map: surfaces, true occupancy grid and camera pictures."""
 
 import io
 import math
@@ -32,7 +32,7 @@ from radarsim.scene.scene import Part, Scene
 from radarsim.server.views import View
 
 SCENE: Final = "/scene"
-# A message of 12 MB; some viewers cannot draw more triangles fluently.
+# Some viewers draw more triangles too slowly. A message of this size has 12 MB.
 MOST_TRIANGLES: Final = 170_000
 SMALL_PART: Final = 1000  # triangles; such a part is never thinned
 RESOLUTION: Final = 0.05  # m; side of a cell
@@ -125,7 +125,7 @@ def true_map(scene: Scene) -> TopicMessage:
 
 
 def draw_views(scene: Scene, events: Iterable[RunEvent]) -> Iterator[RunEvent]:
-    """Yield events; replace each view of a camera by its picture, as JPEG."""
+    """Yield the events, with each camera view replaced by a picture in JPEG format."""
     renderer = None
     for event in events:
         if event.type is not EventType.VIEW:

@@ -91,7 +91,7 @@ class UsarsimClient:
         self._unread = b""
 
     def send(self, line: str) -> None:
-        """Send one line, with CRLF appended."""
+        """Append CRLF to a line, and send it."""
         if "\r" in line or "\n" in line:
             raise ValueError(f"line {line[:80]!r}, expected no line end in it")
         self._socket.settimeout(TIMEOUT)
@@ -146,7 +146,7 @@ class UsarsimClient:
         )
 
     def close(self) -> None:
-        """Close the connection, upon which the server removes the robot."""
+        """Close the connection; the server then removes the robot."""
         self._socket.close()
 
 
