@@ -1,4 +1,4 @@
-"""Robots of one class in a scene, which drive for one decision period at a time.
+"""Robots of one class in a scene, which are simulated for one decision at a time.
 
 Motion, collisions and scans are those of a simulation. Nothing is reported between two
 decisions, so a period takes only a few calls of the engine.
@@ -64,7 +64,7 @@ class Arena:
             text = f"robot {self.model.name!r} steers as a car does"
             raise ValueError(f"{text}, expected one that is skid-steered")
         period = settings.decision_period
-        # Periods of up to half a tick would be rounded to 0.
+        # A period of at most half a tick would be rounded to 0 ticks.
         if not TICK / 2 < period <= MOST_SECONDS:
             expected = f"expected {TICK:g} to {MOST_SECONDS:g} s"
             raise ValueError(f"decision period {period!r} s, {expected}")
@@ -109,7 +109,7 @@ class Arena:
         return [(x, y) for x, y, _ in self.poses[others & self._meets].tolist()]
 
     def place(self, row: int, pose: Pose2) -> None:
-        """Place a robot at a pose, at rest, without a check for obstacles."""
+        """Place a robot at a pose, at rest; the pose is not checked for obstacles."""
         self._present[row] = True
         self._fleet.place(self._robots[row], pose, self._obstacles_at(pose.x, pose.y))
 
@@ -143,7 +143,8 @@ class Arena:
         Returns:
             (N,) whether each robot was blocked or touched anything in the period.
         """
-        # Speeds are written to the table at once; a call for each robot is slower.
+        # All speeds are written to the table at once, which is faster than a call per
+        # robot.
         first = COLUMN["left_spin"]
         self._fleet.columns[self._slots, first : first + 2] = speeds * self._max_spin
         touched = np.zeros(len(self._robots), np.bool_)
@@ -159,7 +160,7 @@ class Arena:
         chosen: NDArray[np.bool_],
         values: Sequence[str],
     ) -> dict[str, Floats]:
-        """Scan with each chosen robot.
+        """Scan with the chosen robots.
 
         Args:
             rngs: Random generator of each robot.
@@ -186,7 +187,7 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        # Robots that do not meet are not in each other's scans.
+        # If robots do not meet, they do not appear in each other's scans.
         boxes = Boxes(self._fleet.boxes()[self._present]) if self._meets else None
         taken = take_scans(self._tracer, requests, boxes)
         for row, request, (batch, k) in zip(rows, requests, taken, strict=True):
@@ -200,20 +201,20 @@ class Arena:
 
     def _obstacles_at(self, x: float, y: float) -> Obstacles:
         floor = self.scene.floor_at(x, y)
-        # Obstacles depend on the height of the floor. Few heights occur, so the
-        # obstacles of each are cached.
+        # Obstacles depend on the height of the floor. There are few heights, so the
+        # obstacles at each height are cached.
         if floor not in self._obstacles:
             self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._obstacles[floor]
 
 
 def _power_left(scan: Scan) -> Floats:
-    """Return the remaining share of power of each beam at its reported range."""
+    """Return the share of penetration power left at each beam's range, (beams,)."""
     echoes, shares = scan.echoes, np.zeros(len(scan.ranges))
-    # The reported echo of a beam is the echo whose range is in the scan.
+    # A beam reports the range of one of its echoes; this mask selects these echoes.
     is_read = echoes.ranges == scan.ranges[echoes.beams]
     left, sent = echoes.power[is_read], echoes.settings.penetration_power
-    # Infinite power means that a beam loses none, so its share is 1.
+    # Infinite penetration power never decreases, so the remaining share is 1.
     read, limited = np.ones(len(left)), np.isfinite(left)
     read[limited] = left[limited] / sent if sent else 0.0
     shares[echoes.beams[is_read]] = read

@@ -1,4 +1,4 @@
-"""The task of all environments: to drive to a goal with the readings of a scanner.
+"""The task of all environments: drive to a goal, using the readings of a scanner.
 
 All state is in arrays with one row for each robot, so one robot and many robots share
 the same code. Random starts and goals are drawn from the floor that robots can reach.
@@ -22,7 +22,8 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.map_warnings import Position, component_around, free_space
 
-# Optional observations of each beam in addition to its range: least and largest value.
+# Optional observations for each beam in addition to the range: smallest and largest
+# value.
 BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
     "power": (0.0, 1.0),
     "rays": (-1.0, 1.0),
@@ -48,7 +49,7 @@ class Transition(NamedTuple):
 
 
 def progress_reward(transition: Transition) -> Floats:
-    """Return the progress towards the goal, m, plus 10 if the goal is reached.
+    """Return the progress towards the goal, m, plus 10 if the robot has reached it.
 
     A period in which a robot touches something costs 1.
     """
@@ -72,7 +73,7 @@ class GoToSettings:
             map's trial; or x and y, m.
         decision_period: Simulated time between two decisions, s.
         beam_values: Further observations of each beam: ``power``, the share of
-            penetration power left at its range, and ``rays``, the ray that gave it.
+            penetration power left at its range, and ``rays``, the ray with that range.
         max_steps: Number of decisions after which an episode is truncated.
         ends_at_collision: Whether an episode terminates when the robot touches
             something.
@@ -104,7 +105,7 @@ _MAX_DRAWS: Final = 1000  # draws before an error is raised
 
 
 class FreePlaces:
-    """The floor on which a robot fits at any heading, as connected pieces.
+    """The floor area in which a robot fits at any heading, as connected pieces.
 
     Only pieces that contain a start of the map are used, or the origin if the map has
     no starts. This excludes the floor outside the walls of a room.
@@ -163,7 +164,7 @@ class FreePlaces:
         near = np.reshape(others, (-1, 1, 2))
         for _ in range(_MAX_DRAWS):
             # Rejection sampling from the bounding box is uniform on the floor. Many
-            # positions are drawn at once, as each call of shapely is slow.
+            # positions are drawn at once, because each call of shapely is slow.
             places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
             gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
             is_far = (gaps >= distance).all(axis=0)
@@ -224,7 +225,7 @@ class GoToTask:
         """
         self.settings = settings
         self.arena = Arena(settings, count, meets=meets)
-        # These calls raise errors of wrong settings now, not in the first reset.
+        # These calls raise errors of wrong settings here instead of in the first reset.
         _start_pose(self.arena.scene, settings.start)
         _goal_position(self.arena.scene, settings.goal)
         self.goals = np.zeros((count, 2))
@@ -262,7 +263,7 @@ class GoToTask:
         rng: np.random.Generator,
         options: Mapping[str, Any] | None = None,
     ) -> None:
-        """Place a robot at a start, and give it a goal.
+        """Place a robot at a start, and set its goal.
 
         Args:
             row: Index of the robot.
@@ -314,7 +315,8 @@ class GoToTask:
         touched = self.arena.drive(actions)
         self.steps += 1
         x, y, yaw = (self.arena.poses - poses).T
-        # The chord of an arc has the mean of the first and the last heading.
+        # The chord of an arc points in the mean direction of the first and the last
+        # heading.
         heading = poses[:, 2] + yaw / 2
         forward = x * np.cos(heading) + y * np.sin(heading)
         # The difference of two headings is wrapped to -pi to pi.
@@ -323,7 +325,7 @@ class GoToTask:
         speeds = np.column_stack([forward, turned]) / self.settings.decision_period
         self._speeds = np.clip(speeds / limits, -1.0, 1.0)
         distances = np.hypot(*(self.goals - self.arena.poses[:, :2]).T)
-        # The transition needs its own array, as ``reset`` changes ``self.distances``.
+        # ``reset`` changes ``self.distances``, so the transition needs its own array.
         self.distances = distances.copy()
         reached = distances <= GOAL_RADIUS
         return Transition(actions, before, distances, touched, reached)
@@ -342,8 +344,8 @@ class GoToTask:
         x, y, yaw = self.arena.poses.T
         bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
         distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
-        # Cosine and sine are continuous, whereas the angle jumps by 2 pi behind the
-        # robot.
+        # The angle jumps by 2 pi behind the robot, whereas its cosine and sine are
+        # continuous.
         goal = np.column_stack([distance, np.cos(bearing), np.sin(bearing)])
         return {
             "ranges": np.clip(
@@ -355,7 +357,7 @@ class GoToTask:
         }
 
     def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:
-        """Return whether each episode is terminated, and truncated, both (N,)."""
+        """Return two arrays, (N,): whether episodes are terminated and truncated."""
         terminated = transition.reached.copy()
         if self.settings.ends_at_collision:
             terminated |= transition.touched

@@ -1,4 +1,4 @@
-"""A PettingZoo environment: several robots that see and touch each other."""
+"""A PettingZoo environment: several robots that detect and touch each other."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar, TypeAlias
@@ -85,7 +85,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         if seed is not None:
             self._rngs = [np_random(seed + row)[0] for row in range(len(self._rows))]
         self.agents = list(self.possible_agents)
-        # New positions must not depend on robots of the last episode.
+        # Robots of the last episode are removed, so that they do not restrict new
+        # positions.
         for row in range(len(self._rows)):
             self.task.arena.take_out(row)
         for row in range(len(self._rows)):
@@ -98,7 +99,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
     def step(
         self, actions: Mapping[str, NDArray[np.float32]]
     ) -> tuple[dict[str, Observation], _Rows, _Rows, _Rows, _Rows]:
-        """Drive all robots that are left for a decision period.
+        """Drive all robots whose episodes have not ended for a decision period.
 
         Args:
             actions: Speeds of the left and right wheels of each robot, -1 to 1.
@@ -115,8 +116,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         transition = self.task.drive(speeds)
         rewards = self.task.settings.reward(transition)
         terminated, truncated = self.task.ended(transition)
-        # Robots observe before they are removed: the last step of an episode returns
-        # its last observation.
+        # Robots observe before they are removed, so the last step of an episode returns
+        # an observation.
         observations = self._observe(agents)
         ended = terminated | truncated
         for agent in agents:

@@ -28,7 +28,7 @@ _DPI = 100
 
 
 class Picture:
-    """Draws the robots and goals of a task from above, over the plan of the scene."""
+    """Draws the robots and goals of a task from above, on the plan of the scene."""
 
     def __init__(self, task: GoToTask, render_mode: str | None) -> None:
         """Open the window of render mode ``human``.
@@ -65,10 +65,11 @@ class Picture:
         return axes
 
     def draw(self, rows: Sequence[int]) -> NDArray[np.uint8] | None:
-        """Draw some robots with their goals: show it, or return an image, (H, W, 3)."""
+        """Draw some robots and goals; show them, or return an image, (H, W, 3)."""
         if not self._has_pictures:
             return None
-        # The plan is kept, as drawing it takes most of the time.
+        # Drawing the plan takes most of the time, so only robots and goals are drawn
+        # again.
         for artist in self._drawn:
             artist.remove()
         robot, axes = self._task.settings.robot, self._axes
@@ -83,7 +84,7 @@ class Picture:
             self._window.refresh()
             return None
         data, (width, height) = self._canvas.print_to_buffer()  # type: ignore[no-untyped-call]
-        # It is a copy, as the next picture is drawn into the same buffer.
+        # The image is copied, because the next picture is drawn into the same buffer.
         return np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
 
     def close(self) -> None:

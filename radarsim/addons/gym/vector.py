@@ -1,4 +1,4 @@
-"""A vectorized environment: many robots in one scene, which do not meet."""
+"""A vectorized environment: many robots in one scene that ignore each other."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -130,10 +130,10 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             rewards[rows] = task.settings.reward(transition)
             touched[rows] = transition.touched
             terminated[rows], truncated[rows] = task.ended(transition)
-            # The reset follows the drive, in which ended robots have the action 0.
+            # Ended robots have driven with the action 0, and are reset after the drive.
             for k in np.flatnonzero(again[rows]).tolist():
                 task.reset(k, self._rngs[rows[k]])
-        # Gymnasium requires these values of a step that only resets.
+        # Gymnasium requires zeros for environments whose step only resets them.
         for column in (rewards, touched, terminated, truncated):
             column[again] = 0
         self._ended = terminated | truncated
@@ -176,7 +176,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return list(seed)
 
     def _observe(self, mask: NDArray[np.bool_]) -> Observations:
-        """Return the observations of all environments; update those in the mask."""
+        """Return the observations of all environments, with new ones in the mask."""
         for task, rows in zip(self._tasks, self._rows, strict=False):
             chosen = mask[rows]
             if not chosen.any():  # no environment of this map
@@ -189,7 +189,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return {name: values.copy() for name, values in self._observations.items()}
 
     def _infos(self, touched: NDArray[np.bool_], mask: NDArray[np.bool_]) -> Infos:
-        """Return ``info`` of the environments in the mask, and 0 for the others."""
+        """Return ``info`` of the environments in the mask, with 0 for all others."""
         distances, poses = np.zeros(self.num_envs), np.zeros((self.num_envs, 3))
         for task, rows in zip(self._tasks, self._rows, strict=False):
             distances[rows], poses[rows] = task.distances, task.arena.poses

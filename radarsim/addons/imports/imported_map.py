@@ -92,7 +92,7 @@ class ImportedMap:
         return 2 * self._left_out.total() > self.models
 
     def summary(self) -> str:
-        """Return a summary of the models, by reason, and other parts left out."""
+        """Return how many models, by reason, and how many other parts are left out."""
         text = f"{self._left_out.total()} of {self.models} models left out"
         reasons = self._left_out.most_common()
         shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]

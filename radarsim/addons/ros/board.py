@@ -37,7 +37,7 @@ class Board:
     """
 
     def __init__(self, protocol: "type[BoardClient]") -> None:
-        """Begin without topics."""
+        """Create a board without topics."""
         self.protocol = protocol
         self.types: dict[str, str] = {}
         self.drivers: dict[str, DriveCallback] = {}
@@ -46,7 +46,7 @@ class Board:
         self._encoded: dict[str, Any] = {}  # latched messages, encoded on demand
 
     def add(self, message: TopicMessage, wanted: bool) -> Any:
-        """Store a message; return it encoded if ``wanted``, else None."""
+        """Store a message; return the encoded message if ``wanted``, else None."""
         topic = message.topic
         self.types[topic] = message.type
         if topic == CLOCK:
@@ -54,11 +54,12 @@ class Board:
         if message.latched:
             self._latched[topic] = message
             self._encoded.pop(topic, None)
-        # It is encoded once for all clients, as encoding the arrays of scans is slow.
+        # Encoding the arrays of scans is slow, so a message is encoded once for all
+        # clients.
         return self.protocol.encode(message) if wanted else None
 
     def latched(self, topic: str) -> Any:
-        """Return the last message of a latched topic, encoded; None without one."""
+        """Return the encoded last message of a latched topic, or None without one."""
         if topic in self._latched and topic not in self._encoded:
             self._encoded[topic] = self.protocol.encode(self._latched[topic])
         return self._encoded.get(topic)
@@ -67,7 +68,7 @@ class Board:
         """Return the function that executes the velocity commands on a topic.
 
         Raises:
-            ValueError: If no robot follows this topic.
+            ValueError: If no robot is driven by this topic.
         """
         if topic not in self.drivers:
             known = ", ".join(self.drivers) or "none, see --robot"
@@ -76,7 +77,7 @@ class Board:
 
 
 class BoardClient:
-    """One client: its subscriptions, and the messages that wait for it.
+    """One client: its subscriptions, and the messages that wait to be sent to it.
 
     Attributes:
         name: Name of the protocol, for display.
@@ -89,11 +90,11 @@ class BoardClient:
     subprotocols: tuple[str, ...] = ()
 
     def __init__(self, board: Board) -> None:
-        """Begin without subscriptions."""
+        """Create a client without subscriptions."""
         self.waiting: deque[Any] = deque()
         self.handlers: Mapping[str, Callable[[Json], object]] = {}
         self._board = board
-        # Shortest intervals between messages, s, by topic and id of the subscription.
+        # Shortest time between two messages, s, by topic and id of the subscription.
         self._subscriptions: dict[str, dict[str | int, float]] = {}
 
     @staticmethod
@@ -124,7 +125,7 @@ class BoardClient:
         """Queue a message that announces a new topic."""
 
     def receive(self, data: str | bytes) -> None:
-        """Execute a message of the client; answer an error by a status."""
+        """Execute a message of the client; queue a status if it fails."""
         try:
             self._take(data)
         except WRONG as error:
@@ -137,7 +138,7 @@ class BoardClient:
 
     def _add_subscription(self, topic: str, key: str | int, interval: float) -> Any:
         """Subscribe, and return the last message of a latched topic, encoded."""
-        # The limit protects the memory from clients that subscribe endlessly.
+        # The limit bounds the memory if a client subscribes endlessly.
         if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
             raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
         self._subscriptions.setdefault(topic, {})[key] = interval

@@ -46,8 +46,8 @@ from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.images import ImageType
 from radarsim.protocol.reports import ClockTick, CommandError, Report
 
-# Recorded bytes serve only to repeat a recorded run. The clock of the converter is not
-# published, as the server reports the time in every tick.
+# Recorded bytes are needed only to repeat a run. The server reports the time of every
+# tick, so the converter's clock is not published.
 UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
 TWIST: Final = "geometry_msgs/msg/Twist"  # type of ``cmd_vel``
 MAP_INTERVAL: Final = 1.0  # s of simulated time between two maps
@@ -58,7 +58,7 @@ SPAWN_TIMEOUT: Final = 120.0  # s; the server may be busy
 LARGEST_PICTURE: Final = 2**26  # bytes
 QUALITY: Final = 75  # percent; JPEG quality of pictures
 
-# Called with a forward speed, m/s, and a turn rate, rad/s.
+# A function that is called with a forward speed, m/s, and a turn rate, rad/s.
 DriveCallback: TypeAlias = Callable[[float, float], None]
 
 
@@ -76,7 +76,7 @@ class RosSide(Protocol):
 
 
 class LiveTopics:
-    """Publishes all robots of a server as topics, with the names of a recording."""
+    """Publishes all robots of a server as topics, named as in recordings."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ class LiveTopics:
         drive_unit: DriveUnit,
         options: TopicOptions,
     ) -> None:
-        """Begin without robots.
+        """Create topics without robots.
 
         Args:
             publish: Called with each message.
@@ -129,13 +129,13 @@ async def publish_map(
     *,
     echoes: bool,
 ) -> None:
-    """Map a robot of radarsim with its first scanner; start again if it leaves.
+    """Map with a robot's first scanner; begin a new map when the robot joins again.
 
     Args:
         server: Host and port of the server.
         robot: Name of the robot, which may join later.
         publish: Called with each message, in the thread of this coroutine.
-        echoes: Whether its scanners send their echoes.
+        echoes: Whether the robot's scanners send their echoes.
 
     Raises:
         ClientError: If the connection is lost.
@@ -144,7 +144,7 @@ async def publish_map(
     loop = asyncio.get_running_loop()
     plan = ExplorationPlan(resolution=MAP_RESOLUTION, echoes=echoes)
     while True:
-        # A robot that joins again may be anywhere, so it gets a new map.
+        # A robot that joins again may be at any position, so a new map is started.
         follower = WatchMapper(plan)
         due = -math.inf
 
@@ -155,22 +155,23 @@ async def publish_map(
             time = mapper.trajectory.times[-1]
             if time >= due:
                 due = time + MAP_INTERVAL
-                # This runs in the thread of the map, and topics belong to the loop.
+                # This runs in the mapping thread, but topics may only be used in the
+                # event loop.
                 message = occupancy_grid(time, *sensed_map(mapper.grid))
                 loop.call_soon_threadsafe(publish, message)
 
         follower.on_scan = publish_now
         watcher = RobotWatcher(server, robot, echoes=echoes)
-        # The bridge can end without waiting for a daemon thread.
+        # A daemon thread does not prevent the bridge from ending.
         if await in_daemon_thread(follower.watch, watcher):
             raise ClientError(follower.error)
 
 
 class Driver:
-    """Drives the robot of a bridge by velocity commands."""
+    """Drives the robot that the bridge has spawned by velocity commands."""
 
     def __init__(self, client: AsyncClient, robot: RobotInfo) -> None:
-        """Take over a robot that is spawned.
+        """Take over a robot that is spawned already.
 
         Args:
             client: The client of the robot.
@@ -204,13 +205,14 @@ class Driver:
     async def _drive(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
-            # A program that loses its connection cannot send a stop, so the robot stops
-            # without commands.
+            # A program that has lost its connection cannot send a stop, so the robot
+            # stops if no command arrives in time.
             if self._moves and loop.time() - self._last > DEAD_MAN:
                 self._wanted = 0.0, 0.0
             if self._wanted is not None:
                 speed, turn = self._wanted
-                # Commands may arrive faster than this loop; the newest is sent.
+                # Commands may arrive faster than this loop runs, so only the newest one
+                # is sent.
                 self._wanted, self._moves = None, (speed, turn) != (0.0, 0.0)
                 await self._client.drive(*self._robot.wheel_speeds(speed, turn))
             await asyncio.sleep(CHECK_INTERVAL)
@@ -283,14 +285,14 @@ async def read_pictures(
 
 
 def load_shown(options: TopicOptions) -> list[TopicMessage]:
-    """Return the messages that show the map of ``--draw``.
+    """Return the messages that show the map of the option ``--draw``.
 
     Raises:
         MapError: If the map is wrong.
     """
     if options.draw is None:
         return []
-    # These imports are slow, and only needed to draw a map.
+    # These imports are slow, and only drawing a map needs them.
     from radarsim.addons.recording.scene_topics import scene_topics  # noqa: PLC0415
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
@@ -328,7 +330,7 @@ async def run_bridge(
         await stack.enter_async_context(watcher)
         watcher.session.reads_copies = False  # the converter reads them
         await watcher.greeting()
-        # Echoes are optional, as they take several times as many bytes as scans.
+        # Echoes are optional, because they take several times as many bytes as scans.
         await watcher.watch(echoes=options.echoes, clock=True)
         driving = []
         if robot_class is not None:

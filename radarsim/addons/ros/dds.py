@@ -34,7 +34,7 @@ _CONFIG: Final = """<CycloneDDS><Domain>
 </General>
 <Discovery>{discovery}</Discovery>
 </Domain></CycloneDDS>"""
-# Loopback has no multicast, so participants are found by unicast at their ports.
+# The loopback interface has no multicast, so participants find each other by unicast.
 _LOCAL: Final = (
     "<ParticipantIndex>auto</ParticipantIndex>"
     '<Peers><Peer address="127.0.0.1"/></Peers>'
@@ -76,7 +76,8 @@ class DdsParticipant:
             place = Topic(self._participant, f"rt{topic}", type_)
             quality = _quality(latched=message.latched)
             self._writers[topic] = DataWriter(self._participant, place, quality)
-        # The constructor would require all fields, but only the encoded bytes are read.
+        # The constructor would require all fields, but only the attribute ``encoded``
+        # is used.
         sample = type_.__new__(type_)
         sample.encoded = encode(message)
         self._writers[topic].write(sample)
@@ -91,7 +92,8 @@ class DdsParticipant:
         """See ``RosSide.run``."""
         while True:
             for reader, take in self._readers:
-                # Readers are polled, as listeners of cyclonedds run in another thread.
+                # Readers are polled, because listeners of cyclonedds are called in
+                # another thread.
                 for twist in reader.take(DEPTH):
                     if hasattr(twist, "linear"):  # otherwise a writer has left
                         take(twist.linear.x, twist.angular.z)
@@ -104,13 +106,13 @@ def _struct_of(type_: str) -> Any:  # a class whose objects get other attributes
     package, _, name = type_.partition("/msg/")
     fields = {name: _annotation(desc) for name, desc in typestore().fielddefs[type_][1]}
     struct = make_idl_struct(f"{name}_", f"{package}::msg::dds_::{name}_", fields)
-    # Messages are encoded as for bags; cyclonedds only sends the bytes.
+    # Messages are encoded as for bags, and cyclonedds only sends the encoded bytes.
     struct.serialize = lambda sample, **_: sample.encoded  # type: ignore[method-assign]
     return struct
 
 
 def _annotation(described: FieldDesc) -> Any:  # a class, or an array of cyclonedds
-    """Return the cyclonedds type of a field that rosbags describes."""
+    """Return the cyclonedds type for a field that is described by rosbags."""
     match described:
         case Nodetype.NAME, str(name):
             return _struct_of(name)

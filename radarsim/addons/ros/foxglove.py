@@ -38,7 +38,7 @@ _INFO: Final = {
     "name": "radarsim",
     "capabilities": ["clientPublish", "time"],
     "supportedEncodings": ["cdr", "json"],
-    # Clients publish ROS messages only if they know the distribution.
+    # Clients publish ROS messages only if the server names the ROS distribution.
     "metadata": {"ROS_DISTRO": "jazzy"},
 }
 
@@ -79,7 +79,7 @@ class FoxgloveClient(BoardClient):
         return now
 
     def wants(self, topic: str) -> bool:
-        """See ``BoardClient.wants``; all clients are sent the clock."""
+        """See ``BoardClient.wants``; every client receives the clock."""
         return topic == CLOCK or bool(self._subscriptions.get(topic))
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
@@ -106,7 +106,7 @@ class FoxgloveClient(BoardClient):
 
     def _announce(self, topics: list[str]) -> None:
         types = self._board.types
-        # The id of a topic is its position in the list of types, from 1.
+        # The id of a channel is the position of its topic in ``types``, counted from 1.
         channels = [
             {
                 "id": 1 + list(types).index(topic),
@@ -121,7 +121,7 @@ class FoxgloveClient(BoardClient):
         self.waiting.append(json.dumps({"op": "advertise", "channels": channels}))
 
     def _queue(self, data: bytes) -> None:
-        """Queue binary data; if too much waits, drop the oldest data, but no texts."""
+        """Queue binary data; if too much waits, drop the oldest, but keep all texts."""
         self.waiting.append(data)
         if len(self.waiting) > MOST_WAITING * (1 + len(self._subscriptions)):
             oldest = next(
@@ -146,8 +146,8 @@ class FoxgloveClient(BoardClient):
             self._subscriptions[topic] = {n: 0.0 for n in numbers if n not in gone}
 
     def _advertise(self, message: Json) -> None:
-        # Topics without a driver are accepted, as panels advertise all that they may
-        # publish.
+        # Topics without a robot are accepted, because panels advertise all topics that
+        # they may publish.
         for each in message["channels"]:
             if len(self._own) >= MOST_ENTRIES:
                 raise ValueError(f"expected at most {MOST_ENTRIES} topics")

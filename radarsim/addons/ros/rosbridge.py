@@ -51,7 +51,7 @@ def message_json(message: TopicMessage) -> str:
 
 
 def _id_of(message: Json) -> str:
-    """Return the id of a subscription as JSON text, which distinguishes 1 and "1"."""
+    """Return a subscription's id as JSON text, which keeps 1 and "1" distinct."""
     text = json.dumps(message.get("id"))
     if len(text) > LONGEST_NAME:
         raise ValueError(f"an id of {len(text)} characters, expected {LONGEST_NAME}")
@@ -99,7 +99,7 @@ class RosbridgeClient(BoardClient):
             "rosapi/nodes": lambda _: {"nodes": ["/radarsim"]},
             "rosapi/services": lambda _: {"services": []},
             "rosapi/get_param_names": lambda _: {"names": []},
-            # The versions of rosapi have two names for this service.
+            # This service has different names in the versions of rosapi.
             **dict.fromkeys(
                 ("rosapi/time", "rosapi/get_time"), lambda _: {"time": self._time}
             ),
@@ -107,17 +107,17 @@ class RosbridgeClient(BoardClient):
 
     @property
     def _all_types(self) -> dict[str, str]:
-        """Types of published topics and of topics for velocity commands, by name."""
+        """Message types by topic, including the topics for velocity commands."""
         return dict.fromkeys(self._board.drivers, TWIST) | self._board.types
 
     @property
     def _time(self) -> Json:
-        """Simulated time with the field names of ROS 2 and, for roslibpy, of ROS 1."""
+        """Simulated time with the field names of ROS 2, and of ROS 1 for roslibpy."""
         sec, nanosec = self._board.now.sec, self._board.now.nanosec
         return {"sec": sec, "nanosec": nanosec, "secs": sec, "nsecs": nanosec}
 
     def offer(self, topic: str, data: Any, now: float) -> None:
-        """See ``BoardClient.offer``; messages within the throttle rate are skipped."""
+        """See ``BoardClient.offer``; the throttle rate may skip the message."""
         interval = min(self._subscriptions[topic].values())
         if now - self._last.get(topic, -math.inf) < interval:
             return
@@ -128,7 +128,7 @@ class RosbridgeClient(BoardClient):
         self.waiting.append(
             f'{{"op": "publish", "topic": {json.dumps(topic)}, "msg": {text}}}'
         )
-        # All topics share a queue, as clients expect messages in order of time.
+        # All topics share one queue, because clients expect messages in order of time.
         while len(self.waiting) > MOST_WAITING * max(1, len(self._subscriptions)):
             self.waiting.popleft()
 

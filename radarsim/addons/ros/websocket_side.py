@@ -81,15 +81,16 @@ class WebSocketSide:
             )
             serving = asyncio.ensure_future(server.serve([listening]))
             try:
-                # Cancellation must not reach the server, which closes its connections
-                # after it is asked to exit below.
+                # The server must not be cancelled. It is asked to exit below, and then
+                # closes its connections.
                 await asyncio.shield(serving)
             finally:
                 server.should_exit = True
                 await asyncio.wait({serving})
 
     async def _serve(self, socket: WebSocket) -> None:
-        # A page of another site may connect only if its origin is listed or trusted.
+        # A page of another site may connect only if the origin of the page is listed or
+        # trusted.
         origin = socket.headers.get("origin", "").lower()
         is_named = origin in self._origins or self._board.protocol.trusts(origin)
         if not is_named and not self._allowed.admit(socket.headers, needs_origin=False):
@@ -103,8 +104,8 @@ class WebSocketSide:
         news.set()
 
         async def hear() -> None:
-            # The queue drops old messages of topics, but no answers to calls. If too
-            # many answers wait, the connection ends.
+            # The queue drops old messages of topics, but never answers to service
+            # calls. If too many answers wait, the connection is closed.
             while len(client.waiting) < MOST_ANSWERS:
                 message = await socket.receive()
                 if message["type"] == "websocket.disconnect":

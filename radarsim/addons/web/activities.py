@@ -53,7 +53,7 @@ class Activities:
     def __init__(
         self, robots: Robots, viewers: Viewers, on_change: Callable[[], None]
     ) -> None:
-        """Begin without tasks and maps; call it in the event loop.
+        """Create an object without tasks and maps; call it in the event loop.
 
         Args:
             robots: The robots.
@@ -82,7 +82,8 @@ class Activities:
         """Begin to drive a robot to a goal.
 
         Raises:
-            BadRequest: If the robot cannot, or the goal is too close to an obstacle.
+            BadRequest: If the robot cannot drive there, or the goal is too close to an
+                obstacle.
         """
         from radarsim.addons.web.algorithms import drive_to_goal  # noqa: PLC0415
 
@@ -102,7 +103,8 @@ class Activities:
         name = request.robot
         colours = self._colours.get(name, DEFAULT_COLOURS)
         self._begin("explore", name, partial(explore, request, colours))
-        # The old map ends after this, as a refused task leaves it unchanged.
+        # The old map ends only now, because a refused task has to leave the map
+        # unchanged.
         self._stop_map(name)
 
     def cancel(self, request: Cancel) -> None:
@@ -165,11 +167,11 @@ class Activities:
 
     @property
     def _wanted_distance(self) -> float | None:
-        """Safety distance of the map, m; None for the least that suits the robot."""
+        """Safety distance of the map, m; None for the smallest that suits the robot."""
         return None if self.scene is None else self.scene.safety_distance
 
     def _check_goal(self, robot: OwnRobot, goal: tuple[float, float]) -> None:
-        """Check that a goal is far enough from obstacles to be reached.
+        """Check that a goal is at least the safety distance away from obstacles.
 
         Raises:
             BadRequest: If the goal is too close to an obstacle.
@@ -185,7 +187,7 @@ class Activities:
             )
 
     def _begin(self, kind: str, robot: str, work: Work, text: str = "") -> None:
-        """Begin a task, and cancel the task that the robot has, if any.
+        """Begin a task of a robot, and cancel the task that the robot has had before.
 
         Args:
             kind: Kind of the task, such as ``goto``.
@@ -200,7 +202,8 @@ class Activities:
         if own.refusal is not None:
             raise BadRequest(f"{robot!r} cannot drive by itself: {own.refusal}")
         self.stop(robot)
-        # Threads of cancelled tasks count: they run until they next read or drive.
+        # The threads of cancelled tasks count as well, as they run until their next
+        # call of the client.
         if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, which is the limit")
         self._count += 1
@@ -261,7 +264,8 @@ class Activities:
         if op == "task":  # frames contain the driver
             self._on_change()
         text = encode_json(message)
-        # A thread may send a message about a robot that was removed meanwhile.
+        # A thread may send a message about a robot that has been removed in the
+        # meantime.
         if robot in self._robots.views:
             self.newest[op, robot] = text
         self._viewers.broadcast(text, (op, robot, message.get("id")))

@@ -49,7 +49,7 @@ HERE: Final = Pose2(0.0, 0.0)  # not used, as the robot is spawned already
 
 
 def _every(interval: float) -> Callable[[], bool]:
-    """Return a function that returns True at most once in each interval, s."""
+    """Return a function that returns True at most once per interval of wall time, s."""
     due = -math.inf
 
     def is_due() -> bool:
@@ -70,7 +70,7 @@ def drive_to_goal(
 
     Args:
         request: Algorithm and goal.
-        safety_distance: m; None for the least distance that suits the robot.
+        safety_distance: m; None for the smallest distance that suits the robot.
         client: The client of the robot.
         send: Called with messages.
 
@@ -104,7 +104,7 @@ def drive_to_goal(
     try:
         result = run_mission(client, mission, observe)
     finally:
-        # The last path is also sent if the drive fails.
+        # Send the latest path even if the drive fails.
         send_path()
     if result.outcome != "reached":
         no_path = result.outcome == "no_path"
@@ -158,7 +158,7 @@ def describe_path(robot: str, path: Floats) -> dict[str, Any]:
         path: Points, (N, 2) or more columns; x and y in m, map frame.
     """
     step = max(1, math.ceil(len(path) / MOST_POINTS))
-    # The last point is always kept, as it is the position of the robot.
+    # The last point is always kept, because it is the position of the robot.
     last = path[-1:] if len(path) and (len(path) - 1) % step else path[:0]
     points = np.concatenate([path[::step], last])[:, :2]
     return {
@@ -193,7 +193,7 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
         pixels = SHADES[grid.classes()[rows, columns]]
         legend = [[*each] for each in CELLS.values()]
     data = io.BytesIO()
-    # The first row of a picture is its top, the first row of a map its south.
+    # The first row of a picture is at the top, the first row of a map in the south.
     Image.fromarray(np.flip(pixels, axis=0)).save(data, "png")
     height, width = pixels.shape[:2]
     return {
@@ -244,7 +244,8 @@ class MapMaker:
             robot_radius=min(robot.size) / 2,
             clock=time.monotonic,
         )
-        # None ends the thread. Reports may arrive faster than it maps them.
+        # None ends the thread. A queue is needed, as reports may arrive faster than the
+        # mapper processes them.
         self._reports: queue.Queue[Report | None] = queue.Queue()
         robot.listeners.append(self._take)
         threading.Thread(target=self._run, daemon=True).start()
@@ -273,7 +274,7 @@ class MapMaker:
 
 
 def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
-    """Return the scanner of a name, or else the first radar, or the first scanner."""
+    """Return the named scanner; without a name, the first radar, or any scanner."""
     seen = [each.scan for each in robot.scans.values()]
     if name is not None:
         seen = [scan for scan in seen if same_name(scan.name, name)]

@@ -257,7 +257,7 @@ class CommanderExtension(ServeExtension):
         self._is_stopping = False
 
     def open(self) -> None:
-        """Start the process, which imports its modules while the map is loaded.
+        """Start the process, so that it imports its modules while the map is loaded.
 
         Raises:
             ServerError: If the process cannot be started.
@@ -277,7 +277,7 @@ class CommanderExtension(ServeExtension):
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
 
     def follow_pace(self, pace: Pace) -> None:
-        """Let browsers change the speed of the simulation, and send them changes."""
+        """Let browsers change the speed of the simulation, and report all changes."""
         self._pace = pace
         pace.observers.append(self._send_pace)
 
@@ -286,7 +286,7 @@ class CommanderExtension(ServeExtension):
         self._loop = asyncio.get_running_loop()
 
     async def stop(self) -> None:
-        """End the process before the server, so that it does not try to reconnect."""
+        """End the process before the server, so that no reconnection is tried."""
         await asyncio.to_thread(self.close)
 
     def announce(self, address: tuple[str, int]) -> None:
@@ -307,7 +307,7 @@ class CommanderExtension(ServeExtension):
                 self._process.stdin.flush()
 
     def _change_pace(self, request: str) -> None:
-        """Change the speed, as a browser asks; call it in the server's event loop."""
+        """Change the speed for a browser; call it in the server's event loop."""
         assert self._pace is not None  # the server starts before its page
         self._pace.change(**json.loads(request))
 
@@ -328,7 +328,7 @@ class CommanderExtension(ServeExtension):
     def _watch(self, process: subprocess.Popen[str]) -> None:
         """Forward the output and the requests of the process, and report its end.
 
-        The server continues without it.
+        The server continues without the process.
         """
         assert process.stdout is not None
         for line in process.stdout:

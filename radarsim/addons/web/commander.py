@@ -114,7 +114,7 @@ class Commander:
         self._send_server(viewer)
         for text in self._activities.newest.values():
             viewer.send(text)
-        # The browser acknowledges this frame and is sent the next ones then.
+        # The browser acknowledges this frame, and then receives further frames.
         self._viewers.send_frame(viewer)
         return viewer
 
@@ -122,7 +122,7 @@ class Commander:
         """Remove a browser, and stop the robots that it drives."""
         self._viewers.remove(viewer)
         self._watch()
-        # No browser repeats the drive command any more.
+        # The browser no longer repeats the drive commands of these robots.
         for robot in self._robots.own.values():
             if robot.driver == viewer.name:
                 robot.release()
@@ -166,7 +166,7 @@ class Commander:
 
     def _set(self, _: Viewer, request: Setting) -> None:
         robot = self._robots.find_own(request.robot)
-        # Only radarsim servers can be watched, and only they have settings.
+        # Only radarsim servers can be watched, and only radarsim servers have settings.
         if not self._link.state.watches:
             raise BadRequest("this server changes no settings")
         scanner, value = self._robots.find(robot.name).change_setting(request)
@@ -181,7 +181,7 @@ class Commander:
     # Messages to browsers
 
     def _greet(self, viewer: Viewer) -> None:
-        """Send the state of the server, and the lists of classes and settings."""
+        """Send a browser the server's state, and the lists of classes and settings."""
         state, scene = self._link.state, self._activities.scene
         greeting = {
             "op": "hello",
@@ -219,7 +219,7 @@ class Commander:
         self._viewers.update()
 
     def _watch(self) -> None:
-        """Ask the server for the robots and echoes that pages and maps need now."""
+        """Ask the server for the reports and echoes that pages and maps need now."""
         looking = [viewer for viewer in self._viewers if viewer.is_looking]
         mapped = self._activities.mapped
         if looking or mapped:
@@ -234,7 +234,7 @@ class Commander:
     def _server_changed(self) -> None:
         state = self._link.state
         was_lost, self._is_lost = self._is_lost, bool(state.problem)
-        # The server may have been started again with another map.
+        # The server may have been restarted with another map.
         self._robots.starts = state.starts
         if state.problem:
             self._robots.forget_others()
@@ -243,12 +243,13 @@ class Commander:
         for viewer in self._viewers:
             self._greet(viewer)
             self._send_server(viewer)
-        # It follows the greetings, as the page is shown again when it arrives.
+        # This message comes last, because the page is shown again when the message
+        # arrives.
         if was_lost:
             self._viewers.broadcast({"op": "found"}, "server")
 
     def _send_server(self, viewer: Viewer) -> None:
-        """Send a browser the reason if the server is lost, or refuses to be watched."""
+        """If the server is lost or refuses to be watched, send a browser the reason."""
         state = self._link.state
         if state.problem:
             viewer.send({"op": "lost", "text": state.problem}, "server")

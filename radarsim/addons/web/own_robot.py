@@ -33,10 +33,10 @@ class OwnRobot:
     """One robot and its connection.
 
     Attributes:
-        name: Name under which it was spawned.
+        name: Name under which the robot was spawned.
         info: Dimensions, limits and scanners.
-        refusal: Why it cannot drive to a goal or explore; None if it can.
-        driver: Name of the viewer that drives it; None for none.
+        refusal: Why the robot cannot drive to a goal or explore; None if it can.
+        driver: Name of the viewer that drives the robot; None for none.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class OwnRobot:
         on_driver: Callable[["OwnRobot"], None],
         on_reports: Callable[["OwnRobot", Sequence[Report]], None],
     ) -> None:
-        """Take over a connection whose robot is spawned.
+        """Take over the connection of a robot that is spawned already.
 
         Args:
             client: The connection; ``close`` closes it.
@@ -72,16 +72,17 @@ class OwnRobot:
         self._wake = asyncio.Event()
 
     async def run(self) -> None:
-        """Pass on reports, and send commands, until the connection ends.
+        """Forward reports and send commands until the connection ends.
 
         Raises:
             ClientError: If the server closes the connection, or stops reading.
         """
-        # Sending fails if the server stops reading, reading fails if it is gone.
+        # ``_send`` fails if the server stops reading, and ``_read`` if the server is
+        # gone.
         await first_of(self._read(), self._send())
 
     def leave_sensors(self, on: bool) -> None:
-        """Ignore sensor lines while no task reads them, if ``on``; else read all."""
+        """If ``on``, ignore sensor lines while no task reads them; else read all."""
         # While all robots are watched, each line arrives twice; parsing both copies
         # would take most of the commander's time.
         self._are_sensors_left = on
@@ -128,7 +129,7 @@ class OwnRobot:
         self._set_driver(None)
 
     def set_wheels(self, left: float, right: float) -> None:
-        """Set wheel speeds in the server's unit; send them if they change, or are 0."""
+        """Set wheel speeds, and send the speeds if they are new or if both are 0."""
         # For safety, a stop is sent even if the speeds are 0 already.
         if (left, right) != self._wheels or not (left or right):
             self._wheels = (left, right)
@@ -136,7 +137,8 @@ class OwnRobot:
 
     def change_setting(self, scanner: str, key: str, value: object) -> None:
         """Change a setting of a scanner from its next scan on."""
-        # It does not wait for an answer: a refusal arrives with the reports.
+        # The call does not wait for an answer, because a refusal arrives with the
+        # reports.
         data = questions.change_settings(scanner, {key: value})
         self._post((scanner, key), lambda: self._client.send(data))
 
@@ -155,8 +157,9 @@ class OwnRobot:
             self._on_driver(self)
 
     def _post(self, subject: object, send: Callable[[], Awaitable[None]]) -> None:
-        """Queue a command; it replaces one of the same subject that still waits."""
-        # A server that reads slowly gets the newest command, and no outdated ones.
+        """Queue a command; it replaces a waiting command with the same subject."""
+        # Replacing a waiting command sends only the newest one to a server that reads
+        # slowly.
         self._outbox.pop(subject, None)
         self._outbox[subject] = send
         self._wake.set()
@@ -195,12 +198,12 @@ def find_refusal(robot: RobotInfo) -> str | None:
 class TaskClock:
     """The clock of tasks, in simulated time.
 
-    It stops while the simulation is paused, so that waiting for a scan does not time
-    out then. It is safe to read it from any thread.
+    The clock stops while the simulation is paused, so that waiting for a scan does not
+    time out. Any thread may read the clock.
     """
 
     def __init__(self) -> None:
-        """Start at 0 s, at the rate of the wall clock."""
+        """Start at 0 s, at the speed of the wall clock."""
         self._since = (time.monotonic(), 0.0, 1.0)  # wall clock s, own time s, rate
 
     def time(self) -> float:
@@ -227,7 +230,7 @@ class RobotClient(Client):
     def __init__(
         self, robot: OwnRobot, kind: str, number: int, clock: TaskClock
     ) -> None:
-        """Receive the reports of a robot from now on; call it in the event loop.
+        """Receive the robot's reports from now on; call it in the event loop.
 
         Args:
             robot: The robot.
@@ -235,7 +238,7 @@ class RobotClient(Client):
             number: Number of the task.
             clock: Clock for timeouts.
         """
-        # ``Client`` uses only the clock of its connection here.
+        # Here, ``Client`` only uses the clock of its connection, so a clock is enough.
         super().__init__(clock)  # type: ignore[arg-type]
         self.robot, self.kind, self.number = robot, kind, number
         self._loop = asyncio.get_running_loop()
@@ -244,7 +247,7 @@ class RobotClient(Client):
         robot.read_by(self._take)
 
     def cancel(self) -> None:
-        """Make every call raise, even one that waits; call it in the event loop."""
+        """Make all calls raise, even a waiting one; call this in the event loop."""
         self._is_cancelled = True
         self._reports.put(())  # wakes up the thread
         self.robot.read_by(None)
@@ -267,7 +270,8 @@ class RobotClient(Client):
 
     def stop(self) -> bool:
         """See ``Client.stop``; a cancelled client does nothing."""
-        # It does not raise: a cancelled algorithm calls it while it ends.
+        # A cancelled algorithm calls ``stop`` while it ends, so ``stop`` does not
+        # raise.
         self._call(self._set_wheels, 0.0, 0.0)
         return True
 
@@ -292,7 +296,8 @@ class RobotClient(Client):
     def _set_wheels(self, left: float, right: float) -> None:
         """Set wheel speeds, unless the task is cancelled; runs in the event loop."""
         if not self._is_cancelled:
-            # A viewer may have taken over while this call waited in the event loop.
+            # A viewer may have started to drive while this call waited in the event
+            # loop.
             self.robot.set_wheels(left, right)
 
     def _check(self) -> None:

@@ -1,4 +1,4 @@
-"""Plays a recording to the commander, in place of a server.
+"""Plays a recording to the commander, as a replacement for a server.
 
 A bag has an index of its chunks, so that any second is read without the rest. Reports
 are those of a watched server: robots that join and leave, and the lines that were sent
@@ -56,8 +56,8 @@ class RecordedRobot(NamedTuple):
 
     Attributes:
         client: Number of its client.
-        name: Name that no other robot of the recording has.
-        class_name: Class, as its client spelled it; empty if it was not recorded.
+        name: A unique name in the recording.
+        class_name: Class name, as the client spelled it; empty if it was not recorded.
         joined: Time at which it was spawned, s.
         left: Time at which its client left, or spawned another robot, s.
     """
@@ -157,7 +157,7 @@ class RecordedLines:
 
 
 def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
-    """Find robots by the commands that spawned them; the run ends at ``end``, s."""
+    """Find robots by the commands that spawned them; ``end`` is the run's end, s."""
     robots: list[RecordedRobot] = []
     current: dict[int, int] = {}  # index of a client's newest robot
     taken: set[str] = set()
@@ -181,7 +181,7 @@ def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
 
 
 def _unique(name: str, taken: set[str]) -> str:
-    """Return a name that is not in ``taken``, and add it there."""
+    """Return a name that is not in ``taken``, and add the name to ``taken``."""
     wanted, count = name, 1
     while name.casefold() in taken:
         count += 1
@@ -196,7 +196,7 @@ class Playback(Link):
     refusal = ""
 
     def __init__(self, recording: RecordedLines) -> None:
-        """Pause shortly after the first robot was spawned.
+        """Create a playback that is paused shortly after the first robot was spawned.
 
         Args:
             recording: The recording.
@@ -215,12 +215,12 @@ class Playback(Link):
 
     @property
     def position(self) -> float | None:
-        """The time that is shown, s."""
+        """The time that the page shows, s."""
         return self._time
 
     @property
     def _target(self) -> float:
-        """The time to jump to, s, or else the time that is shown."""
+        """The requested time, s, or the shown time if no jump is requested."""
         return self._time if self._wanted is None else self._wanted
 
     def time_message(self) -> dict[str, Any]:
@@ -230,7 +230,7 @@ class Playback(Link):
         return {**super().time_message(), **times}
 
     def change_pace(self, request: Pace) -> None:
-        """See ``Link.change_pace``; at its end, the recording starts again."""
+        """See ``Link.change_pace``; a recording that has ended starts again."""
         paused = self.is_paused if request.paused is None else request.paused
         if request.step is not None:
             paused = True
@@ -272,12 +272,12 @@ class Playback(Link):
                     self._set_pace(self.speed, True)
 
     def _go(self, time: float) -> None:
-        # A newer request replaces one that has not been executed yet.
+        # A newer request replaces a request that has not been executed yet.
         self._wanted = time
         self._changed.set()
 
     async def _show(self, time: float) -> None:
-        """Report the lines up to a time: from the shown time on, or the last second."""
+        """Report the lines from the shown time to ``time``, or only the last second."""
         since = self._time
         if time < since:
             self.on_reports([RobotLeft(name) for name in sorted(self._present)])

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 PAGE: Final = Path(__file__).parent / "page"
 HELLO_TIMEOUT: Final = 5.0  # s
-# Close codes of WebSockets, in addition to the codes of the protocol.
+# Close codes of WebSockets, in addition to the codes that the protocol defines.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
-# The tables of some systems list scripts as plain text.
+# The MIME tables of some systems list JavaScript as plain text.
 mimetypes.add_type("text/css", ".css")
 mimetypes.add_type("text/javascript", ".js")
 mimetypes.add_type("image/svg+xml", ".svg")
@@ -104,7 +104,8 @@ async def serve_page(
         app = create_app(commander, allowed, token)
         web = WebServer(app, lambda: announce(address), longest_message=LONGEST_MESSAGE)
         loading = asyncio.ensure_future(in_daemon_thread(_load_scene, map_))
-        # A child accepts browsers while the map loads: its parent has checked the map.
+        # The parent process has checked the map, so a child accepts browsers while it
+        # loads.
         if not is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
@@ -191,9 +192,10 @@ def palette_style() -> str:
 
 
 async def _await_hello(socket: WebSocket, token: str) -> int | None:
-    """Return None if the first message has the token, else the close code."""
+    """Return None if the first message has the token, else the WebSocket close code."""
     try:
-        # Sockets that send nothing must not use up the connections of the server.
+        # A timeout closes connections that send nothing, so that they do not use up the
+        # server's connections.
         async with asyncio.timeout(HELLO_TIMEOUT):
             hello = parse_request(await _receive(socket))
     except TimeoutError:
@@ -241,7 +243,7 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
 
 
 async def _receive(socket: WebSocket) -> str:
-    """Return the next message; one that is too long is left to the web server.
+    """Return the next message; the web server refuses messages that are too long.
 
     Raises:
         WebSocketDisconnect: If the browser is gone.

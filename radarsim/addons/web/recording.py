@@ -53,7 +53,7 @@ class RecordingSwitch:
         self.state: dict[str, Any] = {"op": "recording", "on": False, "text": ""}
 
     def switch(self, on: bool) -> None:
-        """Start a recording or end it; do nothing if it is in that state already.
+        """Start or end a recording; do nothing if this is the present state.
 
         Raises:
             BadRequest: If the last recording is still being completed, or a recording
@@ -72,7 +72,7 @@ class RecordingSwitch:
             raise BadRequest("the recording before is not complete yet")
 
     async def close(self) -> None:
-        """End the recording, if there is one, and wait until it is complete."""
+        """End the recording, if there is one, and wait until its files are complete."""
         if self._task is not None:
             # A second cancellation would interrupt the wait for the files.
             if not self._task.cancelling():
@@ -87,7 +87,7 @@ class RecordingSwitch:
         except asyncio.CancelledError:
             self._send_state(False, f"Recorded in {folder}")
         except RadarsimError as error:
-            # A recording is complete up to the moment when a connection is lost.
+            # After a lost connection, the recording is complete up to the loss.
             is_cut = isinstance(error, RecordingError)
             text = f"{folder} is not complete" if is_cut else f"Recorded in {folder}"
             self._send_state(False, text if self.state["on"] else "")
@@ -96,7 +96,7 @@ class RecordingSwitch:
             self._task = None
 
     async def _record_to(self, server: tuple[str, int], folder: Path) -> None:
-        """Record until the task is cancelled, and complete the recording then.
+        """Record until the task is cancelled, and then complete the recording.
 
         Args:
             server: Host and port of the server.
@@ -107,8 +107,8 @@ class RecordingSwitch:
                 closes the connection.
             RecordingError: If the recording cannot be written.
         """
-        # The import takes seconds, so it comes before the server sends anything. It
-        # also imports ``recorders``.
+        # The import takes seconds, so it has to come before the server sends anything.
+        # It imports ``recorders`` as well.
         module = "radarsim.addons.recording.recording_process"
         await asyncio.to_thread(import_module, module)
         from radarsim.addons.recording.recorders import WatchRecorder  # noqa: PLC0415
@@ -134,7 +134,8 @@ class RecordingSwitch:
                 recorder.end()
                 if not await asyncio.to_thread(process.close):
                     text = f"{folder} is not complete: is the disk full?"
-                    # It replaces a CancelledError, which would report success.
+                    # This error replaces a CancelledError, which would be reported as
+                    # success.
                     raise RecordingError(f"{text} radarsim's terminal shows the reason")
 
     def _send_state(self, on: bool, text: str) -> None:

@@ -26,7 +26,7 @@ MESSAGES_PER_SECOND = 50
 
 Text: TypeAlias = Annotated[str, Field(max_length=200)]
 RobotName: TypeAlias = Annotated[str, Field(min_length=1, max_length=210)]
-# Names that can be written on a line of the protocol, even in a list with commas.
+# Names that can be part of a line of the protocol, even in a list with commas.
 OwnName: TypeAlias = Annotated[
     str, Field(pattern=r"^[!-+\--z|~]([ -+\--z|~]{0,62}[!-+\--z|~])?$")
 ]
@@ -66,7 +66,7 @@ class Select(Request):
 
 
 class Look(Request):
-    """Switch frames on while the page is visible, and off while it is hidden."""
+    """Switch frames on when the page becomes visible, and off when it is hidden."""
 
     on: bool
 
@@ -95,7 +95,7 @@ class Remove(Request):
 class Drive(Request):
     """Drive a robot ahead and turn it left, as shares of its top speed and turn rate.
 
-    The command holds for ``own_robot.DEAD_MAN`` seconds.
+    The robot stops after ``own_robot.DEAD_MAN`` seconds without another command.
     """
 
     robot: RobotName
@@ -110,7 +110,7 @@ class Stop(Request):
 
 
 class Setting(Request):
-    """Change a setting of a scanner; None means unlimited, or the default."""
+    """Change a setting of a scanner; None means unlimited or the default value."""
 
     robot: RobotName
     scanner: RobotName
@@ -119,7 +119,7 @@ class Setting(Request):
 
 
 class Goto(Request):
-    """Drive to a goal, m, and turn to a heading there, rad, map frame; None for any."""
+    """Drive to a goal, m, map frame, and turn to a heading there, rad; None for any."""
 
     robot: RobotName
     algorithm: Algorithm
@@ -127,7 +127,7 @@ class Goto(Request):
     heading: Coordinate | None = None
 
     def __str__(self) -> str:
-        """Return the goal as a text for people."""
+        """Return the goal as a text for display."""
         text = f"drive to {self.goal[0]:.2f}, {self.goal[1]:.2f}"
         if self.heading is not None:
             text += f", facing {math.degrees(self.heading):.0f}\N{DEGREE SIGN}"
@@ -142,7 +142,7 @@ class Explore(Request):
 
 
 class Map(Request):
-    """Start or end the map of a robot's scans, by default those of its radar."""
+    """Start or end a map from the scans of a robot, by default from its radar."""
 
     robot: RobotName
     on: bool
@@ -163,7 +163,7 @@ class Record(Request):
 
 
 class Pace(Request):
-    """Pause or resume, pause after a step, s, or change the speed; None keeps a value.
+    """Pause, resume, pause after a step, s, or change the speed; None keeps a value.
 
     The speed is in simulated seconds per second.
     """
@@ -180,11 +180,11 @@ class Seek(Request):
 
 
 class Triangles(Request):
-    """Ask for the triangles of the map."""
+    """Request the triangles of the map."""
 
 
 class Ack(Request):
-    """Acknowledge a frame that is shown, by its time, and ask for the next frame."""
+    """Acknowledge a shown frame by the frame's time, and request the next frame."""
 
     t: Time | None = None
 
@@ -217,8 +217,8 @@ def parse_request(text: str) -> Request:
     raise BadRequest(problem)
 
 
-# Settings with a slider, the most useful first: smallest and greatest value, and step.
-# Other settings have a number field.
+# Settings with a slider, starting with the most useful: smallest value, largest value
+# and step. All other numbers have an input field.
 SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
     "side_offset_uu": (0, 100, 1),
     "penetration_power": (0, 5, 0.05),
@@ -236,7 +236,7 @@ _UNITS: Final = {
     "db": "dB",
     "dbsm": "dBsm",
 }
-# Last words of the names of settings that are in m.
+# The last word of a setting's name, if the setting is in metres.
 _METRES: Final = ("distance", "range", "noise", "quantum", "resolution")
 
 

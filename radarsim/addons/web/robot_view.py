@@ -34,7 +34,7 @@ from radarsim.validation import describe_settings
 NO_RETURN: Final = 65535  # replaces the range, cm, of a beam without return
 
 
-# Owner entry of robots that the commander did not spawn.
+# Owner entry of a robot that another client has spawned.
 NOT_OWN: Final = {
     "mine": False,
     "driver": None,
@@ -106,7 +106,7 @@ class RobotView(RobotState):
         self.name = name
         self.class_name = class_name
         self.number = 0
-        # The page draws a square of usual size until the size is known.
+        # The page draws a square of typical size until the size of the robot is known.
         self.size = (0.5, 0.5)
         self.scans: dict[str, SeenScan] = {}
         self.scanners: dict[str, Scanner] = {}
@@ -117,19 +117,19 @@ class RobotView(RobotState):
             self.learn_presets(config)
 
     def learn(self, info: RobotInfo) -> None:
-        """Take over the dimensions, mounts and ranges that the server reported."""
+        """Store the dimensions, mounts and ranges that the server has reported."""
         self.size = (info.length, info.width)
         for each in info.scanners:
             scanner = self.scanner(each.name)
             scanner.mount, scanner.max_range = each.mount, each.max_range
 
     def learn_presets(self, config: SimulationConfig) -> None:
-        """Take over size and scanners of the robot's class, if they are not known.
+        """Store the size and the scanners of the robot's class, if they are unknown.
 
         Args:
             config: Robot classes, and changed settings of their items.
         """
-        # Known settings stay, as they may have been changed since.
+        # Known settings are kept, because a viewer may have changed them.
         if any(scanner.settings for scanner in self.scanners.values()):
             return
         with suppress(PresetError):
@@ -146,11 +146,11 @@ class RobotView(RobotState):
                 )
 
     def scanner(self, name: str) -> Scanner:
-        """Return a scanner by its name, in any case, or add a new one."""
+        """Return a scanner by name, ignoring case; add the scanner if it is new."""
         return self.scanners.setdefault(name.casefold(), Scanner(name))
 
     def take(self, report: Report) -> bool:
-        """Process a report; return whether it changes the shown state."""
+        """Process a report; return whether the shown state has changed."""
         for listener in tuple(self.listeners):
             listener(report)
         if isinstance(report, EchoLine):
@@ -182,7 +182,8 @@ class RobotView(RobotState):
             value = math.inf  # JSON has no infinity, so null means unlimited
         if not scanner.settings:  # of an unknown class: the server checks the value
             return scanner.name, value
-        # A radar cannot become a laser: the settings would mean something else.
+        # A radar cannot become a laser, because most settings would change their
+        # meaning.
         if key == "medium":
             raise BadRequest("medium: cannot be changed here")
         settings = {"medium": scanner.medium, **scanner.settings, key: value}
@@ -194,7 +195,7 @@ class RobotView(RobotState):
             problems = describe_settings(error, SensorSettings)
             raise BadRequest(problems[0]) from None
         self._last_change = scanner, scanner.settings
-        # In JSON form, in which frames contain them.
+        # Frames contain the settings in this JSON form.
         scanner.settings = changed.model_dump(mode="json", exclude={"medium"})
         scanner.max_range = scanner.settings["max_range"]
         return scanner.name, value
@@ -242,15 +243,16 @@ class RobotView(RobotState):
     def _scan(
         self, seen: SeenScan, parts: list[np.ndarray], is_selected: bool
     ) -> dict[str, Any]:
-        """Describe a scan, and append its ranges to the parts of the frame."""
+        """Describe a scan, and append the ranges of the scan to the frame's parts."""
         scan, scanner = seen.scan, self.scanner(seen.scan.name)
         has_return = scan.ranges < no_return(scanner.max_range)
         centimetres = np.minimum(np.rint(scan.ranges * 100), NO_RETURN - 1)
         offset = sum(len(part) for part in parts)
-        # uint16 takes half the bytes of float32; servers send centimetres as well.
+        # uint16 takes half the bytes of float32, and servers also round ranges to
+        # centimetres.
         parts.append(np.where(has_return, centimetres, NO_RETURN).astype("<u2"))
-        # The pose is that of the scan: with the present pose, old scans would rotate
-        # with a robot that turns.
+        # The pose at the time of the scan is used. With the present pose, an old scan
+        # would rotate with the robot.
         pose = seen.pose or Pose2(0.0, 0.0)
         mount = Pose3(pose.x, pose.y, self.z, yaw=pose.yaw).compose(scanner.mount)
         gaps = len(scan.ranges) - 1
@@ -259,7 +261,8 @@ class RobotView(RobotState):
             "kind": scanner.medium,
             "t": scan.time,
             "fov": scan.fov,
-            # computed from the number of beams, as the line rounds the resolution
+            # The resolution in the line is rounded, so it is computed from the number
+            # of beams.
             "resolution": scan.fov / gaps if gaps > 0 else scan.resolution,
             "max": scanner.max_range,
             "x": round(mount.x, 4),

@@ -34,7 +34,7 @@ LONG_WAIT: Final = 4.0  # s of spawning, after which a browser is sent the reaso
 
 
 class Robots:
-    """The robots of a server by name; spawns and removes those of the commander.
+    """The robots of a server by name, some of which the commander has spawned.
 
     Attributes:
         views: The state of each robot.
@@ -52,7 +52,7 @@ class Robots:
         viewers: Viewers,
         on_change: Callable[[], None],
     ) -> None:
-        """Begin without robots.
+        """Create an object without robots.
 
         Args:
             address: Host and port of the server; None if a recording is played.
@@ -138,8 +138,8 @@ class Robots:
         for report in reports:
             match report:
                 case Watching(robots):
-                    # ``names`` is None if all robots are watched; otherwise no robot
-                    # is, as no page is visible.
+                    # ``names`` is None if all robots are watched. Otherwise no page is
+                    # visible, and no robot is watched.
                     if robots.names is None:
                         self._switch_watching(True)
                     else:
@@ -147,8 +147,8 @@ class Robots:
                 case RobotJoined(robot, class_name):
                     self._add(robot, class_name).learn_presets(self._config)
                 case RobotLeft(robot) if robot not in self.own:
-                    # Own robots end with their connections. A name may have been that
-                    # of another client's robot before.
+                    # Own robots are removed when their connections end. Another
+                    # client's robot may have had the same name before.
                     if self.views.pop(robot, None) is not None:
                         self.on_left(robot)
                         news = True
@@ -159,7 +159,7 @@ class Robots:
             self._on_change()
 
     def forget_others(self) -> None:
-        """Remove the robots of other clients, which are not watched any more."""
+        """Remove the robots of other clients, which the server no longer reports."""
         self._switch_watching(False)
         for name in self.views.keys() - self.own.keys():
             del self.views[name]
@@ -172,7 +172,7 @@ class Robots:
             robot.leave_sensors(on)
 
     def _begin(self, viewer: Viewer, work: Coroutine[Any, Any, None]) -> None:
-        """Run a coroutine as a task, and send the browser an error if it fails."""
+        """Run a coroutine as a task; if it fails, send the error to the browser."""
 
         async def report() -> None:
             try:
@@ -221,10 +221,12 @@ class Robots:
         try:
             await robot.run()
         except ClientError as error:
-            # It may be being removed already, or replaced by a robot of the same name.
+            # The robot may already be removed, or replaced by another robot with the
+            # same name.
             if self.own.get(robot.name) is robot:
                 self._forget(robot)
-                # The browser that drives it gets an error, all others a notice.
+                # The browser that drives the robot gets an error, and all other
+                # browsers a notice.
                 text = f"the robot {robot.name!r} is gone: {error}"
                 for viewer in self._viewers:
                     op = "error" if robot.driver == viewer.name else "notice"
@@ -247,7 +249,7 @@ class Robots:
         if view is None:
             config = self._config if self.is_watching else None
             view = RobotView(name, class_name, config)
-            # The limit protects the memory from a server that reports endless robots.
+            # The limit bounds the memory if a server reports robots endlessly.
             if len(self.views) < MOST_VIEWS:
                 taken = {each.number for each in self.views.values()}
                 view.number = next(n for n in range(len(taken) + 1) if n not in taken)
@@ -265,7 +267,7 @@ class Robots:
                 text = f"{robot.name!r}: {report.text}"
                 self._viewers.broadcast({"op": "error", "text": text})
                 self._viewers.update()
-        # While all robots are watched, the same lines arrive over that connection.
+        # While all robots are watched, the watching connection receives the same lines.
         if view is not None and not self.is_watching:
             news = [view.take(report) for report in reports]
             if any(news):

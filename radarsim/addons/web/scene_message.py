@@ -124,10 +124,11 @@ def _head(part: Part) -> dict[str, Any]:
 
 
 def _lines(segments: Floats) -> Iterable[Floats]:
-    """Join line segments, (S, 2, 2) m, into rings, or into lines if there are none."""
+    """Join line segments, (S, 2, 2) m, into rings, or into lines if no ring exists."""
     if not len(segments):
         return ()
-    # Only the outline of the enclosed area is drawn, not walls inside an obstacle.
+    # Only the outline of the enclosed area is drawn; walls inside an obstacle are
+    # omitted.
     joined = shapely.boundary(enclosed_area(segments))
     if shapely.is_empty(joined):
         ends = np.round(segments, _DIGITS)

@@ -1,4 +1,4 @@
-"""The connection that watches the robots of all clients, and the speed of their time.
+"""The connection that watches all robots, and control of the simulation's speed.
 
 The connection is opened again when it is lost. The server is asked only for reports
 that a page shows, as copying the lines of robots costs the server time, and computing
@@ -36,13 +36,14 @@ FOREIGN: Final = (
 
 @dataclass(slots=True)
 class ServerState:
-    """The state of the server.
+    """The state of the server that is shown.
 
     Attributes:
-        level: Name of the map that it serves.
+        level: Name of the map that the server uses.
         starts: Start poses by name.
-        watches: Whether it reports robots of other clients. Not every server can.
-        refusal: Why it does not report them at present; empty if it has not refused.
+        watches: Whether the server reports robots of other clients. Not every server
+            can.
+        refusal: Why the server refuses to report them; empty if it does not refuse.
         problem: Why there is no connection; empty while there is one.
     """
 
@@ -54,7 +55,7 @@ class ServerState:
 
 
 class Link:
-    """The source of robots, a server or a recording, and control of its time.
+    """The source of robots, a server or a recording, and control of simulated time.
 
     Attributes:
         address: Host and port of the server; None if a recording is played.
@@ -131,7 +132,7 @@ class Link:
 
 
 class ServerLink(Link):
-    """Connects, watches robots, and connects again when the connection is lost."""
+    """Watches the robots of a server, and reconnects when the connection is lost."""
 
     def __init__(self, address: tuple[str, int]) -> None:
         """Create a link that is not connected yet."""
@@ -148,7 +149,8 @@ class ServerLink(Link):
                 await self._connect()
             except ClientError as error:
                 self._client = None
-                # Every attempt fails in the same way, so browsers get one message.
+                # Every attempt to connect fails in the same way, so browsers get only
+                # one message.
                 if self.state.problem == UNCONNECTED:
                     log.warning("waiting for a server: %s", error)
                 if self.state.problem != str(error):
@@ -165,7 +167,7 @@ class ServerLink(Link):
             return
         self._echoes = wanted
         if self._client is not None:
-            # ``_ask_later`` gives way to a newer request.
+            # Replacing the task makes ``_ask_later`` drop the older request.
             self._asking = asyncio.ensure_future(self._ask(self._client))
 
     async def _connect(self) -> None:
@@ -182,7 +184,8 @@ class ServerLink(Link):
             self.state = ServerState(level, starts, problem="")
             self._client = client
             self.on_link()
-            # Send the request that was made before the connection was open.
+            # Send the last request, which may have been made before the connection was
+            # open.
             await self._ask(client)
             while True:
                 self._take(await client.read(math.inf))
@@ -212,7 +215,8 @@ class ServerLink(Link):
 
     async def _ask_later(self, client: AsyncClient) -> None:
         await asyncio.sleep(ASK_AGAIN)
-        # The connection may have been lost meanwhile, or a newer request made.
+        # Meanwhile, the connection may have been lost, or a newer request may have been
+        # made.
         if client is self._client and self._asking is asyncio.current_task():
             await self._ask(client)
 

@@ -25,11 +25,11 @@ class Viewer:
     """One browser.
 
     Attributes:
-        name: Name that other browsers show for it.
-        selected: Robot whose echoes it is sent; None for none.
-        is_looking: Whether its page is visible, and not in a hidden tab.
-        is_ready: Whether it has acknowledged the last frame.
-        shown: Version of the newest frame that it was sent.
+        name: Name of the browser that other browsers show.
+        selected: Robot whose echoes the browser receives; None for none.
+        is_looking: Whether the page is visible, and not in a hidden tab.
+        is_ready: Whether the browser has acknowledged the last frame.
+        shown: Version of the newest frame that the browser was sent.
     """
 
     def __init__(self, name: str) -> None:
@@ -48,11 +48,11 @@ class Viewer:
 
         Args:
             message: A mapping, which is sent as JSON, or JSON text.
-            subject: It replaces a message of the same subject that still waits.
+            subject: The message replaces a waiting message with the same subject.
         """
         if len(self._texts) >= MOST_TEXTS:
-            # ``outgoing`` raises in the browser's own task. An error here would end
-            # the loop over all browsers that calls this method.
+            # Only set a flag: ``outgoing`` raises the error in the browser's own task.
+            # An error here would end the loop that sends a message to all browsers.
             self._is_gone = True
         else:
             key = object() if subject is None else subject
@@ -77,7 +77,8 @@ class Viewer:
             await self._wake.wait()
             self._wake.clear()
             while self._texts:
-                # One message at a time: newer ones may replace those that still wait.
+                # Only one message is taken at a time, because newer messages may
+                # replace waiting ones.
                 yield self._texts.pop(next(iter(self._texts)))
             if self._is_gone:
                 raise SlowViewer
@@ -90,7 +91,7 @@ class Viewers:
     """All browsers, in the order in which they connected."""
 
     def __init__(self, make_frame: Callable[[str | None], bytes]) -> None:
-        """Begin without browsers; call it in the event loop.
+        """Create an empty list of browsers; call it in the event loop.
 
         Args:
             make_frame: Called with the name of a robot, or None; returns the newest
@@ -108,7 +109,7 @@ class Viewers:
         return iter(self._viewers)
 
     def add(self) -> Viewer:
-        """Add a browser, under a name that no other browser has had."""
+        """Add a browser under a new name, which no earlier browser has had."""
         self._joined += 1
         viewer = Viewer(f"viewer {self._joined}")
         self._viewers.append(viewer)
@@ -130,18 +131,19 @@ class Viewers:
         """Send a new frame to all browsers soon."""
         self._version += 1
         if self._timer is None:
-            # A change is sent at once after a pause, else in the next frame.
+            # After a pause, a change is sent at once; otherwise it waits for the next
+            # frame.
             due = max(self._loop.time() + COALESCED, self._due)
             self._timer = self._loop.call_at(due, self._send_frames)
 
     def acknowledge(self, viewer: Viewer) -> None:
-        """Mark a viewer as ready, and send a newer frame, if there is one."""
+        """Mark a viewer as ready, and send a newer frame if there is one."""
         viewer.is_ready = True
         self.catch_up(viewer)
 
     def catch_up(self, viewer: Viewer) -> None:
         """Send a frame to a viewer that is ready, if its last frame is outdated."""
-        # If a timer runs, the next frame is sent soon anyway.
+        # If the timer is set, the next frame is sent soon anyway.
         can_take = viewer.is_ready and viewer.is_looking
         if self._timer is None and can_take and viewer.shown < self._version:
             self.send_frame(viewer)
@@ -153,8 +155,8 @@ class Viewers:
     def _send_frames(self) -> None:
         """Send a frame to all viewers that are ready, and set the next due time."""
         self._timer = None
-        # A late frame does not delay the next one. Scans arrive at about the same
-        # rate, so frames would otherwise lag behind them for ever.
+        # A late frame does not delay the frames after it. Otherwise frames, which have
+        # about the rate of scans, would lag more and more behind the scans.
         self._due = max(self._loop.time(), self._due + INTERVAL)
         frames: dict[str | None, bytes] = {}
         for viewer in self:
