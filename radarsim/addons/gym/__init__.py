@@ -51,6 +51,6 @@ for _name, _settings in _TASKS.items():
 
 
 def __getattr__(name: str) -> Any:
-    if name == "ParallelEnv":  # PettingZoo is another extra
+    if name == "ParallelEnv":  # PettingZoo belongs to another extra
         return importlib.import_module("radarsim.addons.gym.parallel").ParallelEnv
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -30,7 +30,7 @@ from radarsim.simulation.config import SimulationConfig
 if TYPE_CHECKING:
     from radarsim.addons.gym.environment import GoToSettings
 
-MOST_SECONDS: Final = 10_000.0  # of a decision period, as the engine cannot be stopped
+MOST_SECONDS: Final = 10_000.0  # s; the engine cannot be stopped in a period
 
 
 class Arena:
@@ -104,7 +104,7 @@ class Arena:
         return self._fleet.columns[self._slots, first : first + 3]
 
     def places_of_others(self, row: int) -> list[tuple[float, float]]:
-        """Return x and y, m, of the other robots with which a robot can collide."""
+        """Return x and y, m, of all robots with which a row's robot can collide."""
         others = self._present & (np.arange(len(self._robots)) != row)
         return [(x, y) for x, y, _ in self.poses[others & self._meets].tolist()]
 

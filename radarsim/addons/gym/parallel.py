@@ -13,7 +13,7 @@ from radarsim.addons.gym.single import Observation, Picture
 from radarsim.errors import import_optional
 
 _Base: Any = import_optional("pettingzoo", extra="marl").ParallelEnv
-_Rows: TypeAlias = dict[str, Any]  # by agent
+_Rows: TypeAlias = dict[str, Any]  # values by agent
 
 
 class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types

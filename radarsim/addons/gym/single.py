@@ -23,7 +23,7 @@ from radarsim.plotting.palette import TARGET
 from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent
 from radarsim.plotting.window import Window
 
-_SIZE = (6.0, 6.0)  # inches
+_SIZE = (6.0, 6.0)  # in inches
 _DPI = 100
 
 

@@ -23,7 +23,7 @@ from radarsim.scene.shapes import Mesh, concatenate
 
 MAX_ELEMENTS: Final = 2_000_000
 MAX_NODES: Final = 100_000
-MAX_PROBLEMS: Final = 8  # errors of a file that are reported
+MAX_PROBLEMS: Final = 8  # number of errors that are reported per file
 # Images, materials and scripts are removed before pycollada parses the file.
 _READ: Final = ("library_geometries", "library_nodes", "library_visual_scenes", "scene")
 
@@ -92,7 +92,7 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
         for child in [each for each in node if each.tag in unread]:
             node.remove(child)  # cameras and lights have no meshes
     for instance in root.iter(f"{namespace}instance_geometry"):
-        del instance[:]  # removes references to materials, which are removed as well
+        del instance[:]  # remove references to materials, which were removed above
     for mesh in root.iter(f"{namespace}mesh"):
         _reduce_to_positions(mesh, namespace)
     # pycollada gets only the XML that was checked above. It would also unpack zip

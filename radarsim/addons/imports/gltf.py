@@ -60,7 +60,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
             text = f"two materials are called {short_repr(material.name)}"
             raise wrong(path, 1, f"{text}, expected the same extras")
     materials = {}
-    for name in names:  # a pattern of the user has priority
+    for name in names:  # patterns of the user have priority
         used = name or path.stem
         known = used if used in own or used in library_names() else None
         materials[name] = imported.material_of(used, known)

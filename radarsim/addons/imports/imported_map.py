@@ -17,9 +17,9 @@ from radarsim.scene.map_loader import load_scene
 from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS, level_of
 from radarsim.yaml_reader import parse_yaml
 
-MAX_SHOWN: Final = 8  # names in a warning
+MAX_SHOWN: Final = 8  # number of names that a warning lists
 LEVEL: Final = 1e-7  # rad; objects with smaller roll and pitch count as upright
-LOW: Final = 0.05  # m; objects that start higher are no floor
+LOW: Final = 0.05  # m; an object that begins higher above the start is no floor
 
 
 class ImportedMap:
@@ -60,7 +60,7 @@ class ImportedMap:
         self._objects: list[dict[str, object]] = []
         self._names: dict[str, int] = {}
         self._left_out: Counter[str] = Counter()  # number of models, by reason
-        self._patterns = dict(options.material)  # names of materials, by pattern
+        self._patterns = dict(options.material)  # material names, by name pattern
         self._unused = dict.fromkeys(self._patterns)
 
     def note(self, path: Path, line: int, text: str) -> None:

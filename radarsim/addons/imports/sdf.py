@@ -22,9 +22,9 @@ from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
 from radarsim.validation import short_repr
 
-MAX_LEVELS: Final = 100  # of nested models and includes
-MAX_INCLUDED: Final = 2_000_000  # elements of all includes together
-NEWEST: Final = (1, 12)  # version of SDFormat; newer files are the last choice
+MAX_LEVELS: Final = 100  # depth of nested models and includes
+MAX_INCLUDED: Final = 2_000_000  # number of elements in all includes
+NEWEST: Final = (1, 12)  # SDFormat version; newer files are used if there are no others
 LEFT_OUT: Final = ("road", "population", "actor")  # elements of a world
 # URI schemes of files in Gazebo's resource folders, which --model-path replaces.
 SEARCHED: Final = ("model://", "package://", "file://")
@@ -37,7 +37,7 @@ _FUEL: Final = re.compile(
 )
 
 
-@np.errstate(all="ignore")  # numbers that are not finite raise later
+@np.errstate(all="ignore")  # numbers that are not finite raise errors later
 def import_sdf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
     """Import a world.
 
@@ -74,7 +74,7 @@ class _Importer:
         self._copies = copies
         self._shapes = "visual" if imported.options.visuals else "collision"
         self._files: dict[Path, tuple[XmlElement | None, int]] = {}
-        self._included = 0  # elements of all includes
+        self._included = 0  # number of elements in all includes
 
     def add_all(
         self,

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from radarsim.addons.imports.source_file import XmlElement
 from radarsim.geometry import Pose3
 
-MAX_CHAIN: Final = 100  # length of a chain of relative poses
+MAX_CHAIN: Final = 100  # longest chain of relative poses
 ORIGIN: Final = Pose3(0.0, 0.0, 0.0)
 _HERE: Final = ("", "world", "__model__")
 
@@ -48,7 +48,7 @@ class Frames:
         self._scope = scope
         self._model_of = model_of
         self._named: dict[str, XmlElement] | None = None
-        self._inner: dict[int, Frames] = {}  # by identity of the model
+        self._inner: dict[int, Frames] = {}  # frames by the id() of a model
         self._poses: dict[str, Pose3] = dict.fromkeys(_HERE, ORIGIN)
 
     def pose(
@@ -136,7 +136,7 @@ def parse_pose(pose: XmlElement) -> Pose3:
         if not largest:
             raise pose.wrong("a quaternion of length 0")
         rotation = Rotation.from_quat([each / largest for each in quaternion])
-        with warnings.catch_warnings():  # of gimbal lock, where roll becomes 0
+        with warnings.catch_warnings():  # in a gimbal lock, roll becomes 0
             warnings.simplefilter("ignore")
             yaw, pitch, roll = map(float, rotation.as_euler("ZYX"))
     else:

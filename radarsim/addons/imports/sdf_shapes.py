@@ -44,7 +44,7 @@ class MeshCopies:
         """
         self._map = imported
         self._folder = folder
-        self._budget = MeshBudget()  # for all copies
+        self._budget = MeshBudget()  # shared by all copies
         self._originals: dict[Path, list[tuple[str, Mesh]]] = {}
         self._made: dict[tuple[object, ...], tuple[str, int] | Exception] = {}
         self._triangles = 0

@@ -170,7 +170,7 @@ def read_xml(path: Path) -> XmlElement:
     """
     content = read_bytes(path)
     parser = expat.ParserCreate(_encoding(content))
-    open_ = [XmlElement("", {}, path, 0)]  # the file, and elements in each other
+    open_ = [XmlElement("", {}, path, 0)]  # the file, then the elements that are open
     count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:

@@ -26,7 +26,7 @@ from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_settings, short_repr
 
-BASE: Final = "P3AT"  # its body is used for classes that are not shipped
+BASE: Final = "P3AT"  # classes that are not shipped use the body of this class
 # Item types whose names equal the class of the part, ignoring upper and lower case.
 _TYPES: Final = (
     *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Sonar"),
@@ -144,8 +144,8 @@ def _parse_struct(path: Path, number: int, text: str) -> Struct:
         return _SIGNS.get(token[0]) or json.dumps(token[1] or token[0].strip('"'))
 
     found = None
-    with suppress(yaml.YAMLError, RecursionError):  # from deep nesting
-        found = yaml.load(_TOKEN.sub(to_yaml, text), yaml.BaseLoader)  # only texts
+    with suppress(yaml.YAMLError, RecursionError):  # deep nesting raises RecursionError
+        found = yaml.load(_TOKEN.sub(to_yaml, text), yaml.BaseLoader)  # all as texts
     if not isinstance(found, dict):
         expected = "expected (ItemClass=class'...', ItemName=\"...\", ...)"
         raise wrong(path, number, f"{short_repr(text)}, {expected}")

@@ -62,7 +62,7 @@ BROKEN = (
     zlib.error,
     struct.error,
     ValueError,
-    OverflowError,  # from a damaged length
+    OverflowError,  # raised for a damaged length
     OSError,
 )
 
@@ -130,8 +130,8 @@ class BagWriter:
         """
         self._folder = folder
         self._path = path or folder / file_name(folder)
-        self._channels: dict[str, int] = {}  # by topic
-        self._schemas: dict[str, int] = {}  # by type
+        self._channels: dict[str, int] = {}  # channel ids, by topic
+        self._schemas: dict[str, int] = {}  # schema ids, by type
         self._counts: Counter[str] = Counter()
         self._flushed = 0
         self._file = self._path.open("wb")

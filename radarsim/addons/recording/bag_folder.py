@@ -180,7 +180,7 @@ def digest_of(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-EXTRA: Final = ("mcap", "rosbags")  # packages of the extra ``record``
+EXTRA: Final = ("mcap", "rosbags")  # packages that the extra ``record`` installs
 
 
 def check_installed() -> None:

@@ -61,8 +61,8 @@ class CallConverter:
         self._dialect = get_dialect(info.dialect)
         self._legend = Legend()
         self._connections: dict[int, _Connection] = {}
-        self._names: dict[str, str] = {}  # names in topics, by names of robots
-        self._mounts: dict[str, Fields] = {}  # by frame
+        self._names: dict[str, str] = {}  # unique topic names, by name of the robot
+        self._mounts: dict[str, Fields] = {}  # mounts by frame
         self._time = -1
         self._clock = 0  # tick of the next clock message
 
@@ -93,7 +93,7 @@ class CallConverter:
             case EventType.ROBOT:
                 yield from self._describe(connection, data.decode(), time)
             case EventType.TURN:
-                assert connection.topics is not None  # it is described before
+                assert connection.topics is not None  # the robot is described first
                 yield from connection.topics.of_turn(*unpack(data))
             case EventType.PICTURE:
                 yield from self._picture(connection, data, time)

@@ -15,8 +15,8 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.server.views import FOV_DEG
 
 NANOSECONDS: Final = 1_000_000_000
-CLOCK: Final = "/clock"  # topic
-MAP: Final = "map"  # frame
+CLOCK: Final = "/clock"  # name of a topic
+MAP: Final = "map"  # name of a frame
 LATEST: Final = 2.0**31 - 1  # s; latest time that fits into a message
 # Covariance of x, y, z, roll, pitch and yaw: m**2 and rad**2 for poses, (m/s)**2 and
 # (rad/s)**2 for motion. Filters need these values, and drivers of wheeled robots
@@ -133,7 +133,7 @@ def radar_scan(topic: str, time: float, frame: str, points: Points) -> TopicMess
             range=range_,
             azimuth=azimuth,
             elevation=0.0,
-            doppler_velocity=math.nan,  # one sweep measures no velocity
+            doppler_velocity=math.nan,  # a single sweep measures no velocity
             amplitude=power,
         )
         for range_, azimuth, power in zip(*columns, strict=True)
@@ -155,7 +155,7 @@ def grey_image(
         width=width,
         encoding="mono8",
         is_bigendian=0,
-        step=width,  # bytes of a row
+        step=width,  # bytes per row
         data=pixels.ravel(),
     )
 

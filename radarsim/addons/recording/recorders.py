@@ -69,7 +69,7 @@ class EventType(IntEnum):
     TURN = 101  # a revolution of a radar on a client's robot; see ``TurnCollector``
     MAP = 102  # a map made during the run: arguments of ``occupancy_grid``
     VIEW = 103  # a view of the camera on a client's robot; see ``draw_views``
-    PICTURE = 104  # a picture from that camera, as JPEG
+    PICTURE = 104  # a JPEG picture from the camera of a client's robot
 
 
 class RunEvent(NamedTuple):
@@ -120,7 +120,7 @@ class TurnCollector:
                 ``RobotTopics.of_turn``.
         """
         self._scanner, self._report = scanner, report
-        self._began = 0.0  # s
+        self._began = 0.0  # s; time at which the revolution began
         self._rows: list[NDArray[np.uint8]] = []
 
     def take(self, sector: Sector, time: float) -> None:
@@ -128,7 +128,7 @@ class TurnCollector:
         settings = sector.spectrum.settings
         if sector.first == 0:
             self._began = time
-            self._rows.clear()  # of an unfinished revolution
+            self._rows.clear()  # discard an unfinished revolution
         elif not self._rows:  # the start of this revolution was missed
             return
         rows = np.arange(len(sector.spectrum.counts))
@@ -265,7 +265,7 @@ class HostRecorder(HostObserver):
 
 
 FIRST: Final = 1  # number of the only client of a transport
-UNNAMED: Final = "robot"  # name of a robot whose client has sent none
+UNNAMED: Final = "robot"  # name of a robot whose client has not sent a name
 _DESCRIPTION: Final = re.compile(
     r"(GEO|CONF)\s*(?=.*?\{\s*Type\s+([^{}]*)\})(?=.*?\{\s*Name\s+(\S+))",
     re.IGNORECASE,  # either order: in udk the robot's CONF begins with its name
@@ -426,7 +426,7 @@ class WatchRecorder(WireRecorder):
             case RobotLeft(robot):
                 self._leave(robot)
             case WatchedLine(robot, line):
-                if robot not in self.numbers:  # its join was not reported
+                if robot not in self.numbers:  # no report says that it joined
                     asked = self._join(robot)
                 data = f"{line}\r\n".encode("latin-1", "replace")
                 self.received(self.numbers[robot], data)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("radarsim.addons.recording")
 
-NICENESS: Final = 10  # the server has priority
+NICENESS: Final = 10  # lower priority than the server
 MAX_WAITING: Final = 256 * 2**20  # bytes that may wait for the process
 WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
 PAUSE: Final = 0.01  # s between checks while ``add`` waits for the process

@@ -77,7 +77,7 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
         case EventType.DISCONNECT:
             host.disconnect(call.client)
         case EventType.WAIT:
-            for _ in range(call.client):  # here a number of ticks
+            for _ in range(call.client):  # for WAIT, ``client`` is the number of ticks
                 host.step(passes=False)
         case _:
             pass

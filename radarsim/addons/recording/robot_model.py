@@ -20,7 +20,7 @@ from radarsim.protocol.reports import RobotGeo
 
 TYRE: Final = 0.09  # m; width of a wheel
 SCANNER_RADIUS, SCANNER_HEIGHT = 0.05, 0.08  # m
-LEAST_BODY: Final = 0.05  # m, height
+LEAST_BODY: Final = 0.05  # m; least height of a drawn body
 
 
 def body_of(

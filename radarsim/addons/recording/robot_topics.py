@@ -71,7 +71,7 @@ class Legend:
     def __init__(self) -> None:
         keys = ("kind", "object", "material")
         self._names: dict[str, dict[str, int]] = {key: {} for key in keys}
-        self._published = -1  # number of names
+        self._published = -1  # number of names in the last message
 
     def number(self, field: Literal["kind", "object", "material"], name: str) -> int:
         """Return the number of a name in a field; a new name gets the next number."""
@@ -162,9 +162,9 @@ class RobotTopics:
         self._robot: RobotInfo | None = None
         self._ins_mounts: Mapping[str, Pose3] = {}
         self._frames = RobotFrames(name, own_localization=own_localization)
-        self._scan_times: dict[str, float] = {}  # of the last scan, by scanner
+        self._scan_times: dict[str, float] = {}  # time of the last scan, by scanner
         self._lines: dict[tuple[type[Report], str], list[Any]] = {}
-        self._announced_spectra: set[str] = set()  # by scanner
+        self._announced_spectra: set[str] = set()  # scanners whose layout was published
         self._description = ""
 
     def describe(
@@ -299,7 +299,7 @@ class RobotTopics:
         last = "targets"
         if isinstance(line, EchoLine):
             last = "echoes"
-            yield from self._legend.news()  # names come before their points
+            yield from self._legend.news()  # names are published before the points
         else:
             topic = self._topic(name, "radar_scan")
             yield radar_scan(topic, line.time, frame, cloud)
@@ -323,7 +323,7 @@ class RobotTopics:
             points["material"] = number("material", echoes.material)
         gaps = scanner.beams - 1
         step = scanner.fov / gaps if gaps else 0.0
-        angles = beams * step - scanner.fov / 2  # from the forward axis
+        angles = beams * step - scanner.fov / 2  # relative to the forward axis
         points["beam"] = beams
         points["x"], points["y"] = ranges * np.cos(angles), ranges * np.sin(angles)
         return points
@@ -382,7 +382,7 @@ def topic_name(name: str) -> str:
     return f"_{text}" if text[0].isdigit() else text
 
 
-UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # cell values of ``nav_msgs/OccupancyGrid``
 
 
 def sensed_map(

@@ -36,11 +36,11 @@ SCENE: Final = "/scene"
 MOST_TRIANGLES: Final = 170_000
 SMALL_PART: Final = 1000  # triangles; such a part is never thinned
 RESOLUTION: Final = 0.05  # m; side of a cell
-MOST_CELLS: Final = 4_000_000  # of the true map; larger maps get larger cells
+MOST_CELLS: Final = 4_000_000  # of the true map; a larger map gets larger cells
 SEEN_THROUGH, SMOKE = 0.5, 0.3  # opacities of foliage, and of smoke
 WIDTH, HEIGHT = 320, 240  # pixels of recorded pictures
 QUALITY: Final = 75  # percent; JPEG quality of pictures
-_TRIANGLE_LIST: Final = 11  # of ``visualization_msgs/msg/Marker``
+_TRIANGLE_LIST: Final = 11  # a type of ``visualization_msgs/msg/Marker``
 
 
 def scene_topics(scene: Scene, *, with_map: bool = True) -> Iterator[TopicMessage]:
@@ -85,7 +85,7 @@ def _marker(number: int, part: Part, every: int) -> Fields:
         pose=pose_fields(Pose3(0.0, 0.0, 0.0)),
         scale=vector(1.0, 1.0, 1.0),
         color=Fields(r=red, g=green, b=blue, a=float32(opacity_of(part.material))),
-        lifetime=Fields(sec=0, nanosec=0),  # for ever
+        lifetime=Fields(sec=0, nanosec=0),  # the marker is shown for ever
         frame_locked=False,
         points=[vector(*corner) for corner in corners.tolist()],
         colors=[],
@@ -131,7 +131,7 @@ def draw_views(scene: Scene, events: Iterable[RunEvent]) -> Iterator[RunEvent]:
         if event.type is not EventType.VIEW:
             yield event
             continue
-        if renderer is None:  # the engine takes a second to start
+        if renderer is None:  # starting the renderer takes a second
             from radarsim.server.camera import Renderer  # noqa: PLC0415
 
             renderer = Renderer(scene, WIDTH, HEIGHT)

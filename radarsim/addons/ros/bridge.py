@@ -52,7 +52,7 @@ UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
 TWIST: Final = "geometry_msgs/msg/Twist"  # type of ``cmd_vel``
 MAP_INTERVAL: Final = 1.0  # s of simulated time between two maps
 MAP_RESOLUTION: Final = 0.05  # m; side of a cell
-DEAD_MAN: Final = 0.5  # s after the last command, when the robot stops
+DEAD_MAN: Final = 0.5  # s; the robot stops if no command arrives for this long
 CHECK_INTERVAL: Final = 0.05  # s between two checks for a new command
 SPAWN_TIMEOUT: Final = 120.0  # s; the server may be busy
 LARGEST_PICTURE: Final = 2**26  # bytes
@@ -179,7 +179,7 @@ class Driver:
         """
         self._client = client
         self._robot = robot
-        self._wanted: tuple[float, float] | None = None  # not sent yet
+        self._wanted: tuple[float, float] | None = None  # velocity that is not sent yet
         self._moves = False
         self._last = -math.inf  # time of the last command
 

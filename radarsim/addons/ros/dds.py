@@ -26,7 +26,7 @@ from radarsim.errors import ServerError
 
 LOOPBACK: Final = "lo"
 POLL: Final = 0.02  # s between two checks for commands
-DEPTH: Final = 10  # messages in the history, the default of ROS
+DEPTH: Final = 10  # messages in the history; 10 is the default of ROS
 _CONFIG: Final = """<CycloneDDS><Domain>
 <General>
 <Interfaces><NetworkInterface name={interface}/></Interfaces>
@@ -95,7 +95,7 @@ class DdsParticipant:
                 # Readers are polled, because listeners of cyclonedds are called in
                 # another thread.
                 for twist in reader.take(DEPTH):
-                    if hasattr(twist, "linear"):  # otherwise a writer has left
+                    if hasattr(twist, "linear"):  # else a writer has left
                         take(twist.linear.x, twist.angular.z)
             await asyncio.sleep(POLL)
 

@@ -78,7 +78,7 @@ class RosbridgeClient(BoardClient):
 
     def __init__(self, board: Board) -> None:
         super().__init__(board)
-        self._last: dict[str, float] = {}  # times of messages, by topic
+        self._last: dict[str, float] = {}  # time of the last message, by topic
         self.handlers = {
             "subscribe": self._subscribe,
             "unsubscribe": self._unsubscribe,
@@ -162,7 +162,7 @@ class RosbridgeClient(BoardClient):
         try:
             values = serve and serve(arguments if isinstance(arguments, dict) else {})
             answer |= {"values": values or {}, "result": serve is not None}
-        except MissingPackage as error:  # raised by ``_cdr``
+        except MissingPackage as error:  # ``_cdr`` raises it
             answer |= {"values": str(error), "result": False}
         if "id" in message:
             answer["id"] = message["id"]

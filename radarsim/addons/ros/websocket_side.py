@@ -16,7 +16,7 @@ from radarsim.listening import bind, first_of
 from radarsim.server.web_server import AllowedHosts, WebServer
 
 LONGEST_MESSAGE: Final = 65536  # bytes of a message from a client
-MOST_ANSWERS: Final = 1000  # that may wait for a client
+MOST_ANSWERS: Final = 1000  # messages that may wait for a client
 
 
 class WebSocketSide:

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
 
 log = logging.getLogger("radarsim.addons.web")
-MOST_TASKS: Final = 20  # that may run at a time
-MOST_MAPS: Final = 10  # that may be made at a time
+MOST_TASKS: Final = 20  # tasks that may run at the same time
+MOST_MAPS: Final = 10  # maps that may be made at the same time
 DEFAULT_COLOURS: Final[Colours] = "usarcommander"
 
 
@@ -66,7 +66,7 @@ class Activities:
         self._on_change = on_change
         self.clock = TaskClock()
         self.running: dict[str, RobotClient] = {}
-        self._threads = 0  # cancelled tasks count until their thread ends
+        self._threads = 0  # includes cancelled tasks whose threads have not ended
         self._count = 0  # number of tasks so far
         self._loop = asyncio.get_running_loop()
         self._makers: dict[str, MapMaker] = {}
@@ -243,7 +243,7 @@ class Activities:
 
     def _end(self, task: RobotClient, state: str, text: str) -> None:
         self._threads -= 1
-        if self.running.get(task.robot.name) is task:  # else it was cancelled
+        if self.running.get(task.robot.name) is task:  # else the task was cancelled
             del self.running[task.robot.name]
             task.cancel()
             self._send_state(task, state, text)
@@ -261,7 +261,7 @@ class Activities:
     def _send(self, message: dict[str, Any]) -> None:
         """Send a message to all browsers, and keep it for browsers that join later."""
         op, robot = message["op"], message["robot"]
-        if op == "task":  # frames contain the driver
+        if op == "task":  # frames contain the driver, which may change with a task
             self._on_change()
         text = encode_json(message)
         # A thread may send a message about a robot that has been removed in the

@@ -43,9 +43,9 @@ from radarsim.rng import generator_for
 log = logging.getLogger("radarsim.addons.web")
 PATH_INTERVAL: Final = 0.5  # s between two messages with a path
 MAP_INTERVAL: Final = 1.0  # s between two messages with a map
-MOST_POINTS: Final = 1000  # of a path in a message
+MOST_POINTS: Final = 1000  # points of a path in a message
 MOST_WAITING: Final = 2000  # reports that wait to be mapped; others are dropped
-HERE: Final = Pose2(0.0, 0.0)  # not used, as the robot is spawned already
+HERE: Final = Pose2(0.0, 0.0)  # not used, because the robot is spawned already
 
 
 def _every(interval: float) -> Callable[[], bool]:

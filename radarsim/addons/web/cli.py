@@ -144,7 +144,7 @@ def commander(
     if page.record_to.is_file():
         text = f"{page.record_to} is a file, expected a folder"
         raise click.BadParameter(text, param_hint="--record-to")
-    with hint_of_port({OPTION: page.web}):  # before imports that take long
+    with hint_of_port({OPTION: page.web}):  # check ports before slow imports
         check_port(page.web_host, page.web)
     from radarsim.addons.web.program import serve_page
     from radarsim.server.web_server import LOOPBACK, make_token
@@ -153,8 +153,8 @@ def commander(
     if server.recording is not None:
         config, drawn = conditions_of(server.recording, drawn)
     shown = _read_address() if child else server.connect or server.recording
-    assert shown is not None  # one of them is required
-    if not child:  # a parent reports errors in the settings itself
+    assert shown is not None  # the command line requires one of the options
+    if not child:  # for a child, the parent reports errors in the settings
         check_item_settings(config)
     if page.web_host not in LOOPBACK:
         print_message(
@@ -266,7 +266,7 @@ class CommanderExtension(ServeExtension):
         try:
             self._process = subprocess.Popen(
                 [*command, "commander", "--child", *self._words],
-                stdin=subprocess.PIPE,  # it closes whenever this process ends
+                stdin=subprocess.PIPE,  # the pipe closes when this process ends
                 stdout=subprocess.PIPE,
                 text=True,
                 start_new_session=True,  # so that Ctrl-C does not interrupt it
@@ -302,7 +302,7 @@ class CommanderExtension(ServeExtension):
 
     def _send(self, line: str) -> None:
         if self._process is not None and self._process.stdin is not None:
-            with suppress(OSError, ValueError):  # it has ended, and printed why
+            with suppress(OSError, ValueError):  # the process has ended and printed why
                 self._process.stdin.write(f"{line}\n")
                 self._process.stdin.flush()
 

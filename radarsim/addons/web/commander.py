@@ -215,7 +215,7 @@ class Commander:
             self._viewers.update()
 
     def _robots_changed(self) -> None:
-        self._watch()  # a selected robot may only have joined now
+        self._watch()  # a selected robot may just have joined
         self._viewers.update()
 
     def _watch(self) -> None:

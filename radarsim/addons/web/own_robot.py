@@ -24,7 +24,7 @@ from radarsim.errors import ClientError
 from radarsim.listening import first_of
 from radarsim.protocol.reports import Report
 
-DEAD_MAN: Final = 0.4  # s after the last drive command, when the robot stops
+DEAD_MAN: Final = 0.4  # s; the robot stops if no drive command arrives for this long
 SENSORS: Final = ("SEN ",)  # start of sensor lines
 MOST_WAITING: Final = 1000  # batches of reports; beyond it the oldest are dropped
 
@@ -89,7 +89,7 @@ class OwnRobot:
         self._choose_lines()
 
     def read_by(self, take: Callable[[Sequence[Report]], None] | None) -> None:
-        """Pass all reports, including sensor reports, to a function; None ends it."""
+        """Pass all reports, also of sensors, to a function; None ends this."""
         self._reader = take
         self._choose_lines()
 
@@ -166,7 +166,7 @@ class OwnRobot:
 
     async def _read(self) -> NoReturn:
         while True:
-            reports = await self._client.read(math.inf)  # a server may pause
+            reports = await self._client.read(math.inf)  # servers may pause
             self._on_reports(self, reports)
             if self._reader is not None:
                 self._reader(reports)
@@ -204,7 +204,7 @@ class TaskClock:
 
     def __init__(self) -> None:
         """Start at 0 s, at the speed of the wall clock."""
-        self._since = (time.monotonic(), 0.0, 1.0)  # wall clock s, own time s, rate
+        self._since = (time.monotonic(), 0.0, 1.0)  # wall time, s; task time, s; rate
 
     def time(self) -> float:
         """Return the time, s."""

@@ -43,8 +43,8 @@ from radarsim.simulation.clock import seconds
 
 SECOND: Final = 1_000_000_000  # ns
 INTERVAL: Final = 0.05  # s between two checks for lines that are due
-BEFORE: Final = 1.0  # s of lines before a time that restore the state at that time
-FIRST_LOOK: Final = 0.2  # s after the first spawn, when the robot has scanned
+BEFORE: Final = 1.0  # s; lines of this period before a jump's target restore the state
+FIRST_LOOK: Final = 0.2  # s after the first spawn; the robot has scanned by then
 
 
 # The time, s, at which a line was sent to the client of a robot, and the line.
@@ -125,7 +125,7 @@ class RecordedLines:
                 continue
             buffer = buffers.setdefault(call.client, LineBuffer())
             for text in buffer.feed(call.data):
-                with suppress(MalformedMessage):  # the rest of a line that was cut
+                with suppress(MalformedMessage):  # the second may begin within a line
                     line = WatchedLine(robot.name, text, decode_report(text))
                     lines.append((seconds(call.tick), line))
         return lines
@@ -283,7 +283,7 @@ class Playback(Link):
             self.on_reports([RobotLeft(name) for name in sorted(self._present)])
             self._present.clear()
         if not 0 <= time - since <= max(BEFORE, 2 * INTERVAL * self.speed):
-            since = time - BEFORE  # nobody would see the lines before
+            since = time - BEFORE  # earlier lines would be replaced at once
         lines = await self._read(since, time)
         if self._wanted is not None:  # another time was requested meanwhile
             return
@@ -309,9 +309,9 @@ class Playback(Link):
                 lines = before.get(second)
                 if lines is None:
                     lines = await asyncio.to_thread(self._recording.read, second)
-            except RecordingError as error:  # the rest may be undamaged
+            except RecordingError as error:  # the rest of the file may be undamaged
                 self.on_damage(str(error))
                 lines = []
-            self._seconds[second] = lines  # the next call reads it again
+            self._seconds[second] = lines  # the next call may need the same second
         found = (line for lines in self._seconds.values() for line in lines)
         return [line for sent, line in found if since < sent <= time]

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
 
 PAGE: Final = Path(__file__).parent / "page"
-HELLO_TIMEOUT: Final = 5.0  # s
+HELLO_TIMEOUT: Final = 5.0  # s; timeout for the first message
 # Close codes of WebSockets, in addition to the codes that the protocol defines.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
 # The MIME tables of some systems list JavaScript as plain text.
@@ -104,8 +104,8 @@ async def serve_page(
         app = create_app(commander, allowed, token)
         web = WebServer(app, lambda: announce(address), longest_message=LONGEST_MESSAGE)
         loading = asyncio.ensure_future(in_daemon_thread(_load_scene, map_))
-        # The parent process has checked the map, so a child accepts browsers while it
-        # loads.
+        # The parent process has checked the map, so a child process accepts browsers
+        # before the map is loaded.
         if not is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
@@ -234,7 +234,7 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
                     await socket.send_bytes(data)
         return SLOW
 
-    with suppress(RuntimeError):  # it is closed already
+    with suppress(RuntimeError):  # the socket is closed already
         try:
             code: int = await first_of(send(), hear())
         finally:
@@ -251,4 +251,4 @@ async def _receive(socket: WebSocket) -> str:
     message = await socket.receive()
     if message["type"] == "websocket.disconnect":
         raise WebSocketDisconnect(message.get("code", 1005))
-    return message.get("text") or ""  # bytes are no request
+    return message.get("text") or ""  # binary messages are no requests

@@ -117,7 +117,7 @@ class RecordingSwitch:
         )
 
         async with AsyncClient.connect(*server) as client:
-            client.session.reads_copies = False  # the recording process does
+            client.session.reads_copies = False  # the recording process reads them
             level = (await client.greeting()).level
             # All echoes of all robots are recorded, whether pages show them or not.
             await client.watch(echoes=True)

@@ -223,7 +223,7 @@ SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
     "side_offset_uu": (0, 100, 1),
     "penetration_power": (0, 5, 0.05),
     "max_range": (1, 80, 1),
-    "ray_choice": (0, 0, 0),  # a choice has no limits, only a position
+    "ray_choice": (0, 0, 0),  # a choice has no limits; only the order counts
     "return_mode": (0, 0, 0),
 }
 FIRST_CLASS: Final = "P3AT_Compare360"  # with a 360° radar and a 360° laser

@@ -156,7 +156,7 @@ class RobotView(RobotState):
         if isinstance(report, EchoLine):
             collector = self._echoes.setdefault(report.name.casefold(), EchoCollector())
             collector.take(report)
-            return False  # its scan follows
+            return False  # the scan of the echoes follows
         if isinstance(report, RangeScan):
             key = report.name.casefold()
             self.scanner(report.name)
@@ -180,7 +180,7 @@ class RobotView(RobotState):
         key, value = request.key, request.value
         if value is None and key == "penetration_power":
             value = math.inf  # JSON has no infinity, so null means unlimited
-        if not scanner.settings:  # of an unknown class: the server checks the value
+        if not scanner.settings:  # only the server knows the class and checks values
             return scanner.name, value
         # A radar cannot become a laser, because most settings would change their
         # meaning.

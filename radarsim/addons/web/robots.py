@@ -25,7 +25,7 @@ from radarsim.protocol.reports import (
 )
 from radarsim.simulation.config import SimulationConfig
 
-MOST_ROBOTS: Final = 100  # that the commander spawns
+MOST_ROBOTS: Final = 100  # robots that the commander spawns
 MOST_VIEWS: Final = 2000  # known robots; a server has at most 1024
 ANSWER: Final = 5.0  # s; timeout for an answer of the server
 SPAWN_TIMEOUT: Final = 120.0  # s; a server may be busy
@@ -201,7 +201,7 @@ class Robots:
                     class_name, name=name, start=start, pose=pose, timeout=SPAWN_TIMEOUT
                 )
                 info = await client.robot_info(drive_unit=drive_unit)
-            except BaseException:  # also when it is cancelled
+            except BaseException:  # including cancellation
                 await client.close()
                 raise
         except ValueError as error:  # a text that cannot be written on a line

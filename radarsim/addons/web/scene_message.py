@@ -14,7 +14,7 @@ from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.scene import Part, Scene
 
 HEIGHT: Final = 0.346  # m; height of the scanner of a P3AT above the floor
-_DIGITS: Final = 6  # of rounded line ends, so that adjacent lines share an end
+_DIGITS: Final = 6  # digits of rounded line ends, so that adjacent lines share an end
 _SENT_DIGITS: Final = 3  # coordinates are sent in whole millimetres
 
 

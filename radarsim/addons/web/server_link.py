@@ -203,7 +203,7 @@ class ServerLink(Link):
         for report in reports:
             if isinstance(report, Watching):
                 refusal = ""
-            elif isinstance(report, CommandError):  # such as too many watchers
+            elif isinstance(report, CommandError):  # there may be too many watchers
                 assert self._client is not None
                 self._asking = asyncio.ensure_future(self._ask_later(self._client))
                 refusal = report.text

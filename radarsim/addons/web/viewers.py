@@ -98,10 +98,10 @@ class Viewers:
                 frame, with the echoes of that robot.
         """
         self._viewers: list[Viewer] = []
-        self._joined = 0  # number of browsers so far
+        self._joined = 0  # number of browsers that have joined so far
         self._make_frame = make_frame
         self._loop = asyncio.get_running_loop()
-        self._version = 1  # of the state that frames show
+        self._version = 1  # version of the state that frames show
         self._due = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
