@@ -1,7 +1,7 @@
 """Robots of one class in a scene, which are simulated for one decision at a time.
 
-Motion, collisions and scans are those of a simulation. Nothing is reported between two
-decisions, so a period takes only a few calls of the engine.
+Motion, collisions and scans are computed as in a simulation. Nothing is reported
+between two decisions, so a period takes only a few calls of the engine.
 """
 
 from collections.abc import Sequence
@@ -104,7 +104,7 @@ class Arena:
         return self._fleet.columns[self._slots, first : first + 3]
 
     def places_of_others(self, row: int) -> list[tuple[float, float]]:
-        """Return x and y, m, of all robots with which a row's robot can collide."""
+        """Return x and y, m, of the robots that the robot in a row can collide with."""
         others = self._present & (np.arange(len(self._robots)) != row)
         return [(x, y) for x, y, _ in self.poses[others & self._meets].tolist()]
 
@@ -165,10 +165,10 @@ class Arena:
         Args:
             rngs: Random generator of each robot.
             chosen: (N,) whether a robot scans.
-            values: Further values of each beam, which take longer: ``power``, the
-                share of penetration power that remains at the reported range, 0 without
-                detection, 1 if it is unlimited; ``rays``, the ray that gave the range:
-                -1 right, 0 centre, 1 left.
+            values: Further values of each beam, which take more time to compute:
+                ``power``, the share of penetration power that remains at the reported
+                range, 0 without detection, 1 if it is unlimited; ``rays``, the ray that
+                gave the range: -1 right, 0 centre, 1 left.
 
         Returns:
             Arrays (N, beams): ``ranges``, m, and the further values. Ranges are the

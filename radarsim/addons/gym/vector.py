@@ -176,7 +176,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return list(seed)
 
     def _observe(self, mask: NDArray[np.bool_]) -> Observations:
-        """Return the observations of all environments, with new ones in the mask."""
+        """Update the observations in the mask; return those of all environments."""
         for task, rows in zip(self._tasks, self._rows, strict=False):
             chosen = mask[rows]
             if not chosen.any():  # no environment of this map

@@ -1,7 +1,7 @@
 """Reads the triangles of scenes in COLLADA files, with the package pycollada.
 
 Source: the specification of COLLADA 1.4.1. As in Gazebo, ``unit`` is applied and
-``up_axis`` is ignored: models in Gazebo worlds are upright without it.
+``up_axis`` is ignored: models in Gazebo worlds are upright without ``up_axis``.
 """
 
 import io
@@ -124,8 +124,8 @@ def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:
             mesh.remove(each)
     for each in mesh.findall(f"*/{namespace}input"):
         if each.get("semantic") not in ("VERTEX", "POSITION"):
-            # Removing the input would shift the columns of indices. It becomes a colour
-            # instead, as colours are never read.
+            # Removing the input would shift the columns of indices, so the input
+            # becomes a colour, which is never read.
             each.set("semantic", "COLOR")
             each.set("source", source)
 

@@ -20,7 +20,7 @@ from radarsim.validation import short_repr
 
 
 def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
-    """Import a file, with materials from its extras or from the library.
+    """Import a glTF file with materials from its extras or from the library.
 
     Args:
         path: The file, GLB or glTF.

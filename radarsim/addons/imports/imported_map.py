@@ -64,7 +64,7 @@ class ImportedMap:
         self._unused = dict.fromkeys(self._patterns)
 
     def note(self, path: Path, line: int, text: str) -> None:
-        """Add a note on a part that is left out or changed."""
+        """Add a note about a part of the file that is left out or changed."""
         self.notes.append(place(path, line, text))
 
     def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
@@ -120,7 +120,7 @@ class ImportedMap:
         return known or self.options.default_material
 
     def warnings(self) -> list[str]:
-        """Return warnings on unused patterns, default materials and a missing floor."""
+        """Return warnings about unused patterns, default materials and no floor."""
         lines = [f"--material {each!r} matches no object" for each in self._unused]
         names = list(dict.fromkeys(self.defaulted))
         if names:
@@ -211,7 +211,7 @@ class ImportedMap:
         return text
 
     def _unique(self, name: str) -> str:
-        """Return a valid name for a map file that no other object has."""
+        """Return an object name that is valid in a map file and not in use yet."""
         signs = [c if c.isprintable() and c not in "{}" else "_" for c in name]
         wanted = "".join(signs).strip()[: MAX_NAME - 8] or "object"
         # ``wall_2`` may also be a name in the file, so the new name is checked again.

@@ -185,7 +185,7 @@ class _Importer:
         return read_mesh(mesh, file, scale, self._copies)
 
     def _model_of(self, include: XmlElement) -> XmlElement:
-        """Return the model of an include, with the changes that the include makes."""
+        """Return the model that an include refers to, with the include's changes."""
         uri, named = include.text_of("uri"), include.text_of("name")
         if _NOT_NEEDED.fullmatch(unquote(uri).lower()):
             reason = "robots drive at z = 0, and scanners need no light"

@@ -104,7 +104,7 @@ class MeshCopies:
     def _placed(
         self, file: Path, scale: tuple[float, ...], part: str, *, centred: bool
     ) -> list[Mesh]:
-        """Return the scaled meshes of a file, with their centre at 0 if ``centred``."""
+        """Return the scaled meshes of a file, centred at the origin if ``centred``."""
         if file not in self._originals:
             self._originals[file] = self._read(file)
         original = self._originals[file]

@@ -71,7 +71,7 @@ def read_text(path: Path) -> str:
 
 
 def find_in(folders: Iterable[Path], reference: str) -> Path | None:
-    """Find a file or folder by a relative path, with links resolved.
+    """Find a file or folder by a relative path, and resolve links.
 
     Args:
         folders: Folders to search, in order.

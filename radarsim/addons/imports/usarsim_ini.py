@@ -1,4 +1,4 @@
-"""Imports robot classes of USARSim for UDK: the items in its ``UDKUSAR.ini``.
+"""Imports the items of robot classes from ``UDKUSAR.ini`` of USARSim for UDK.
 
 A key may be repeated. Its values are in the notation of Unreal::
 
@@ -153,7 +153,7 @@ def _parse_struct(path: Path, number: int, text: str) -> Struct:
 
 
 def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
-    """Return the item for a part; None if its class is unknown."""
+    """Return the item for a part; None if the class of the part is unknown."""
     known = ITEMS.get(_class_of(part).casefold())
     if known is None:
         return None

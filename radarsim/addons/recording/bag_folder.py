@@ -50,8 +50,8 @@ class RecordingInfo(BaseModel):
         own_localization: Whether the transform from ``map`` to ``odom`` is left out.
         no_namespace: Name of the robot whose topics and frames have no name prefix.
         robots_map: Whether ``/map`` is a robot's map instead of the true map.
-        drawn_map: Map that the page showed while it recorded; empty if none. Such a
-            run cannot be repeated.
+        drawn_map: Map that the page showed during the recording; empty if none. A run
+            with such a map cannot be repeated.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)

@@ -170,7 +170,7 @@ class CallConverter:
             yield from messages
 
     def _topic_name(self, robot: str) -> str:
-        """Return the unique name of a robot in topics."""
+        """Return the unique name that a robot has in the names of topics."""
         if robot not in self._names:
             has_none = same_name(robot, self._info.no_namespace)
             wanted = name = "" if has_none else topic_name(robot)

@@ -232,7 +232,7 @@ class HostRecorder(HostObserver):
         self._report(EventType.FINISH, client, data)
 
     def end(self) -> None:
-        """Record the end of the calls."""
+        """Record that no more calls follow."""
         self._report(EventType.END)
 
     def _report(self, type_: EventType, client: int = 0, data: bytes = b"") -> None:
@@ -327,7 +327,7 @@ class WireRecorder:
         """Record bytes that a client sends on a connection."""
         connection = self._connection(number)
         self._report(EventType.RECEIVE, number, data)
-        # After a line that is too long, bytes are recorded, but not parsed any more.
+        # After a line that is too long, bytes are still recorded but no longer parsed.
         if connection.sent.overflow is not None:
             return
         for line in connection.sent.feed(data):
@@ -396,7 +396,7 @@ class WireRecorder:
 class WatchRecorder(WireRecorder):
     """Records the reports of a watched server as calls of a host.
 
-    Each robot is recorded as a client to which its lines are sent.
+    Each robot is recorded as a client, to which the lines of the robot are sent.
 
     Attributes:
         numbers: Client numbers of the present robots, by name.
@@ -456,7 +456,7 @@ class RecordedTransport(SocketTransport):
     """A TCP connection that records all bytes; see ``Transport``."""
 
     def __init__(self, host: str, port: int, recorder: WireRecorder) -> None:
-        """Connect.
+        """Connect to a server.
 
         Args:
             host: Host name or address.

@@ -214,7 +214,7 @@ class Recording:
     def turns(self, scanner: str) -> Iterator[RadarTurn]:
         """Yield the revolutions of an FMCW radar, if they were recorded.
 
-        They are read one at a time, as each has a megabyte or more.
+        Revolutions are read one at a time, because each has a megabyte or more.
 
         Args:
             scanner: The scanner, such as ``R1/Navtech``.

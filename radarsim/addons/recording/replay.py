@@ -64,7 +64,7 @@ def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
 
 
 def _repeat(host: Host, call: RunEvent) -> bytes | None:
-    """Repeat one call; return the bytes for the client, None if it sends none."""
+    """Repeat a call; return the bytes for the client, None if the call sends none."""
     match call.type:
         case EventType.TAKE:
             return host.take(call.client)
@@ -89,7 +89,8 @@ def _difference(call: RunEvent, sent: bytes, lines_before: int) -> str:
     shorter = min(len(sent), len(call.data))
     equal = next((i for i in range(shorter) if sent[i] != call.data[i]), shorter)
     start = call.data.rfind(b"\n", 0, equal) + 1
-    # Scan lines have thousands of characters, so only the part around it is quoted.
+    # Scan lines have thousands of characters, so only text near the difference is
+    # quoted.
     shown = max(start, equal - SHOWN // 2)
     recorded, repeated = (
         data[shown : shown + SHOWN].split(b"\r")[0].decode("latin-1")
@@ -142,7 +143,7 @@ async def serve_replay(
     *,
     speed: float = 1.0,
 ) -> int:
-    """Play the recorded writes to each client that connects, until a signal.
+    """Play the recorded writes to each client until the process gets a signal.
 
     Bytes from clients are read and ignored. A client that reads slowly gets the bytes
     later, but gets all of them.

@@ -373,7 +373,7 @@ def _motion(
 
 
 def topic_name(name: str) -> str:
-    """Return a name as part of a topic of ROS: letters, digits and underscores.
+    """Convert a name to letters, digits and underscores, as ROS topics require.
 
     >>> topic_name("lms 200"), topic_name("2nd")
     ('lms_200', '_2nd')
@@ -390,8 +390,8 @@ def sensed_map(
 ) -> tuple[tuple[float, float], float, NDArray[np.int8]]:
     """Return the sensed part of a map: corner, m, resolution, m, and cells, (R, C).
 
-    They are arguments of ``occupancy_grid``. The map has cells. Foliage is occupied, as
-    robots collide with it.
+    The results are arguments of ``occupancy_grid``. The map must have sensed cells.
+    Foliage is occupied, because robots collide with it.
     """
     levels = np.full(len(CellClass), FREE, np.int8)
     levels[CellClass.UNKNOWN] = UNKNOWN

@@ -153,7 +153,7 @@ class BoardClient:
 
 
 def full_name(name: str) -> str:
-    """Return the ROS 2 name of a message type, which contains ``msg``.
+    """Return the ROS 2 name of a message type, with ``msg`` in the middle.
 
     >>> full_name("std_msgs/Header"), full_name("std_msgs/msg/Header")
     ('std_msgs/msg/Header', 'std_msgs/msg/Header')

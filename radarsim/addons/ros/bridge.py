@@ -1,9 +1,9 @@
 """Connects the robots of a server with ROS, until the connection is lost.
 
 A watcher of the server receives the lines of all robots, which ``LiveTopics`` converts
-into topics. The bridge can spawn a robot that follows velocity commands, and stops when
-no more arrive (``Driver``). It can map one robot in a thread (``publish_map``). A
-``RosSide`` publishes the topics and receives the commands.
+into topics. The bridge can spawn a robot that executes velocity commands, and stops
+when no more commands arrive (``Driver``). It can map one robot in a thread
+(``publish_map``). A ``RosSide`` publishes the topics and receives the commands.
 """
 
 import asyncio
@@ -168,7 +168,7 @@ async def publish_map(
 
 
 class Driver:
-    """Drives the robot that the bridge has spawned by velocity commands."""
+    """Executes velocity commands with the robot that the bridge has spawned."""
 
     def __init__(self, client: AsyncClient, robot: RobotInfo) -> None:
         """Take over a robot that is spawned already.

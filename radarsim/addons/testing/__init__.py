@@ -199,8 +199,8 @@ def make_thread(options: dict[str, Any]) -> "ServerThread":
         RadarsimError: If the map or the settings are wrong.
         ValueError: If another option is wrong or unknown, or has another type.
     """
-    # These imports load the engine, Embree and shapely. They are here so that pytest
-    # starts fast if no test uses a server.
+    # These imports load the engine, Embree and shapely. They are delayed, so that
+    # pytest starts fast if no test uses a server.
     from annotated_types import Ge, Gt  # noqa: PLC0415
     from pydantic import (  # noqa: PLC0415
         BaseModel,

@@ -118,7 +118,8 @@ class Activities:
         task = self.running.pop(robot, None)
         if task is not None:
             task.cancel()
-            # The server keeps the last wheel speeds until the task's thread ends.
+            # Without this stop, the server would keep the last wheel speeds until the
+            # task's thread ends.
             task.robot.set_wheels(0.0, 0.0)
             self._send_state(task, "cancelled")
 
@@ -160,7 +161,7 @@ class Activities:
             self.forget(robot)
 
     def safety_distance(self, robot: OwnRobot) -> float | None:
-        """Return the safety distance of a robot, m; None if none is possible."""
+        """Return the safety distance of a robot, m; None if no distance is possible."""
         with suppress(NavigationError):  # a drive reports the same error
             return safety_distance_for(robot.info, self._wanted_distance, 0.0)
         return None
@@ -202,8 +203,8 @@ class Activities:
         if own.refusal is not None:
             raise BadRequest(f"{robot!r} cannot drive by itself: {own.refusal}")
         self.stop(robot)
-        # The threads of cancelled tasks count as well, as they run until their next
-        # call of the client.
+        # Threads of cancelled tasks count as well, until they end at their next read or
+        # drive.
         if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, which is the limit")
         self._count += 1

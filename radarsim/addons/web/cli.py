@@ -184,7 +184,7 @@ def commander(
 
 
 def _read_address() -> tuple[str, int]:
-    """Read host and port from stdin; the parent writes them when it listens."""
+    """Read host and port from stdin, to which the parent process writes them."""
     host, _, port = sys.stdin.readline().strip().rpartition(" ")
     if not host:  # the parent has ended, and printed the reason
         raise click.exceptions.Exit(1)

@@ -1,6 +1,7 @@
 """The commander executes the requests of browsers, and sends them the state.
 
-It runs in one event loop; long operations, such as spawning, are asyncio tasks.
+The commander runs in one event loop; long operations, such as spawning, are asyncio
+tasks.
 """
 
 import asyncio

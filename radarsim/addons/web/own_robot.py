@@ -115,7 +115,7 @@ class OwnRobot:
             self.release()
             return
         self._cancel_dead_man()
-        # The page repeats its command; if the repetitions end, the robot stops.
+        # The page repeats the command, and the robot stops when the repetitions end.
         self._dead_man = self._loop.call_later(DEAD_MAN, self.release)
         top = self.info.max_wheel_speed
         turn = 2 * top / self.info.wheel_separation
@@ -212,14 +212,14 @@ class TaskClock:
         return began + rate * (time.monotonic() - wall)
 
     def set_rate(self, rate: float) -> None:
-        """Set the number of seconds that pass in one second of the wall clock."""
+        """Set how many seconds of task time pass per second of the wall clock."""
         self._since = (time.monotonic(), self.time(), rate)
 
 
 class RobotClient(Client):
     """A blocking client for the thread of a task, which can be cancelled.
 
-    It has only the methods of ``Client`` that algorithms use.
+    The class supports only the methods of ``Client`` that algorithms use.
 
     Attributes:
         robot: The robot, which is spawned already.

@@ -3,7 +3,7 @@
 A bag has an index of its chunks, so that any second is read without the rest. Reports
 are those of a watched server: robots that join and leave, and the lines that were sent
 to their clients. After a jump back in time, all robots are reported to leave. The
-robots of the new time then join, with the lines of the last second before it.
+robots of the new time then join, with the lines of the last second before that time.
 """
 
 import asyncio
@@ -131,7 +131,7 @@ class RecordedLines:
         return lines
 
     def _robot_of(self, call: RunEvent) -> RecordedRobot | None:
-        """Return the robot of the client of a call, at the time of the call."""
+        """Return the robot that the client of a call had at the time of the call."""
         time = seconds(call.tick)
         for robot in reversed(self.robots):
             if robot.client == call.client and robot.joined <= time <= robot.left:
@@ -191,7 +191,7 @@ def _unique(name: str, taken: set[str]) -> str:
 
 
 class Playback(Link):
-    """A link to a recording; browsers control its time."""
+    """A link to a recording; browsers control the time that is shown."""
 
     refusal = ""
 

@@ -1,7 +1,7 @@
 """Records all robots of a server when the page asks for it, one recording at a time.
 
-A recording watches the robots over a connection that it shares with no page, so it
-does not depend on open pages. A separate process writes the files.
+A recording has its own connection to watch the robots, so it does not depend on open
+pages. A separate process writes the files.
 """
 
 import asyncio
@@ -74,7 +74,7 @@ class RecordingSwitch:
     async def close(self) -> None:
         """End the recording, if there is one, and wait until its files are complete."""
         if self._task is not None:
-            # A second cancellation would interrupt the wait for the files.
+            # Cancelling the task twice would interrupt the wait for the files.
             if not self._task.cancelling():
                 self._task.cancel()
             await asyncio.wait({self._task})

@@ -49,7 +49,7 @@ class Scanner:
     """One scanner of a robot.
 
     Attributes:
-        name: Name in its scans.
+        name: Name of the scanner in scans.
         medium: ``radar`` or ``laser``.
         mount: Pose in the body frame.
         max_range: Range of a beam without return, m.
@@ -84,7 +84,7 @@ class RobotView(RobotState):
     Attributes:
         name: Name of the robot.
         class_name: Name of its class.
-        number: The smallest number that no other robot had when it joined.
+        number: The smallest number that no other robot had when this robot joined.
         size: Length and width of the footprint, m.
         scans: The newest scan of each scanner, by its casefolded name.
         scanners: Scanners by their casefolded names.

@@ -44,7 +44,7 @@ class ServerState:
         watches: Whether the server reports robots of other clients. Not every server
             can.
         refusal: Why the server refuses to report them; empty if it does not refuse.
-        problem: Why there is no connection; empty while there is one.
+        problem: Why there is no connection; empty while connected.
     """
 
     level: str = ""
