@@ -30,7 +30,7 @@ from radarsim.simulation.config import SimulationConfig
 if TYPE_CHECKING:
     from radarsim.addons.gym.environment import GoToSettings
 
-MOST_SECONDS: Final = 10_000.0  # s; the engine cannot be stopped in a period
+MOST_SECONDS: Final = 10_000.0  # s; longest period, as the engine cannot stop early
 
 
 class Arena:

@@ -25,7 +25,7 @@ from radarsim.validation import short_repr
 MAX_LEVELS: Final = 100  # depth of nested models and includes
 MAX_INCLUDED: Final = 2_000_000  # number of elements in all includes
 NEWEST: Final = (1, 12)  # SDFormat version; newer files are used if there are no others
-LEFT_OUT: Final = ("road", "population", "actor")  # elements of a world
+LEFT_OUT: Final = ("road", "population", "actor")  # elements that are not imported
 # URI schemes of files in Gazebo's resource folders, which --model-path replaces.
 SEARCHED: Final = ("model://", "package://", "file://")
 # Suns and ground planes are left out: scanners need no light, and robots drive at z =

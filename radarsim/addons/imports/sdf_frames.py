@@ -136,7 +136,7 @@ def parse_pose(pose: XmlElement) -> Pose3:
         if not largest:
             raise pose.wrong("a quaternion of length 0")
         rotation = Rotation.from_quat([each / largest for each in quaternion])
-        with warnings.catch_warnings():  # in a gimbal lock, roll becomes 0
+        with warnings.catch_warnings():  # gimbal lock sets roll to 0, with a warning
             warnings.simplefilter("ignore")
             yaw, pitch, roll = map(float, rotation.as_euler("ZYX"))
     else:

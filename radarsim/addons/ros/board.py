@@ -125,7 +125,7 @@ class BoardClient:
         """Queue a message that announces a new topic."""
 
     def receive(self, data: str | bytes) -> None:
-        """Execute a message of the client; queue a status if it fails."""
+        """Execute a message of the client; queue an error status if that fails."""
         try:
             self._take(data)
         except WRONG as error:

@@ -162,7 +162,7 @@ class RosbridgeClient(BoardClient):
         try:
             values = serve and serve(arguments if isinstance(arguments, dict) else {})
             answer |= {"values": values or {}, "result": serve is not None}
-        except MissingPackage as error:  # ``_cdr`` raises it
+        except MissingPackage as error:  # raised by ``_cdr``
             answer |= {"values": str(error), "result": False}
         if "id" in message:
             answer["id"] = message["id"]

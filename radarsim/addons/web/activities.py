@@ -188,7 +188,7 @@ class Activities:
             )
 
     def _begin(self, kind: str, robot: str, work: Work, text: str = "") -> None:
-        """Begin a task of a robot, and cancel the task that the robot has had before.
+        """Begin a task of a robot, and cancel the previous task of the robot, if any.
 
         Args:
             kind: Kind of the task, such as ``goto``.

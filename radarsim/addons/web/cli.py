@@ -286,7 +286,7 @@ class CommanderExtension(ServeExtension):
         self._loop = asyncio.get_running_loop()
 
     async def stop(self) -> None:
-        """End the process before the server, so that no reconnection is tried."""
+        """End the process first; otherwise it would try to reconnect to the server."""
         await asyncio.to_thread(self.close)
 
     def announce(self, address: tuple[str, int]) -> None:

@@ -89,7 +89,7 @@ class OwnRobot:
         self._choose_lines()
 
     def read_by(self, take: Callable[[Sequence[Report]], None] | None) -> None:
-        """Pass all reports, also of sensors, to a function; None ends this."""
+        """Pass all reports, even of sensors, to ``take``; stop if ``take`` is None."""
         self._reader = take
         self._choose_lines()
 
@@ -247,7 +247,7 @@ class RobotClient(Client):
         robot.read_by(self._take)
 
     def cancel(self) -> None:
-        """Make all calls raise, even a waiting one; call this in the event loop."""
+        """Make all calls raise, even a call that waits; run this in the event loop."""
         self._is_cancelled = True
         self._reports.put(())  # wakes up the thread
         self.robot.read_by(None)

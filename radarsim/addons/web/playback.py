@@ -201,7 +201,7 @@ class Playback(Link):
         Args:
             recording: The recording.
         """
-        level = recording.info.level or recording.info.map  # older ones lack the level
+        level = recording.info.level or recording.info.map  # old files have no level
         super().__init__(None, ServerState(level, watches=True, problem=""))
         self._recording = recording
         self.is_paused = True

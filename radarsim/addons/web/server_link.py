@@ -36,7 +36,7 @@ FOREIGN: Final = (
 
 @dataclass(slots=True)
 class ServerState:
-    """The state of the server that is shown.
+    """The last known state of the server.
 
     Attributes:
         level: Name of the map that the server uses.
