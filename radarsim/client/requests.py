@@ -370,7 +370,7 @@ class Requests:
     def configuration(
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request the settings of the robot or of items; arguments as in ``geometry``.
+        """Request the settings of the robot or items; see ``geometry`` for arguments.
 
         Returns:
             A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
