@@ -121,7 +121,7 @@ class EchoCollector:
             self._lines[line.line] = line.echoes
 
     def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Return the echoes of a scan, one entry per line; None if any is missing."""
+        """Return the echoes of a scan, one entry per line; None if one is missing."""
         is_complete = len(self._lines) == self._line_count
         if not is_complete or not _is_same_time(scan.time, self._time):
             return None

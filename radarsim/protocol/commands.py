@@ -612,9 +612,9 @@ class Control(KeyedCommand):
 
     @property
     def corners(self) -> tuple[Triple, Triple] | None:
-        """Lowest and highest x, y, z of the box in which all crates are removed.
+        """Lowest and highest x, y, z in the box whose crates are removed.
 
-        None if crates are removed everywhere.
+        The value is None if crates are removed everywhere.
         """
         if self.low is None or self.high is None or self.low == self.high:
             return None

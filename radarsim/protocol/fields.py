@@ -240,7 +240,7 @@ class WheelPose(FormattedField[Pose2]):
         return Pose2(x, 0.0 - y, 0.0 - yaw)
 
     def write(self, value: Pose2, dialect: Dialect) -> Sequence[Segment]:
-        # The sign of the yaw is inverted, as the sign of z in a vector.
+        # The sign of the yaw is inverted, like the sign of z in a vector.
         text = vector_marks(self.format(dialect))
         return (Segment(self.key, text, (value.x, value.y, value.yaw)),)
 
@@ -416,7 +416,7 @@ class LineReport:
         return line.removesuffix(b"\r\n").decode("ascii")
 
     def sources(self, dialect: Dialect) -> list[str]:
-        """Return the attributes with numbers in the line, in the order of the line."""
+        """Return attributes whose numbers are in the line, by their position there."""
         found = [
             (name, field)
             for name, field in fields_of(type(self))

@@ -367,7 +367,8 @@ class NameConf(LineReport):
 
 
 _UNREAD: Final = ("JointType", *_FOV_KEYS)
-# Kinds of CONF lines with the key of each; the first key in the line decides.
+# Keys that identify the kinds of CONF lines. The first entry whose key is in the line
+# applies.
 _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
     ("BeamAngle", SonarConf),
     ("MaxRange", ScannerConf),

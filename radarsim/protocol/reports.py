@@ -190,7 +190,7 @@ class SteeringAngles(FormattedField[tuple[float, float] | None]):
         keys = (self.key, self._other_key)
         if value is None:
             return [Segment(key, dialect.no_steering) for key in keys]
-        # The signs of the angles are inverted, as the sign of y in a vector.
+        # The signs of the angles are inverted, like the sign of y in a vector.
         text = FLIPPED + marks(self.format(dialect))
         return [
             Segment(k, text, (angle,)) for k, angle in zip(keys, value, strict=True)

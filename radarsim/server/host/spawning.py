@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
 MAX_NAME_LENGTH: Final = 64  # characters of a robot's name; longer names are cut
-# Ticks between two spawns of one client, because the search for a position takes time.
+# Number of ticks between two spawns of one client, as the search for a position takes
+# time.
 SPAWN_COOLDOWN: Final = 10
 FAILED_SPAWN_COOLDOWN: Final = 100  # ticks after a spawn without a free position
 SPAWNS_PER_TICK: Final = 4  # for all clients together
@@ -59,7 +60,7 @@ class Spawner:
         self._classes = {name.casefold(): name for name in names}
 
     def begin_tick(self) -> None:
-        """Renew the work for searches; work beyond the last limit is subtracted."""
+        """Reset the work for searches, minus the excess work of the last tick."""
         self._search_work = min(self._search_work, 0) + SEARCH_WORK
 
     def is_too_early(self, client: Client) -> bool:
@@ -166,7 +167,7 @@ class Spawner:
         return join_diagnostics(diagnostic, moved)
 
     def _describe_place(self, vehicle: Vehicle, requested: Pose2) -> Diagnostic | None:
-        """Describe a position that was moved, or is outside the map; else None."""
+        """Describe a position that was moved or is outside the map, or return None."""
         pose, scene = vehicle.robot.pose, self.simulation.scene
         if (pose.x, pose.y) != (requested.x, requested.y):
             moved = f"from {_place(requested)} to {_place(pose)}"
