@@ -1,7 +1,7 @@
 """A blocking client, and a client for an asyncio event loop.
 
-Both take their methods from ``Requests``: the blocking client runs each request over a
-``Transport``, the other one over asyncio streams.
+Both clients take their methods from ``Requests``: the blocking client runs each request
+over a ``Transport``, the asynchronous client over asyncio streams.
 """
 
 import asyncio
@@ -218,7 +218,7 @@ class Client(_Connected):
                 return value
 
     def _receive(self, timeout: float) -> None:
-        """Receive data, or wait until the thread that is receiving has some."""
+        """Receive data, or wait until another thread has received data."""
         if self._is_receiving:
             self._condition.wait(timeout)
             return
@@ -386,7 +386,7 @@ class AsyncClient(_Connected):
             raise lost(error) from None
 
     async def _receive(self, seconds: float) -> None:
-        """Receive data, or wait until the task that is receiving has some."""
+        """Receive data, or wait until another task has received data."""
         if self._reading is not None:
             with suppress(TimeoutError):
                 async with asyncio.timeout(seconds):

@@ -309,7 +309,7 @@ class Requests:
         """Wait for the first report of the robot after INIT and return it.
 
         A server does not report that it has no room for a robot. But it executes
-        commands in order, so it answers a question after INIT as soon as INIT is done,
+        commands in order, so it answers a question sent after INIT when INIT is done,
         which may take a while on a busy machine.
 
         Args:
@@ -630,7 +630,7 @@ class Requests:
             yield from self._await(waiter, geometry.data + configuration.data)
 
     def _skip(self, waiter: Waiter) -> Exchange[Report]:
-        """Return the first wanted report, received before or now; keep the others."""
+        """Return the first wanted report, waiting if necessary; keep the others."""
         passed = list(filter(waiter.wanted, self._passed))
         fresh = list(filter(waiter.wanted, self._pending))
         if current := without_outdated(passed, fresh):

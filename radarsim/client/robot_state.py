@@ -30,7 +30,7 @@ class RobotState:
         time: Time of the newest report, s; nan before the first.
         poses: Newest pose by type of report.
         z: Height of the body frame's origin from the best pose sensor, m.
-        touched: Whether each touch sensor is pressed, by its name.
+        touched: Whether each touch sensor is pressed, by the name of the sensor.
         battery: Remaining time of the battery, s; None if unknown.
     """
 

@@ -31,7 +31,7 @@ from radarsim.scene.scene import Scene
 
 _SIZE: Final = (10.5, 7.2)  # inches
 _DPI: Final = 100  # gives films an even width and height in pixels, as MP4 needs
-_NAMES: Final = 20  # most names of objects; more would hide the robots
+_NAMES: Final = 20  # maximum number of object names; more would hide robots
 
 
 class RunPicture:

@@ -250,11 +250,11 @@ class Viewer(PeerConnection):
             self._rest()  # rule 3
 
     def pause_writing(self) -> None:
-        """Hold back pictures while the last one is not completely sent."""
+        """Hold back pictures until the previous picture is completely sent."""
         self._can_write = False
 
     def resume_writing(self) -> None:
-        """Allow the next picture, as the last one is completely sent."""
+        """Allow the next picture, as the previous one is completely sent."""
         self._can_write = True
         self._requested.set()
 

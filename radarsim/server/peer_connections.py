@@ -153,7 +153,7 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
     READ_BYTES = 4096
 
     def __init__(self, server: PeerServer) -> None:
-        """Create the protocol of a connection; once connected, the server lists it."""
+        """Create the protocol of a connection, which is listed once it is connected."""
         self.peer = "?"
         self._peers, self._refusals = server.peers, server.refusals
         self._buffer = bytearray(self.READ_BYTES)

@@ -27,7 +27,7 @@ from radarsim.simulation.clock import TICK, ticks_of
 log = logging.getLogger("radarsim.server")
 
 MAX_CLIENTS = 1024
-MAX_LAG = 0.1  # s; a larger delay is not caught up
+MAX_LAG = 0.1  # s; larger delays are not made up for
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about delays
 WATCHER_TICKS = 3  # ticks between two writes to a client that only watches
 LOOK_TICKS = 10  # ticks between two checks of connections that are not read

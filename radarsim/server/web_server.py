@@ -2,7 +2,7 @@
 
 Programs on other machines, and web pages of other sites in a browser on this machine,
 must not see or drive robots. The header ``Host`` contains the host name that the
-browser used; any other name than this server's means DNS rebinding, a foreign name that
+browser used; any other name than this server's indicates DNS rebinding: a foreign name
 resolves to this address. The header ``Origin`` contains the site that sent the request,
 which has to be this server. Both are checked before anything else, even before the
 token.

@@ -283,8 +283,8 @@ class RelayPort:
 
     Attributes:
         number: The port.
-        links: The connections through the port, each with the local port of its
-            connection to the other robot; 0 before that connection exists.
+        links: Incoming connections, each with the local port of the outgoing connection
+            that forwards its data to the other robot; 0 before that connection exists.
     """
 
     def __init__(

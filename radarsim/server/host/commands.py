@@ -181,7 +181,7 @@ def _changes_settings(command: SetItem) -> bool:
 
 
 def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Execute a drive command with the fields that the type of the robot needs."""
+    """Execute a drive command; which fields count depends on the type of robot."""
     if command.value is not None and command.joint is not None:
         order = LinkOrder(command.joint, None, command.value, command.order)
         return move_links(vehicle, command.verb, [order])
@@ -194,7 +194,7 @@ def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None
 
 
 def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Steer a car; return a diagnostic for missing fields of a wheeled robot."""
+    """Steer a car; return a diagnostic if fields for wheeled robots are missing."""
     robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
     left, right = command.left, command.right
     if is_car and command.speed is not None:
@@ -218,7 +218,7 @@ def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
 
 
 def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Set the speeds of a flying robot; return a diagnostic for a car's fields."""
+    """Set the speeds of a flying robot; return a diagnostic for fields of a car."""
     speeds = command.linear, command.lateral, command.altitude, command.rotational
     vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
     others = command.speed, command.front_steer, command.rear_steer

@@ -29,8 +29,8 @@ from radarsim.protocol.line_template import fill_lines
 from radarsim.protocol.reports import to_bytes
 from radarsim.sensors.scan import KINDS, Echoes
 
-MOST_SENSORS: Final = 100  # cached sensors; changed settings add further ones
-MOST_HEADS: Final = 2000  # cached objects per sensor; new robots add further ones
+MOST_SENSORS: Final = 100  # cached sensors; each change of settings adds one
+MOST_HEADS: Final = 2000  # cached objects per sensor; each new robot adds one
 
 
 def describe_target(

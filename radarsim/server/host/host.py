@@ -224,7 +224,7 @@ class Host:
         return diagnostics
 
     def is_busy(self, number: int) -> bool:
-        """Return whether a client has waiting commands, and must not be read for now."""
+        """Return whether a client has waiting commands, so it must not be read now."""
         return bool(self._clients[number].pending)
 
     def waits_to_spawn(self, number: int) -> bool:
@@ -334,7 +334,7 @@ class Host:
         return client.send_queue.dropped + client.watch_queue.dropped
 
     def _handle_arrived(self, client: Client) -> list[Diagnostic]:
-        """Execute newly received commands of a client without waiting commands."""
+        """Execute newly received commands of a client that has no waiting commands."""
         diagnostics = []
         while client.pending and client.command_budget:
             # Work is reserved for first commands, so that bursts of some clients do not
@@ -355,11 +355,11 @@ class Host:
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute waiting commands in round-robin order, one of each client."""
-        # Of the clients that wait to spawn, only the first ones can spawn in this tick.
+        # Of the clients that wait to spawn, only the first few can spawn in this tick.
         to_spawn = self.spawner.queue
         waiting = sorted(self._waiting - to_spawn.keys())
-        # Begin after the client that was served last, as otherwise clients with low
-        # numbers would use up the work of each tick.
+        # The order begins after the client that was served last. Otherwise clients with
+        # low numbers would use up the work of each tick.
         first = bisect_right(waiting, self._last_served)
         turns = deque(islice(to_spawn, SPAWNS_PER_TICK))
         turns += waiting[first:] + waiting[:first]

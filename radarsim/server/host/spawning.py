@@ -32,7 +32,8 @@ SPAWNS_PER_TICK: Final = 4  # for all clients together
 # Ticks without a spawn of any client after a search for a free position.
 SEARCH_COOLDOWN: Final = 3  # if the requested position was occupied
 FAILED_SEARCH_COOLDOWN: Final = 10  # if no position was free
-# Work of all searches in a tick, in the unit of ``Obstacles.search_free_pose``: 2 ms.
+# Limit of the work of all searches in a tick, about 2 ms, in the unit of
+# ``Obstacles.search_free_pose``.
 SEARCH_WORK: Final = 400_000
 START_WORK: Final = 60_000  # work to check whether a start is free
 
@@ -43,8 +44,8 @@ class Spawner:
     Attributes:
         simulation: The simulation.
         clients_by_robot: The client of each robot, by the robot's number.
-        queue: Numbers of the clients whose INIT waits, first in, first out. The first
-            client stays in the queue until the search for its position ends.
+        queue: Numbers of the clients with a waiting INIT, first in, first out. The
+            first client stays in the queue until the search for its position ends.
     """
 
     def __init__(self, simulation: Simulation, watchers: Watchers) -> None:
@@ -120,7 +121,7 @@ class Spawner:
     def _spawn(
         self, client: Client, command: Init
     ) -> Generator[int, None, Diagnostic | None]:
-        """Spawn a robot, which replaces the client's previous one.
+        """Spawn a robot, which replaces the client's previous robot.
 
         Yields:
             The work of the next step of the search for a free position.
