@@ -216,8 +216,8 @@ class Requests:
         """Spawn a robot and wait for its first report, which remains unread.
 
         Servers do not report a failure: if the class is unknown or the position is not
-        free, no report comes. While a busy server has not answered a question that was
-        sent after the request, the client waits up to 60 s.
+        free, no report comes. The client also sends a question after the request, and
+        waits up to 60 s while a busy server has not answered this question.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``.
