@@ -1,7 +1,7 @@
 """A blocking client, and a client for an asyncio event loop.
 
-Both take their methods from ``Requests``: the blocking client runs each request over a
-``Transport``, the other one over asyncio streams.
+Both clients take their methods from ``Requests``: the blocking client runs each request
+over a ``Transport``, the asynchronous client over asyncio streams.
 """
 
 import asyncio
@@ -40,7 +40,7 @@ AnyClient = TypeVar("AnyClient", bound="AsyncClient")
 
 
 class _Connected:
-    """State that both clients expose."""
+    """Base class with the properties that both clients have."""
 
     _requests: Requests
 
@@ -63,7 +63,7 @@ class _Connected:
 def _blocking(
     request: Callable[Concatenate[Requests, Arguments], Exchange[Value]],
 ) -> Callable[Concatenate["Client", Arguments], Value]:
-    """Return the method of a blocking client that runs a request."""
+    """Convert a method of ``Requests`` to a method of the blocking client."""
 
     @wraps(request)
     def call(
@@ -77,7 +77,7 @@ def _blocking(
 def _awaited(
     request: Callable[Concatenate[Requests, Arguments], Exchange[Value]],
 ) -> Callable[Concatenate["AsyncClient", Arguments], Coroutine[Any, Any, Value]]:
-    """Return the method of an asynchronous client that runs a request."""
+    """Convert a method of ``Requests`` to a coroutine of the asynchronous client."""
 
     @wraps(request)
     async def call(
@@ -106,7 +106,7 @@ class Client(_Connected):
         *,
         timeout: float = 5.0,
     ) -> None:
-        """Use a transport, which the client closes.
+        """Create a client on a transport; ``close`` also closes the transport.
 
         Args:
             transport: Open connection.
@@ -119,7 +119,7 @@ class Client(_Connected):
         self._requests = Requests(
             transport.time,
             timeout=timeout,
-            # Reasons of commands without effect, if the transport collects them.
+            # Some transports collect the reasons why commands had no effect.
             diagnostics=getattr(transport, "diagnostics", None),
         )
         self._condition = threading.Condition()
@@ -218,7 +218,7 @@ class Client(_Connected):
                 return value
 
     def _receive(self, timeout: float) -> None:
-        """Receive data, or wait until the thread that is receiving has some."""
+        """Receive data, or wait until another thread has received data."""
         if self._is_receiving:
             self._condition.wait(timeout)
             return
@@ -265,7 +265,7 @@ class AsyncClient(_Connected):
         *,
         timeout: float = 5.0,
     ) -> None:
-        """Use the streams of a connection, which the client closes.
+        """Create a client on two streams; ``close`` also closes the streams.
 
         Args:
             reader: Reader of the connection.
@@ -340,7 +340,8 @@ class AsyncClient(_Connected):
     async def close(self) -> None:
         """Stop the robot if possible and close the connection; never raise."""
         if self._requests.has_robot:
-            # Cleared before the wait, so that a second call does not stop it again.
+            # The flag is cleared before the wait, so that a second call of close() does
+            # not stop the robot again.
             self._requests.has_robot = False
             await self.stop()
         self._writer.close()
@@ -385,7 +386,7 @@ class AsyncClient(_Connected):
             raise lost(error) from None
 
     async def _receive(self, seconds: float) -> None:
-        """Receive data, or wait until the task that is receiving has some."""
+        """Receive data, or wait until another task has received data."""
         if self._reading is not None:
             with suppress(TimeoutError):
                 async with asyncio.timeout(seconds):
@@ -393,7 +394,7 @@ class AsyncClient(_Connected):
             return
         self._reading = asyncio.Event()
         try:
-            # Let other tasks begin to wait first, so that they get the same report.
+            # This lets other tasks begin to wait, so that they get the same report.
             await asyncio.sleep(0)
             async with asyncio.timeout(max(seconds, SHORTEST_WAIT)):
                 data = await self._reader.read(CHUNK)

@@ -76,13 +76,13 @@ Exchange: TypeAlias = Generator[Step, None, Value]
 
 @dataclass(slots=True, eq=False)
 class Waiter:
-    """A waiting exchange.
+    """The state of an exchange that waits for a report.
 
     Attributes:
         expected: Name of the expected report in error texts.
         wanted: Returns whether the exchange waits for a report.
         timeout: Length of the wait, s.
-        until: Time of the clock at which the wait ends, s.
+        until: Clock time, s, at which the wait ends.
         hint: Possible reason of a timeout, for the error text.
         asked: Whether the exchange has sent a question.
         asks_poses: Whether the data to send ends with a question for start poses.
@@ -104,7 +104,7 @@ class Waiter:
 
 
 class Requests:
-    """Requests to one server.
+    """The requests that a client can send to a server.
 
     Attributes:
         session: State of the connection.
@@ -147,7 +147,7 @@ class Requests:
         self._pending: list[Report] = []
 
     def receive(self, data: bytes) -> None:
-        """Give the reports in received bytes to the exchanges that wait for them.
+        """Decode received bytes, and give the reports to the waiting exchanges.
 
         All other reports are kept, except greetings, which the session stores.
         """
@@ -213,11 +213,11 @@ class Requests:
         pose: PoseLike | None = None,
         timeout: float | None = None,
     ) -> Exchange[None]:
-        """Spawn a robot and wait for its first report, which can still be read.
+        """Spawn a robot and wait for its first report, which remains unread.
 
         Servers do not report a failure: if the class is unknown or the position is not
-        free, no report comes. While a busy server has not answered a question that was
-        sent after the request, the client waits up to 60 s.
+        free, no report comes. The client also sends a question after the request, and
+        waits up to 60 s while a busy server has not answered this question.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``.
@@ -244,8 +244,8 @@ class Requests:
         question = questions.spawn(
             class_name, name=name, start=start, pose=pose, takes_free=takes_free
         )
-        # Set even if no report comes, as the server may spawn the robot late, and
-        # close() must stop it then.
+        # The flag is set even if no report comes, as the server may spawn the robot
+        # late, and close() must stop the robot then.
         had_robot, self.has_robot = self.has_robot, True
         self._diagnostics.clear()
         yield from self.send(question.data)
@@ -286,9 +286,10 @@ class Requests:
                 raise ClientError(f"{text}: {reason}")
 
     def _choose_start(self, wanted: str | None, limit: float) -> Exchange[str | None]:
-        """Return the wanted start, or by default the first one of the map.
+        """Return the name of the requested start, or of the first start in the map.
 
-        The default is None if the map has no starts or the server does not list them.
+        None is returned if no start is requested, and the map has no starts or the
+        server does not list its starts.
 
         Raises:
             ClientError: If the map has no such start.
@@ -308,7 +309,7 @@ class Requests:
         """Wait for the first report of the robot after INIT and return it.
 
         A server does not report that it has no room for a robot. But it executes
-        commands in order, so it answers a question after INIT as soon as INIT is done,
+        commands in order, so it answers a question sent after INIT when INIT is done,
         which may take a while on a busy machine.
 
         Args:
@@ -316,7 +317,8 @@ class Requests:
             may_be_busy: Whether to wait longer for a busy server; False if the caller
                 has set a timeout.
         """
-        # Half of a short timeout is kept for the question whether INIT is done.
+        # Half of a short timeout is reserved for asking the server whether INIT is
+        # done.
         now = self._clock()
         patience = min(SPAWN_PATIENCE, (waiter.until - now) / 2)
         with suppress(ClientTimeout):
@@ -368,7 +370,7 @@ class Requests:
     def configuration(
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request the settings of the robot or of items; arguments as in ``geometry``.
+        """Request the settings of the robot or items; see ``geometry`` for arguments.
 
         Returns:
             A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
@@ -376,7 +378,7 @@ class Requests:
         return self._describe(questions.configuration(kind, name, robot))
 
     def _describe(self, question: Question) -> Exchange[Report]:
-        """Send a question about the client's robot or another one; return the answer.
+        """Send a question about the client's robot or another robot; return the answer.
 
         Raises:
             ClientError: If the other robot does not exist.
@@ -628,7 +630,7 @@ class Requests:
             yield from self._await(waiter, geometry.data + configuration.data)
 
     def _skip(self, waiter: Waiter) -> Exchange[Report]:
-        """Return the first wanted report, received before or now; keep the others."""
+        """Return the first wanted report, waiting if necessary; keep the others."""
         passed = list(filter(waiter.wanted, self._passed))
         fresh = list(filter(waiter.wanted, self._pending))
         if current := without_outdated(passed, fresh):
@@ -725,8 +727,8 @@ def reading_of(report: Report) -> tuple[Hashable, float] | None:
 
 def is_older(report: Report, other: Report) -> bool:
     """Return whether both reports are readings of one sensor and ``other`` is newer."""
-    # A fast check of the names decides most comparisons; each call of a client method
-    # makes up to a thousand.
+    # A fast check of the names decides most of the comparisons, of which a call of a
+    # client method makes up to a thousand.
     if getattr(report, "name", None) != getattr(other, "name", None):
         return False
     one, two = reading_of(report), reading_of(other)
@@ -738,11 +740,11 @@ def is_older(report: Report, other: Report) -> bool:
 def without_outdated(
     reports: Sequence[Report], later: Sequence[Report]
 ) -> list[Report]:
-    """Return the reports without readings for which a newer one of the sensor exists.
+    """Return the reports, except readings older than the newest one of their sensor.
 
     Args:
         reports: Reports to filter.
-        later: Reports received after them.
+        later: Reports received later, which are not returned.
     """
     newest: dict[Hashable, float] = {}
     for sensor, time in filter(None, map(reading_of, (*reports, *later))):

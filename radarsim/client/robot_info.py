@@ -158,7 +158,8 @@ class RobotInfo:
             speed: Forward speed, m/s.
             turn: Counter-clockwise yaw rate, rad/s.
         """
-        # Without limits, the sum of two huge floats would be infinite and a ratio NaN.
+        # Without limits, the sum of two huge floats would be infinite and their ratio
+        # NaN.
         most = LARGEST_COMMANDED
         speed, turn = (max(min(each, most), -most) for each in (speed, turn))
         across = turn * self.wheel_separation / 2
@@ -171,7 +172,7 @@ class RobotInfo:
         return left * factor, right * factor
 
     def scanner(self, name: str | None = None) -> ScannerInfo:
-        """Return a scanner by its name, case-insensitive; the first one for None.
+        """Return the scanner with a name, in any case, or the first scanner for None.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -205,7 +206,7 @@ def beam_angles(scan: RangeScan) -> Floats:
 
 
 def no_return(max_range: float) -> float:
-    """Return the range, m, from which on a beam counts as a beam without return.
+    """Return the smallest range, m, that counts as a beam without return.
 
     Args:
         max_range: Reported maximum range, m; ``inf`` if it is not reported.
@@ -216,7 +217,7 @@ def no_return(max_range: float) -> float:
     # single precision. MaxRange has more decimals: with 5.609 m, a beam without return
     # reads 5.61 or 5.60 m, and with 2.3 m it may read 2.29 m.
     nothing = math.floor(100 * float(np.float32(max_range))) / 100
-    return nothing - _HALF_DIGIT  # a margin in case that MaxRange itself is rounded
+    return nothing - _HALF_DIGIT  # a margin, because MaxRange itself may be rounded
 
 
 def from_centre(
@@ -264,7 +265,7 @@ def dimensions(geo: RobotGeo) -> tuple[float, float, float]:
 class ScannerDescriptions:
     """Collects the answers of a server about its scanners.
 
-    Servers answer such questions to different extents; scans supply the missing
+    Not every server answers all questions about scanners; scans supply the missing
     properties. Names that differ only in case belong to one scanner.
     """
 
@@ -276,7 +277,7 @@ class ScannerDescriptions:
         self._limits: dict[str, _Limits] = {}
 
     def add(self, report: Report) -> None:
-        """Add an answer; other reports have no effect."""
+        """Add an answer; reports of other kinds are ignored."""
         if isinstance(report, ItemGeo):
             for name, mount in report.mounts:
                 self._mounts[self._key(name)] = mount
@@ -301,10 +302,11 @@ class ScannerDescriptions:
         return [name for name in self.names(scans) if name.casefold() not in complete]
 
     def scanners(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerInfo, ...]:
-        """Return the scanners, without scanners whose number of beams is unknown.
+        """Return the scanners whose number of beams is known.
 
         Args:
-            scans: Latest scans by name. If there is a scan, it determines the beams.
+            scans: Latest scans by name. The number of beams of a scanner is taken from
+                its scan, if there is one.
 
         Raises:
             ClientError: If the settings of a scanner are not plausible.

@@ -30,7 +30,7 @@ class RobotState:
         time: Time of the newest report, s; nan before the first.
         poses: Newest pose by type of report.
         z: Height of the body frame's origin from the best pose sensor, m.
-        touched: Whether each touch sensor is pressed, by its name.
+        touched: Whether each touch sensor is pressed, by the name of the sensor.
         battery: Remaining time of the battery, s; None if unknown.
     """
 
@@ -76,7 +76,7 @@ class RobotState:
             return None
         (start, before), (end, after) = self._track[0], self._track[-1]
         elapsed, turned = end - start, wrap_angle(after.yaw - before.yaw)
-        # On an arc, the way between two poses points along the mean of their headings.
+        # On an arc, the line from one pose to the next has their mean heading.
         yaw = before.yaw + turned / 2
         ahead = math.cos(yaw) * (after.x - before.x)
         ahead += math.sin(yaw) * (after.y - before.y)
@@ -93,8 +93,8 @@ class RobotState:
             return
         if isinstance(report.pose, Pose3):
             self.z = report.pose.z
-        # No speed is computed across a change of the sensor, whose errors differ, or
-        # across a time that goes back after a reset of the clock or a new robot.
+        # The track starts again if the sensor changes, because sensors have different
+        # errors, or if time goes back, after a reset of the clock or a new robot.
         if kind is not previous or (track and not report.time > track[-1][0]):
             track.clear()
         track.append((report.time, pose))
@@ -121,7 +121,7 @@ class EchoCollector:
             self._lines[line.line] = line.echoes
 
     def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Return the echoes of a scan, one entry per line; None if any is missing."""
+        """Return the echoes of a scan, one entry per line; None if one is missing."""
         is_complete = len(self._lines) == self._line_count
         if not is_complete or not _is_same_time(scan.time, self._time):
             return None
@@ -130,5 +130,5 @@ class EchoCollector:
 
 
 def _is_same_time(one: float, other: float) -> bool:
-    """Compare time stamps; NaN, for lines without one, equals NaN."""
+    """Compare time stamps; two missing time stamps, which are NaN, are equal."""
     return one == other or (math.isnan(one) and math.isnan(other))

@@ -1,4 +1,4 @@
-"""Converts received bytes to reports and questions to bytes, without sockets or clocks.
+"""Decodes received bytes and encodes questions, without sockets or clocks.
 
 A server may send anything: a line that is not a known report is counted and skipped. A
 ``Question`` recognizes its answer within the continuous stream of readings.
@@ -88,7 +88,7 @@ class Readings:
         if isinstance(report, _TIMED):
             if math.isnan(report.time):
                 report = replace(report, time=self.time)
-            # Also true for the first time stamp, when self.time is NaN.
+            # This condition also holds for the first time stamp, when self.time is NaN.
             elif not report.time < self.time:
                 self.time = report.time
             if isinstance(report, RangeScan):
@@ -139,7 +139,8 @@ class Session(Readings):
         """
         reports = []
         pieces = [data]
-        # With an overlong line, the data is fed line by line so that only it is lost.
+        # If a line is too long, the data is fed line by line, so that only that line is
+        # lost.
         if not self._lines.has_room_for(data):
             pieces = data.splitlines(keepends=True)
         for piece in pieces:
@@ -173,7 +174,7 @@ class Session(Readings):
                 self.watched.pop(robot, None)
             case WatchedLine(robot, _, copy):
                 if robot not in self.watched:
-                    # A server that reports ever new robots must not fill the memory.
+                    # A server that keeps reporting new robots must not fill the memory.
                     if len(self.watched) >= MOST_WATCHED:
                         del self.watched[next(iter(self.watched))]
                     self.watched[robot] = Readings()
@@ -236,7 +237,7 @@ def geometry(kind: str, name: str | None = None, robot: str | None = None) -> Qu
 def configuration(
     kind: str, name: str | None = None, robot: str | None = None
 ) -> Question:
-    """Return the question for settings; arguments as in ``geometry``.
+    """Return the question for settings; see ``geometry`` for the arguments.
 
     Raises:
         ValueError: If a text cannot be written on a line.
@@ -314,8 +315,8 @@ def _to_pose3(pose: PoseLike) -> Pose3:
 def drive(left: float, right: float, car: RobotGeo | None = None) -> bytes:
     """Return the command for wheel speeds in the server's unit.
 
-    For a car, the speeds are converted to the speed and steering angle of the same
-    curve. A car cannot turn on the spot; it drives forward in its tightest circle
+    For a car, the speeds are converted to a speed and a steering angle that give the
+    same curve. A car cannot turn on the spot; it drives forward in its tightest circle
     instead.
 
     Args:
@@ -346,7 +347,7 @@ def fly(ahead: float, left: float, up: float, turn: float) -> bytes:
 
 
 def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> bytes:
-    """Return the command that sends an opcode to items of a type; all for name None.
+    """Return the command that sends an opcode to one item of a type, or to all.
 
     Raises:
         ValueError: If a text cannot be written on a line.
@@ -392,7 +393,7 @@ def targets(scanner: str, on: bool = True) -> bytes:
 
 
 def change_settings(scanner: str | None, settings: Mapping[str, Any]) -> bytes:
-    """Return the command that changes the settings of one scanner, or of all for None.
+    """Return the command that changes settings of one scanner; None means all.
 
     Raises:
         ValueError: If there are no settings, or a text cannot be written on a line.
@@ -421,7 +422,7 @@ def _bytes(command: Command) -> bytes:
 def _of_robot(
     accepts: Callable[[Report], bool], robot: str | None
 ) -> Callable[[Report], bool]:
-    """Adapt ``accepts`` to copied lines of another robot, and to errors about it."""
+    """Extend ``accepts`` to copied lines of another robot, and to errors."""
     if robot is None:
         return accepts
 

@@ -13,9 +13,9 @@ of up to 0.66 s. So every press moves the robot for a limited time: long enough 
 bridge that pause, and much shorter once the key repeats. A released key or a lost
 connection therefore stops the robot.
 
-Of two held keys only the later one repeats. A turn key therefore prolongs a forward or
-backward motion, so that the robot drives a curve; a forward or backward key does not
-prolong a turn.
+If two keys are held, only the key that was pressed later repeats. A turn key therefore
+prolongs a forward or backward motion, so that the robot drives a curve; a forward or
+backward key does not prolong a turn.
 """
 
 import asyncio
@@ -114,7 +114,7 @@ class Steering:
     """
 
     def __init__(self, speed: float, *, top_speed: float, wheel_separation: float):
-        """Start at rest.
+        """Create the steering of a robot at rest.
 
         Args:
             speed: Initial driving speed, m/s; limited to the top speed.
@@ -140,10 +140,11 @@ class Steering:
         if key is Key.STOP:
             self._direction = self._turn = 0
         elif key in SPEED_CHANGES:
-            # Rounded, because 3 * 0.05 is 0.15000000000000002 in floating point.
+            # The speed is rounded, because 3 * 0.05 is 0.15000000000000002 in floating
+            # point.
             speed = round(self.speed + SPEED_CHANGES[key], 9)
-            # The minimum is one step, or an initial speed below that: the key for
-            # slower must not raise the speed.
+            # The minimum is one step, or the present speed if that is lower, because
+            # the key for slower must not raise the speed.
             self.speed = max(min(SPEED_STEP, self.speed), min(speed, self._top_speed))
         else:
             is_held = self._last is key and now - self._last_time < REPEAT_GAP
@@ -181,7 +182,7 @@ DRIVE_KEYS: Final = {
 
 
 class DrawnControl(UIControl):
-    """A part of the screen, drawn by a function of its columns and rows."""
+    """A part of the screen, which a function draws in a given width and height."""
 
     def __init__(self, draw: Draw) -> None:
         self._draw = draw
@@ -189,7 +190,7 @@ class DrawnControl(UIControl):
     def create_content(self, width: int, height: int) -> UIContent:
         """Draw the lines of the content."""
         lines = self._draw(width, height) if width > 0 and height > 0 else []
-        # Copied, because prompt_toolkit expects a list of a wider type.
+        # Lines are copied, because prompt_toolkit expects a list of a wider type.
         return UIContent(
             lambda i: [*lines[i]], line_count=len(lines), show_cursor=False
         )
@@ -220,7 +221,7 @@ async def drive(
     settings: TeleopSettings,
     on_start: Callable[[], object] = lambda: None,
 ) -> int:
-    """Connect, and drive from this process' terminal until a key or signal quits.
+    """Connect, and drive from this terminal until the user quits or a signal arrives.
 
     Args:
         host: Host of the server.
@@ -278,13 +279,14 @@ class Teleop:
         keyboard: Input | None = None,
         terminal: Output | None = None,
     ) -> None:
-        """Prepare to drive a spawned robot; to be called in a running event loop.
+        """Prepare to drive a spawned robot; an event loop must be running.
 
         Args:
             client: The connection.
             state: State of the client's robot.
             speed: Initial driving speed, m/s.
-            silence_limit: Time without reports until the connection counts as lost, s.
+            silence_limit: Time without reports, s, after which the connection counts as
+                lost.
             keyboard: Input; None for the terminal of this process.
             terminal: Output; None for the terminal of this process.
         """
@@ -309,7 +311,7 @@ class Teleop:
         return RADII[self._zoom]
 
     async def run(self) -> int:
-        """Drive until a key or a signal quits, and restore the terminal.
+        """Drive until the user quits or a signal arrives, and restore the terminal.
 
         Returns:
             The exit code.

@@ -32,10 +32,10 @@ BRAILLE: Final = 0x2800  # the character without dots
 BITS: Final = np.array([[1, 8], [2, 16], [4, 32], [64, 128]])
 RADII: Final = (1, 2, 5, 10, 20, 50, 100)  # m, from the robot to the nearer edges
 BARS: Final = (0.5, 1, 2, 5, 10, 20, 50, 100)  # m
-LONGEST_BAR: Final = 1 / 3  # of the width
+LONGEST_BAR: Final = 1 / 3  # fraction of the width of the view
 MIN_LENGTH: Final = 8  # dots; a shorter footprint is not drawn, only the arrow
-NEAR: Final = 0.3  # m from the circle that a turning robot needs
-MIDDLE: Final = 1.0  # m
+NEAR: Final = 0.3  # m beyond the circle that a turning robot needs
+MIDDLE: Final = 1.0  # m beyond the same circle
 STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
 FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
 SCALE_STYLE: Final = "class:scale"
@@ -81,7 +81,7 @@ class DrivenRobot(RobotState):
         return super().take(report)
 
     def points(self) -> Floats:
-        """Return the end points of the newest scan, without beams without return.
+        """Return the end points of all beams with a return in the newest scan.
 
         Returns:
             (N, 2) x forward and y left from the robot's centre, m.
@@ -147,7 +147,8 @@ class Canvas:
             down: (N,) distances from the upper edge, dots.
             style: One of the styles of the canvas.
         """
-        # Compared as floats, because a distance may be too large for an integer.
+        # Distances are compared as floats, because they may be too large for an
+        # integer.
         inside = (across >= 0) & (across < self.width)
         inside &= (down >= 0) & (down < self.height)
         at = down[inside].astype(np.intp), across[inside].astype(np.intp)
@@ -223,7 +224,7 @@ def draw_view(
     plot(points[near], NEAR_STYLE)
     if robot_info.length * dots_per_metre >= MIN_LENGTH:
         longest = max(robot_info.length, robot_info.width)
-        # Points on a side, at most one dot apart.
+        # The points on a side are at most one dot apart.
         along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))
         half = np.full_like(along, 0.5)
         sides = [(along, half), (along, -half), (half, along), (-half, along)]
@@ -303,7 +304,7 @@ def help_text(width: int) -> str:
 
 
 def nearest(state: DrivenRobot) -> tuple[str, str]:
-    """Return style and text of the distance and bearing of the nearest obstacle."""
+    """Return a style, and the distance and bearing of the nearest obstacle as text."""
     points = state.points()
     if not len(points):
         return "", "nothing seen"
@@ -351,7 +352,7 @@ def _pose(pose: Pose2 | None) -> str:
 def _motion(motion: tuple[float, float] | None) -> str:
     if motion is None:
         return f"{'-':>10}"
-    # Adding 0 turns -0 into 0, so that no minus sign flickers in the panel.
+    # Adding 0 converts -0 to 0, so that no minus sign flickers in the panel.
     speed, turn = round(motion[0], 2) + 0.0, round(math.degrees(motion[1])) + 0
     return f"{speed:10.2f} m/s{turn:4d}°/s"
 

@@ -75,7 +75,7 @@ class Transport(Protocol):
         """
 
     def time(self) -> float:
-        """Return the time of the clock for timeouts, s since an arbitrary moment."""
+        """Return the time of the clock for timeouts, in s since an arbitrary moment."""
 
     def close(self) -> None:
         """Close the connection; a ``receive`` in another thread then raises.
@@ -111,12 +111,13 @@ class SocketTransport:
             raise no_server(host, port, error) from None
         with suppress(OSError):  # short commands are sent without Nagle's delay
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # A selector times the receiving, as the socket's timeout is used for sending.
+        # A selector provides the timeout for receiving, because the timeout of the
+        # socket applies to sending.
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._socket, selectors.EVENT_READ)
 
     def send(self, data: bytes) -> None:
-        """Send all bytes; after a line that was sent only in part, always raise.
+        """Send all bytes; every call after a line that was sent only in part raises.
 
         Raises:
             ConnectionError: If the server does not accept the bytes, or the transport
@@ -157,9 +158,9 @@ class SocketTransport:
     def close(self) -> None:
         """Close the socket; the server then removes the robot.
 
-        Data from the server is read and dropped for up to 0.2 s before. Closing a
-        socket with unread data would reset the connection, and the server might lose
-        the last commands, such as the one that stops the robot.
+        Before the socket is closed, data from the server is read and dropped for up to
+        0.2 s. Closing a socket with unread data would reset the connection, and the
+        server might lose the last commands, such as the one that stops the robot.
         """
         if self._closed.is_set():
             return

@@ -31,7 +31,7 @@ from radarsim.scene.scene import Scene
 
 _SIZE: Final = (10.5, 7.2)  # inches
 _DPI: Final = 100  # gives films an even width and height in pixels, as MP4 needs
-_NAMES: Final = 20  # most names of objects; more would hide the robots
+_NAMES: Final = 20  # maximum number of object names; more would hide robots
 
 
 class RunPicture:
@@ -49,8 +49,8 @@ class RunPicture:
         Args:
             scene: The map.
             moments: All moments of the run, at least one.
-            on: Axes, m, or an empty figure, to which a legend is added as well; None
-                for a new figure with a legend.
+            on: Axes in metres, or an empty figure, which also gets a legend; None for a
+                new figure with a legend.
         """
         figure = None
         if not isinstance(on, Axes):
@@ -93,7 +93,7 @@ class RunPicture:
                     self._paths[row, column] = pose.x, pose.y
 
     def show(self, number: int) -> None:
-        """Show the moment of a number, and the paths up to it."""
+        """Show the moment with a given number, and the paths up to that moment."""
         for artist in self._moving:
             artist.remove()
         axes, moment = self.axes, self._moments[number]
@@ -150,7 +150,7 @@ class RunPicture:
 def follow_run(
     sim: LocalSimulation, moments: Callable[[], Sequence[Moment]]
 ) -> Callable[[], bool]:
-    """Show a run in a window, or below the cell of a notebook without windows.
+    """Show a run in a window, or below the cell if a notebook has no windows.
 
     Args:
         sim: The simulation.
@@ -169,7 +169,7 @@ def follow_run(
         if ipython is None or not hasattr(ipython.get_ipython(), "kernel"):
             raise
         handle = ipython.display.display(sim, display_id=True)
-        return lambda: bool(handle.update(sim))  # False: no window
+        return lambda: bool(handle.update(sim))  # False without a window
     picture: RunPicture | None = None
     fixed: object = None  # map, robots and sensor types in the picture
 
@@ -190,7 +190,7 @@ def follow_run(
 
 
 def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> bytes:
-    """Return a picture of the last moment as a file in a format of ``FORMS``."""
+    """Draw the last moment; return the picture file, in a format of ``FORMS``."""
     return render(figure_of(RunPicture(scene, moments).axes), form)
 
 

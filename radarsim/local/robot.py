@@ -69,7 +69,7 @@ CENTRE: Final = Pose2(0.0, 0.0)
 
 
 class LocalScan(RangeScan, eq=False):
-    """A scan as clients receive it, with the pose of the robot.
+    """A scan as clients receive it, with the poses of the robot.
 
     Attributes:
         medium: Sensor type, ``radar`` or ``laser``.
@@ -117,7 +117,7 @@ class LocalTransport:
     """The connection between a ``Client`` and a robot in this process.
 
     Attributes:
-        unread: Bytes for the client that it has not read yet.
+        unread: Bytes that the client has not read yet.
     """
 
     def __init__(self, robot: LocalRobot) -> None:
@@ -134,7 +134,7 @@ class LocalTransport:
             self._robot.send(data)
 
     def receive(self, timeout: float) -> bytes:
-        """Return the unread bytes; without any, step until bytes arrive.
+        """Return the unread bytes; if there are none, step until bytes arrive.
 
         Args:
             timeout: Longest wait, s of simulated time.
@@ -144,7 +144,8 @@ class LocalTransport:
         """
         simulation = self._robot.simulation
         return receive_stepwise(
-            # It is read between two ticks, as the server's thread may write to it.
+            # The buffer is read between two ticks, as the server's thread may write to
+            # it.
             lambda: simulation.call(lambda _: self.unread.take()),
             lambda: simulation.step(TICK),
             timeout,
@@ -225,7 +226,7 @@ class LocalRobot:
                 geometry(model, kind, None),
                 configuration(model, config, kind, None),
             ):
-                # Decoding a line gives the same rounded numbers as the protocol.
+                # Encoding and decoding the report rounds its numbers as over TCP.
                 line = "" if report is None else report.encode(self._vehicle.dialect)
                 answer = decode_report(line) if line else None
                 if answer is not None:
@@ -287,7 +288,7 @@ class LocalRobot:
             TypeError: If the kind is no class.
         """
         check_kind(kind)
-        # It is a copy, as the server's thread may add readings in the background.
+        # The dictionary is copied, as the server's thread may add readings meanwhile.
         known = dict(self._newest.get(LocalScan if kind is RangeScan else kind, {}))
         if name is not None:
             known = {k: v for k, v in known.items() if k.casefold() == name.casefold()}
@@ -370,7 +371,7 @@ class LocalRobot:
         self.drive_wheels(0.0, 0.0)
 
     def request_echoes(self, scanner: str | None = None, on: bool = True) -> None:
-        """Request the echoes of a scanner: ``scan().echoes`` from now on.
+        """Request the echoes of a scanner; later scans have them in ``echoes``.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -378,7 +379,7 @@ class LocalRobot:
         self.send(requests.echoes(self.info.scanner(scanner).name, on))
 
     def request_targets(self, scanner: str | None = None, on: bool = True) -> None:
-        """Request the targets of a detector: ``scan().targets`` from now on.
+        """Request the targets of a detector; later scans have them in ``targets``.
 
         Raises:
             ClientError: If the robot has no such scanner, or it has no detector.
@@ -391,7 +392,7 @@ class LocalRobot:
         self.send(requests.targets(name, on))
 
     def request_spectra(self, scanner: str | None = None) -> None:
-        """Request the received power of an FMCW radar: ``spectrum`` from now on.
+        """Request the received power of an FMCW radar, which ``spectrum`` returns.
 
         Only one radar of a simulation rotates: that of the first spawned robot.
 
@@ -408,7 +409,7 @@ class LocalRobot:
         )
 
     def spectrum(self, scanner: str | None = None) -> Any:
-        """Return the newest whole revolution of an FMCW radar.
+        """Return the spectrum of the newest complete revolution of an FMCW radar.
 
         Args:
             scanner: Name of the radar, as in ``request_spectra``.
@@ -418,7 +419,8 @@ class LocalRobot:
             ``ranges`` and ``decibels``.
 
         Raises:
-            ClientError: If it was not requested, or no revolution is complete yet.
+            ClientError: If the spectrum was not requested, or no revolution is complete
+                yet.
         """
         turns = self._turns.get(scanner and scanner.casefold())
         if turns is None or turns.newest is None:
@@ -456,10 +458,11 @@ class LocalRobot:
         return self.simulation.camera(pose, **size, fov_deg=angle, carrier=self)
 
     def as_client(self) -> Client:
-        """Return a ``Client`` that drives this robot, such as for navigators.
+        """Return a ``Client`` that drives this robot, for example for a navigator.
 
-        It receives the reports of the robot from now on, and simulated time passes
-        while it waits. A client that was returned before receives nothing more.
+        The client receives the reports of the robot from now on, and simulated time
+        passes while it waits. A client from an earlier call receives no further
+        reports.
         """
         self._transport = LocalTransport(self)
         return Client(self._transport)
@@ -482,7 +485,7 @@ class LocalRobot:
             raise ClientError("; ".join(texts))
 
     def add(self, data: bytes) -> None:
-        """Process bytes for the robot's client; the simulation calls it."""
+        """Process bytes for the robot's client; the simulation calls this method."""
         if self._transport is not None:
             self._transport.unread.put_readings(data)
         for report in self._session.receive(data):
@@ -491,7 +494,7 @@ class LocalRobot:
         del self._came[:-MOST_REPORTS]
 
     def collect(self) -> None:
-        """Start a new list of reports; the simulation calls it after each step."""
+        """Start a new list of reports; the simulation calls this after each step."""
         self.reports, self._came = self._came, []
 
     def _add(self, report: Report) -> None:

@@ -50,8 +50,8 @@ logger: Final = logging.getLogger(__name__)
 POLL: Final = 1.0  # s between two checks whether the server's thread is alive
 
 
-NOTED_TICKS: Final = 10  # between two stored moments; doubles beyond ``MOST_MOMENTS``
-MOST_MOMENTS: Final = 20_000  # beyond it, every second moment is dropped
+NOTED_TICKS: Final = 10  # ticks between two moments; doubled at ``MOST_MOMENTS``
+MOST_MOMENTS: Final = 20_000  # above this, every second moment is dropped
 
 
 class Moment(NamedTuple):
@@ -94,7 +94,7 @@ class LocalSimulation:
             config: As in ``simulate``.
             map_: Name or path of the map, for recordings.
         """
-        generator_for(seed, "")  # raises here if the seed is wrong
+        generator_for(seed, "")  # raises here if the seed is invalid
         self._map = map_
         self._complete_recording: Callable[[], None] | None = None
         self.host = Host(scene, config=config, seed=seed)
@@ -181,7 +181,7 @@ class LocalSimulation:
         if robot is None:
             self._call(lambda: self.host.disconnect(number))
             raise ClientError("; ".join(texts) or f"no free place for {class_name!r}")
-        for text in texts:  # such as that it was placed at another pose
+        for text in texts:  # for example that the robot was moved
             logger.warning("%s: %s", robot.name, text)
         return robot
 
@@ -261,8 +261,8 @@ class LocalSimulation:
     def show(self) -> None:
         """Open a window that shows the picture of ``render`` and follows the run.
 
-        From now on ``step`` updates it, at most every 0.1 s of simulated time, until
-        the window is closed. A notebook without windows shows it below the cell.
+        From now on ``step`` updates the window, at most every 0.1 s of simulated time,
+        until it is closed. A notebook without windows shows the picture below the cell.
 
         Raises:
             RadarsimError: If matplotlib cannot open a window, such as without a
@@ -318,7 +318,7 @@ class LocalSimulation:
         """Record the run as a ROS 2 bag, from now on until ``close``.
 
         ``radarsim.load_recording`` reads the bag, and ``radarsim replay`` can repeat
-        the run if its map was loaded by name. It needs the extra ``record``.
+        the run if its map was loaded by name. Recording needs the extra ``record``.
 
         Args:
             folder: Folder to create.
@@ -389,7 +389,7 @@ class LocalSimulation:
     def call(self, function: Callable[[Simulation], Value]) -> Value:
         """Call a function with the ``Simulation`` of the host, between two ticks.
 
-        The function may read all state; its changes are not in a recording.
+        The function may read all state, but a recording does not contain its changes.
         """
         return self._call(lambda: function(self.host.simulation))
 
@@ -491,7 +491,7 @@ def simulate(
             the defaults.
 
     Raises:
-        MapError: If there is no such map, or the map is wrong.
+        MapError: If there is no such map, or the map is invalid.
         PresetError: If the configuration does not fit the robot classes.
         TypeError: If an argument is of another type.
         ValueError: If the seed is negative.

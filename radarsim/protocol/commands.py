@@ -56,7 +56,8 @@ PACKAGE: Final = "USARBot."  # package prefix of robot classes
 FOV: Final = "FOV"
 VIEWPORTS: Final = tuple(f"Viewport{number}" for number in range(1, 5))
 _CONFIGS: Final = ("singleview", "quadview", "0", "1")
-# Colours of trails with red, green and blue; the names are from a client's source.
+# Colours of trails as red, green and blue; the names come from the source code of a
+# client.
 TRACE_COLOURS: Final = {
     "Red": (1.0, 0.0, 0.0),
     "Yellow": (1.0, 1.0, 0.0),
@@ -245,7 +246,7 @@ MOST_LINKS: Final = 32  # per command, to limit the time to execute one
 
 
 def _few(orders: Sequence[LinkOrder]) -> tuple[LinkOrder, ...]:
-    """Return the orders as a tuple.
+    """Check the number of orders, and return the orders as a tuple.
 
     Raises:
         MalformedMessage: If there are more than ``MOST_LINKS`` orders.
@@ -283,7 +284,8 @@ class MovePackage:
         for key, text in message.segments:
             if key.lower() == "rotation":
                 _, pan, tilt = parse_numbers(text, 3, largest=LARGEST_COMMANDED)
-                # Pan is positive to the right, the angle of the first link to the left.
+                # Pan is positive to the right, but the angle of the first link is
+                # positive to the left.
                 orders = [LinkOrder(name, 1, 0.0 - pan), LinkOrder(name, 2, tilt)]
             elif key.lower() == "order" and message.get("Rotation"):
                 kind = int(parse_commanded(text))
@@ -314,7 +316,7 @@ class MovePackage:
 
 
 class Act(MovePackage):
-    """Move links of a mission package: the form of ``MovePackage`` for UDK servers."""
+    """Move links of a mission package: ``MovePackage`` in the form of UDK servers."""
 
     verb: ClassVar[str] = "ACT"
 
@@ -419,7 +421,7 @@ class Drive(KeyedCommand):
 
 
 class GetStartPoses(KeyedCommand):
-    """Ask for the start poses of the map."""
+    """Request the start poses of the map."""
 
     verb: ClassVar[str] = "GETSTARTPOSES"
 
@@ -440,13 +442,13 @@ class _ItemQuery(KeyedCommand):
 
 
 class GetGeo(_ItemQuery):
-    """Ask for the mounting poses of items, or for the dimensions of the robot."""
+    """Request the mounting poses of items, or the dimensions of the robot."""
 
     verb: ClassVar[str] = "GETGEO"
 
 
 class GetConf(_ItemQuery):
-    """Ask for the settings of items or of the robot."""
+    """Request the settings of items or of the robot."""
 
     verb: ClassVar[str] = "GETCONF"
 
@@ -503,7 +505,7 @@ class ShowCamera(KeyedCommand):
 
 @dataclass(frozen=True, slots=True)
 class SetViewports:
-    """Choose the cameras of a robot that its pictures show.
+    """Choose which cameras of a robot its pictures show.
 
     Attributes:
         is_quad: Whether a picture shows four cameras instead of one; None keeps the
@@ -610,9 +612,9 @@ class Control(KeyedCommand):
 
     @property
     def corners(self) -> tuple[Triple, Triple] | None:
-        """Lowest and highest x, y, z of the box in which all crates are removed.
+        """Lowest and highest x, y, z in the box whose crates are removed.
 
-        None if crates are removed everywhere.
+        The value is None if crates are removed everywhere.
         """
         if self.low is None or self.high is None or self.low == self.high:
             return None
@@ -621,7 +623,7 @@ class Control(KeyedCommand):
 
 
 class Watch(KeyedCommand):
-    """Watch robots from now on; replaces the client's earlier choice of robots.
+    """Watch robots from now on, instead of the robots of an earlier ``Watch``.
 
     Attributes:
         robots: The watched robots. Only a watcher of all robots receives lines about
@@ -731,7 +733,7 @@ def parse_switch(params: str) -> bool:
 
 
 def _checked(text: object) -> str:
-    """Return a text after a check that it cannot end its field or its line.
+    """Check that a text cannot end its field or its line, and return the text.
 
     Raises:
         ValueError: If the text is not printable ASCII without braces, or no ``str``.

@@ -3,7 +3,8 @@
 The report classes define the keys of lines and their order.
 
 ``COMPAT`` meets the needs of all known clients; ``UDK`` matches the original server of
-the Unreal Development Kit byte for byte. Anything not listed here is the same in both.
+the Unreal Development Kit byte for byte. Both dialects agree in everything that is not
+listed here.
 """
 
 import math
@@ -120,8 +121,8 @@ class Dialect:
         """Return the steering limits of front and rear wheels to report, rad.
 
         Args:
-            front: Largest angle of the front wheels to either side, rad.
-            rear: Largest angle of the rear wheels to either side, rad.
+            front: Maximum steering angle of the front wheels to either side, rad.
+            rear: Maximum steering angle of the rear wheels to either side, rad.
         """
         if self is not UDK:
             return front, rear
@@ -211,7 +212,7 @@ class WheelDrive:
         return self.max_spin * RAD_PER_S[self.unit]
 
     def spin(self, value: float, *, normalized: bool = False) -> float:
-        """Convert a commanded value to the wheel speed, limited, rad/s.
+        """Convert a commanded value to the wheel speed, rad/s, limited to the maximum.
 
         Args:
             value: Commanded speed in ``unit``; forward is positive.

@@ -1,8 +1,8 @@
 """Echo lines with the echoes of one scan, and target lines with radar detections.
 
 Each echo line reports the echoes of one scan on one object. It names all properties of
-the object, so that a client can use it by itself. Names come from maps and from other
-clients; they are reduced to characters that a line can contain.
+the object, so that a client can use one line without the others. Names come from maps
+and from other clients; they are reduced to characters that a line can contain.
 
 Target lines report the detections of a radar in one revolution, as peaks of its range
 spectra: a beam can have many targets, each with a power. As with a real radar, targets
@@ -158,7 +158,7 @@ LineHead: TypeAlias = tuple[bytes, Sequence[float]]
 
 
 def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead:
-    """Return the common start of all echo lines of a scanner about an object.
+    """Return the start that all echo lines of a scanner about one object share.
 
     Args:
         dialect: Dialect of the line.
@@ -172,14 +172,14 @@ def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead
 
 @lru_cache(100)  # limited, because lines from other servers may have any kinds
 def find_mark(dialect: Dialect, kind: str) -> bytes:
-    """Return the template of an echo: beam, range, power and strength in the series."""
+    """Return the template of one echo, with marks for its beam, range and powers."""
     before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
     after = series_marks(dialect.plain, 2)
     return f"{before},{reduce_text(kind.capitalize())},{after}".encode("latin-1")
 
 
 def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
-    """Return the template of a line from its head and templates of ``find_mark``."""
+    """Join the head of a line and the templates of its echoes; return the template."""
     return head + b" ".join(echoes) + _END
 
 

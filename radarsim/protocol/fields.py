@@ -4,9 +4,9 @@ An attribute of a report is annotated with its field, which defines key and form
 
     velocities: Annotated[tuple[float, ...], Numbers("Vel", "plain")]
 
-A format is named by an attribute of the dialect. Fields are written in the order of the
-attributes, or of ``layouts`` if dialects differ. They are read in any order, with keys
-in any case.
+The format, here ``plain``, is the name of an attribute of the dialect. Fields are
+written in the order of the attributes, or of ``layouts`` if dialects differ. They are
+read in any order, with keys in any case.
 """
 
 from abc import ABC, abstractmethod
@@ -240,7 +240,7 @@ class WheelPose(FormattedField[Pose2]):
         return Pose2(x, 0.0 - y, 0.0 - yaw)
 
     def write(self, value: Pose2, dialect: Dialect) -> Sequence[Segment]:
-        # The sign of the yaw changes like that of z in a vector.
+        # The sign of the yaw is inverted, like the sign of z in a vector.
         text = vector_marks(self.format(dialect))
         return (Segment(self.key, text, (value.x, value.y, value.yaw)),)
 
@@ -267,10 +267,10 @@ class Pose(FormattedField[Pose3]):
 
 
 class Rows(Field[tuple[Any, ...]]):
-    """Items with the same fields each; a repeated key starts the next item."""
+    """Items that all have the same fields; a repeated key starts the next item."""
 
     def __init__(self, *columns: Field[Any], layouts: Layouts | None = None) -> None:
-        """Describe the fields of each item.
+        """Create the field from the fields of an item.
 
         Args:
             columns: The fields of an item, the name first.
@@ -298,7 +298,7 @@ class Rows(Field[tuple[Any, ...]]):
 
 
 def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment]:
-    """Return the segments of a layout, in its order; all segments without a layout.
+    """Return the segments in the order of a layout; unchanged without a layout.
 
     Args:
         segments: Segments in the order of their fields.
@@ -315,7 +315,7 @@ def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment
 
 
 def join_items(segments: Iterable[Segment]) -> list[Segment]:
-    """Move the fields of each item into the segment of its name."""
+    """Move the fields of each item into the segment of the item's name."""
     joined: list[Segment] = []
     for key, text, numbers, _ in segments:
         if key == "Name":
@@ -416,7 +416,7 @@ class LineReport:
         return line.removesuffix(b"\r\n").decode("ascii")
 
     def sources(self, dialect: Dialect) -> list[str]:
-        """Return the attributes with numbers in the line, in the order of the line."""
+        """Return attributes whose numbers are in the line, by their position there."""
         found = [
             (name, field)
             for name, field in fields_of(type(self))

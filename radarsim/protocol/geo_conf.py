@@ -73,8 +73,8 @@ class RobotGeo(LineReport):
 class AerialGeo(RobotGeo):
     """The dimensions of a flying robot.
 
-    It has no wheels. Wheel radius, separation and base are placeholders of 1 m, which
-    let clients convert its speed and yaw rate like those of a wheeled robot.
+    A flying robot has no wheels. Wheel radius, separation and base are placeholders of
+    1 m, with which clients convert speed and yaw rate as for a wheeled robot.
     """
 
     layouts: ClassVar[Layouts] = dict.fromkeys(
@@ -170,9 +170,9 @@ class RobotConf(LineReport):
         mass: Mass, kg.
         max_speed: Maximum speed of a wheel in the dialect's drive unit.
         max_torque: Maximum torque of a wheel, N m.
-        max_steering: Steering limits of the front and the rear wheels, rad. In
-            ``COMPAT`` the angle to either side, in ``UDK`` the full range; None if the
-            robot is skid-steered.
+        max_steering: Steering limits of the front and the rear wheels, rad. ``COMPAT``
+            reports the angle to either side, ``UDK`` the full range. None for a
+            skid-steered robot.
     """
 
     verb: ClassVar[str] = "CONF"
@@ -191,7 +191,7 @@ class RobotConf(LineReport):
 
 
 class AerialConf(RobotConf):
-    """The performance of a flying robot; its maximum speed is the forward one, m/s."""
+    """The performance of a flying robot, with its maximum forward speed, m/s."""
 
     layouts: ClassVar[Layouts] = {
         "compat": "{Type AerialVehicle} {Name} {Mass} {MaxSpeed}",
@@ -228,7 +228,7 @@ class ItemConf(LineReport):
 class ScannerConf(ItemConf):
     """The settings of scanners.
 
-    An item is name, maximum and minimum range, m, resolution and field of view, rad.
+    An item has a name, maximum and minimum range, m, resolution and field of view, rad.
     """
 
     rows = Rows(
@@ -247,8 +247,8 @@ class ScannerConf(ItemConf):
 class SonarConf(ItemConf):
     """The settings of sonars.
 
-    An item is name, maximum and minimum range, m, angle of the cone, rad, and interval,
-    s. The interval is NaN if it is not reported.
+    An item has a name, maximum and minimum range, m, cone angle, rad, and interval, s.
+    The interval is NaN if it is not reported.
     """
 
     rows = Rows(
@@ -259,7 +259,8 @@ class SonarConf(ItemConf):
         Number("ScanInterval", "robot", default=nan),
         layouts={
             "compat": "{Name} {MaxRange} {MinRange} {BeamAngle}",
-            # The last three numbers are constants that have no effect in the original.
+            # The last three numbers are constants, which have no effect in the original
+            # server.
             "udk": "{Name} {MaxRange} {MinRange} {ScanInterval} {beamAngle}"
             " {maxAngleOfIncidence 0.1745} {tracesPerCone 16} {numberOfCones 10}",
         },
@@ -366,7 +367,8 @@ class NameConf(LineReport):
 
 
 _UNREAD: Final = ("JointType", *_FOV_KEYS)
-# Kinds of CONF lines with the key of each; the first key in the line decides.
+# Keys that identify the kinds of CONF lines. The first entry whose key is in the line
+# applies.
 _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
     ("BeamAngle", SonarConf),
     ("MaxRange", ScannerConf),

@@ -30,7 +30,7 @@ class Region(NamedTuple):
     height: int
 
     def clip(self, width: int, height: int) -> "Region":
-        """Return the part of the region in a picture; the whole picture if none is.
+        """Clip the region to a picture; if nothing remains, return the whole picture.
 
         Args:
             width: Width of the picture.

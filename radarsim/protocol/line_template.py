@@ -51,8 +51,8 @@ _TOO_LARGE: Final = -1  # error code of the engine, returned in place of a byte 
 # Braces are excluded because they end a field, and non-ASCII characters are marks.
 _NOT_PRINTABLE: Final = re.compile(r"[^ -z|~]")
 
-# Lines that are sent together: reports, their dialect, and a group with its numbers,
-# whose lines come first; None without a group.
+# Lines that are sent together: reports, their dialect, a report group or None, and the
+# numbers of the group. The lines of the group come first.
 Block: TypeAlias = (
     "tuple[Iterable[LineReport], Dialect, ReportGroup | None, Sequence[float]]"
 )
@@ -62,11 +62,12 @@ class Rounding(IntEnum):
     """How a number is rounded to its decimals; marks contain these values."""
 
     NEAREST = 0  # to the nearest; zero never has a minus sign
-    FLOAT32 = 1  # as C's printf rounds a float32; -0.00 is possible
+    FLOAT32 = 1  # rounded like a float32 by C's printf; -0.00 is possible
     TRUNCATED = 2  # cut off in float32: 1.3 is written as 1.2999
 
 
-# A multiple of a step may evaluate to just below an integer, as the step is rounded.
+# A multiple of a step, divided by the step, may be just below an integer, because the
+# step is rounded.
 _STEP_TOLERANCE: Final = 1e-5
 
 
@@ -187,8 +188,8 @@ def fill_lines(
 
     marked = np.frombuffer(bytearray().join(templates), np.uint8)
     values = np.array(numbers, np.float64)
-    # An upper bound, as an exact count would need to format all numbers twice. A line
-    # end is one mark and two bytes.
+    # This size is an upper bound, because an exact count would need to format all
+    # numbers twice. A line end is one mark, which becomes two bytes.
     most = 2 * len(marked) + _LONGEST_NUMBER * (len(values) + len(series))
     out = np.zeros(most, np.uint8)
     size = engine.write_lines(marked, values, series, out)

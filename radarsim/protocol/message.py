@@ -31,7 +31,8 @@ from radarsim.geometry import Floats, Pose3, wrap_angle
 # White space in Latin-1. Clients in C may also send the zeros that end their strings.
 _BLANKS = b"\0 \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"
 # One line end and the blank lines after it; a packet can have thousands of blank lines.
-# CR is replaced by LF before, as a search for one character is several times faster.
+# CR is replaced by LF first, because a search for one character is several times
+# faster.
 _LINE_END = re.compile(rb"\n[%b]*" % re.escape(_BLANKS))
 _ANY_END = re.compile(rb"\r\n|\n\r|\r|\n")
 # Bytes before the first line, in Latin-1: the byte order mark of UTF-8, which editors
@@ -247,8 +248,8 @@ def parse_list(text: str) -> Floats:
 def _parse_plain_list(text: str) -> Floats | None:
     """Parse comma-separated numbers by the JSON parser; return None if it cannot.
 
-    The result equals that of ``float`` in a fifth of the time. Ranges make up most of
-    the data that a client receives.
+    The result equals that of ``float``, and takes a fifth of the time. Ranges make up
+    most of the data that a client receives.
     """
     try:
         digits = text.encode()
@@ -290,7 +291,8 @@ class Message:
     _values: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        # In reverse order, so that the first of two equal keys overwrites the second.
+        # The segments are in reverse order, so that the first of two equal keys
+        # overwrites the second.
         self._values = {key.lower(): value for key, value in self.segments[::-1]}
 
     def encode(self) -> str:
@@ -411,8 +413,8 @@ def decode_message(line: str, *, keeps_closed: bool = False) -> Message:
 
     Args:
         line: The line.
-        keeps_closed: Whether an unclosed last segment is left out instead of raising
-            an error; the original server parses commands so.
+        keeps_closed: Whether an unclosed last segment is left out instead of raising an
+            error, as the original server does with commands.
 
     Raises:
         MalformedMessage: If the verb is missing, if other text than a segment follows

@@ -29,9 +29,10 @@ class LinkOrder(NamedTuple):
 
     Attributes:
         name: Name of the package, or of the link.
-        link: Number of the link in the package, from 1; None if ``name`` is the link's.
+        link: Number of the link in the package, from 1; None if ``name`` is the name of
+            the link.
         value: An angle, rad, or a speed, rad/s.
-        order: Type of the order, such as ``ABSOLUTE``. Torque orders, 2, are ignored.
+        order: Type of the order, such as ``ABSOLUTE``. Torque orders (2) are ignored.
     """
 
     name: str
@@ -115,7 +116,8 @@ class PackageConf(LineReport):
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         is_actuator = self.type.lower() == ACTUATOR
         number = marks(dialect.plain)
-        # Keys of three generations, from server sources and from comments in clients.
+        # The keys of three generations of servers come from server sources and from
+        # comments in clients.
         speed = "MaxRotationSpeed" if dialect.has_actuators else "MaxSpeed"
         low, high = "MinRange", "MaxRange"
         if is_actuator:

@@ -33,7 +33,7 @@ from radarsim.protocol.message import (
 )
 
 VICTIM: Final = "Victim"
-# Unreal class names without their packages: those of all actors, and of all robots.
+# Unreal class names, without their packages, that match all actors or all robots.
 _ALL: Final = frozenset(("", "actor", "pawn"))
 _ROBOTS: Final = frozenset(("basevehicle", "usarvehicle"))
 END: Final = b"{End}\r\n"

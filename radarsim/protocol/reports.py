@@ -117,7 +117,7 @@ class StartPoses:
 
     @classmethod
     def decode(cls, message: Message) -> Self:
-        """Read the poses, which follow the field ``StartPoses`` with their count.
+        """Read the poses, which follow the field ``StartPoses`` with the pose count.
 
         Raises:
             MalformedMessage: If a pose is not readable.
@@ -163,7 +163,7 @@ class BatteryLife(Field[int]):
         return int(message.parse_optional(self.key, parse_number) or 0)
 
     def write(self, value: int, dialect: Dialect) -> Sequence[Segment]:
-        # UsarCommander pauses a robot for good when it reads 0.
+        # UsarCommander stops a robot permanently when it reads a battery time of 0.
         least = 0 if dialect.battery_runs_out else 1
         return (Segment(self.key, WHOLE, (max(value, least),)),)
 
@@ -190,7 +190,7 @@ class SteeringAngles(FormattedField[tuple[float, float] | None]):
         keys = (self.key, self._other_key)
         if value is None:
             return [Segment(key, dialect.no_steering) for key in keys]
-        # The signs of the angles change like that of y in a vector.
+        # The signs of the angles are inverted, like the sign of y in a vector.
         text = FLIPPED + marks(self.format(dialect))
         return [
             Segment(k, text, (angle,)) for k, angle in zip(keys, value, strict=True)
@@ -323,8 +323,8 @@ class RangeScan(ItemReport, eq=False):
         if isnan(self.time):
             return ItemReport.split(self, dialect)
         key = (dialect, self.name, self.resolution, self.fov, len(self.ranges))
-        # Scans make up most of a server's output. Only time and ranges change from scan
-        # to scan, so the template of the line is cached.
+        # Scans make up most of a server's output. Between scans only the time and the
+        # ranges change, so the template of the line is cached.
         if key not in _KEPT:
             if len(_KEPT) >= MOST_KEPT:
                 _KEPT.clear()
@@ -429,7 +429,7 @@ class Altitude(ItemReport):
 
 
 class CompassAngle(FormattedField[float]):
-    """An angle from north, rad, clockwise on the wire and counter-clockwise here."""
+    """An angle from north, rad: clockwise on the wire, counter-clockwise in reports."""
 
     def read(self, message: Message) -> float:
         return 0.0 - message.parse(self.key, parse_number)
@@ -440,7 +440,7 @@ class CompassAngle(FormattedField[float]):
 
 
 class Compass(ItemReport):
-    """The heading of the robot from north, which is the x axis of the map, rad."""
+    """The heading of the robot, rad, from north, which is the x axis of the map."""
 
     sensor_type: ClassVar[str] = "MagneticCompass"
 
@@ -612,14 +612,14 @@ def _decode_reading(message: Message) -> Report | None:
 def _split_degrees(
     angle: float, letters: str, minutes_format: NumberFormat
 ) -> tuple[str, float, float]:
-    """Return the letter for the sign of an angle, integer degrees, and minutes.
+    """Split an angle into the letter for its sign, whole degrees, and minutes.
 
     Raises:
         ValueError: If the angle is not finite.
     """
     degrees, minutes = divmod(abs(angle) * 60, 60)
     written = minutes
-    # Formatting is slow, and needed only if the minutes may be rounded to 0 or 60.
+    # Formatting is slow, so it is done only if the minutes may be rounded to 0 or 60.
     if not 0.1 < minutes < 59.9:
         written = float(minutes_format.format(minutes))
         if written == 60.0:

@@ -28,10 +28,10 @@ class Sighting(NamedTuple):
 
 
 class Sightings(Field[tuple[Sighting, ...]]):
-    """A list of detections, each written as its label and then its position."""
+    """A list of detections; each is written as a label, followed by a position."""
 
     def __init__(self, key: str, nothing: Segment | None = None) -> None:
-        """Describe the field.
+        """Create the field.
 
         Args:
             key: Key of the labels.

@@ -1,7 +1,7 @@
 """The choice of robots in WATCH commands, and the lines that watchers receive.
 
 Names of robots are reduced to characters that a line can contain, as in all lines, so
-two names that differ only in other characters are the same here.
+names that differ only in other characters count as equal.
 """
 
 import re
@@ -48,7 +48,7 @@ class RobotChoice:
     'All,'
 
     Attributes:
-        names: Names as on the wire, case-insensitive; None for all robots.
+        names: Names in the form of the wire, case-insensitive; None for all robots.
     """
 
     names: tuple[str, ...] | None = ()
@@ -95,7 +95,7 @@ NO_ROBOTS: Final = RobotChoice()
 
 
 class Choice(Field[RobotChoice]):
-    """A field with a choice of robots."""
+    """A field whose value is a choice of robots."""
 
     def read(self, message: Message) -> RobotChoice:
         return message.parse(self.key, RobotChoice.parse)
@@ -119,7 +119,7 @@ class Watching(LineReport):
 
 
 class RobotJoined(LineReport):
-    """A robot has joined the simulation, or was there when watching began.
+    """A robot has joined the simulation, or already existed when watching began.
 
     Attributes:
         robot: Name of the robot.

@@ -44,7 +44,7 @@ AMBIENT: Final = 0.45  # brightness of a surface that is parallel to the ray
 Pixels: TypeAlias = NDArray[np.uint8]
 FIELD_OF_VIEW: Final = math.radians(FOV_DEG)
 VIEWING_DISTANCE: Final = 1000.0  # m
-# Converts attenuation in dB to optical depth, independent of a laser's power.
+# Cameras use the attenuation of lasers, converted from dB to optical depth.
 LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
 MARK_RADIUS: Final = 0.04  # m; radius of the disc that marks a point of a trail
 MOST_ANGLES: Final = 8  # fields of view whose pixel directions are cached
@@ -91,7 +91,8 @@ class Renderer:
     def render_tiles(self, tiles: Tiles) -> Pixels:
         """Return an image, (H, W, 3), of one view, or (2H, 2W, 3) of four views.
 
-        Four views fill the quarters row by row; a view of None is black.
+        Four views fill the quarters of the image row by row; None gives a black
+        quarter.
         """
         black = np.zeros(self._shape, np.uint8)
         pictures = [black if view is None else self.render(view) for view in tiles]
@@ -134,8 +135,8 @@ class Renderer:
     def _draw_marks(self, view: View, marks: Floats, pixels: Floats) -> None:
         """Draw the marks of trails as discs over an image, (H, W, 3).
 
-        The visibility of each mark is that of the ray from the camera to its centre: it
-        fades in translucent volumes, and vanishes behind opaque objects.
+        A ray from the camera to the centre of each mark determines its visibility: the
+        mark fades in translucent volumes, and vanishes behind opaque objects.
         """
         height, width, _ = self._shape
         angle = self._field_of_view or view.fov

@@ -60,7 +60,8 @@ class PictureProcess:
 
     async def start(self) -> None:
         """Start the process, which takes about a second."""
-        # The start runs in a thread, as sending the scene blocks until it is read.
+        # The start runs in a thread, because sending the scene blocks until the process
+        # has read it.
         process = worker_process(partial(_Painter.prepare, *self._setting))
         starting = asyncio.to_thread(self._until_stop.enter_context, process)
         self._starting = asyncio.ensure_future(starting)
@@ -89,7 +90,7 @@ class PictureProcess:
 
 
 class _Painter:
-    """The state of the rendering process, which it keeps between pictures."""
+    """The state that the rendering process keeps between pictures."""
 
     _renderer: Renderer
     _image_type: ImageType
@@ -168,8 +169,8 @@ class ImageServer(PeerServer):
                 log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
                 self._close()
                 return
-            # Counted from the start of the picture, so that the rate does not depend on
-            # the rendering time.
+            # The pause is counted from the start of the picture, so that the rate does
+            # not depend on the rendering time.
             await asyncio.sleep(due - loop.time())
 
     async def _answer(self, waiting: list[Viewer]) -> None:
@@ -233,7 +234,7 @@ class Viewer(PeerConnection):
         loop.call_later(LOOK_INTERVAL, self.look)
 
     def look(self) -> None:
-        """Check the connection periodically, as a waiting viewer is not read."""
+        """Check the connection periodically, because a waiting viewer is not read."""
         if self._transport is not None:
             super().look()
             asyncio.get_running_loop().call_later(LOOK_INTERVAL, self.look)
@@ -249,11 +250,11 @@ class Viewer(PeerConnection):
             self._rest()  # rule 3
 
     def pause_writing(self) -> None:
-        """Hold back pictures while the last one is not completely sent."""
+        """Hold back pictures until the previous picture is completely sent."""
         self._can_write = False
 
     def resume_writing(self) -> None:
-        """Allow the next picture, as the last one is completely sent."""
+        """Allow the next picture, as the previous one is completely sent."""
         self._can_write = True
         self._requested.set()
 

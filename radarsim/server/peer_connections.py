@@ -1,10 +1,10 @@
 """Base classes of the TCP servers: connections, a refusal log, and read limits.
 
-A connection has an allowance of bytes that grows with every tick. While it lasts, data
-is read as soon as it arrives. A connection that has used up its allowance waits for a
-turn, in which the server reads from it once, and each tick has only a few turns. This
-limits the data that all clients together can send beyond their allowances, and a client
-that sends little never waits.
+A connection has an allowance of bytes that grows with every tick. While the allowance
+lasts, data is read as soon as it arrives. A connection that has used up its allowance
+waits for a turn, in which the server reads from it once, and each tick has only a few
+turns. This limits the data that all clients together can send beyond their allowances,
+and a client that sends little never waits.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class RefusalLog:
         self._unlogged, self._next_line = 0, now + LOG_INTERVAL
 
 
-# Open files per permitted peer. If the system permits few open files, the rest is left
-# for clients with robots.
+# Open files per permitted peer. If the system permits few open files, all others are
+# left for clients with robots.
 FILES_EACH: Final = 16
 
 
@@ -153,7 +153,7 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
     READ_BYTES = 4096
 
     def __init__(self, server: PeerServer) -> None:
-        """Create the protocol of a connection; once connected, the server lists it."""
+        """Create the protocol of a connection, which is listed once it is connected."""
         self.peer = "?"
         self._peers, self._refusals = server.peers, server.refusals
         self._buffer = bytearray(self.READ_BYTES)
@@ -242,7 +242,7 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
             self._transport.resume_reading()
 
     def _most(self) -> int:
-        """Return the maximum number of peers, which open files may limit further."""
+        """Return the maximum number of peers; a low limit of open files reduces it."""
         return raise_file_limit(FILES_EACH * self.MOST) // FILES_EACH
 
     @abstractmethod
@@ -280,7 +280,7 @@ class ReadAllowance:
         """Count a read of ``size`` bytes."""
         grown = (self._turns.ticks - self._tick) * REFILL
         self._tick = self._turns.ticks
-        # Each read takes time, so packets of one byte must not be nearly free.
+        # Each read takes time, so even a packet of one byte must have a cost.
         self._left = min(BURST, self._left + grown) - size - READ_COST
         if self._left < 0 and not self.exhausted:
             self.exhausted = True
@@ -296,7 +296,7 @@ class ReadAllowance:
 
 
 class ReadTurns:
-    """The queue of connections that wait for a turn to be read, first in, first out.
+    """A first-in, first-out queue of connections that wait until they are read.
 
     Attributes:
         ticks: Number of ticks so far.

@@ -8,9 +8,9 @@ Rule 2: every line is answered. A line that is too long closes the connection, a
 does an HTTP request.
 
 Obstacles between two positions are solid objects on the straight line between them.
-Each entered volume counts as one obstacle. Of opaque objects the ray meets surfaces;
-two surfaces of one object count as one obstacle. As in the original server, robots do
-not count.
+Each entered volume counts as one obstacle. For opaque objects, the surfaces on the line
+are counted; two surfaces of one object count as one obstacle. As in the original
+server, robots do not count.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ class QuestionServer(PeerServer):
     def _take_turns(self) -> None:
         count = min(len(self._turns), MOST_ANSWERS)
         loop = asyncio.get_running_loop()
-        # Set before the turns, in which clients with further queries queue again.
+        # The timer is set first, because clients with further queries queue again, and
+        # add_turn must then find a timer.
         self._timer = loop.call_later(REST, self._take_turns) if count else None
         for _ in range(count):
             self._turns.popleft().take_turn()

@@ -27,7 +27,7 @@ from radarsim.simulation.clock import TICK, ticks_of
 log = logging.getLogger("radarsim.server")
 
 MAX_CLIENTS = 1024
-MAX_LAG = 0.1  # s; a larger delay is not caught up
+MAX_LAG = 0.1  # s; larger delays are not made up for
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about delays
 WATCHER_TICKS = 3  # ticks between two writes to a client that only watches
 LOOK_TICKS = 10  # ticks between two checks of connections that are not read
@@ -168,11 +168,13 @@ class Server(PeerServer):
         due = next_log = loop.time()
         lost = 0.0
         while True:
-            # Counted from the last due time, so that delays of ticks do not add up.
+            # Due times are counted from the previous due time, so that delays of ticks
+            # do not add up.
             due += self.pace.interval
             lag = loop.time() - due
-            # To catch up a large delay would send clients a burst of outdated readings.
-            # Instead simulated time falls behind, which the log reports.
+            # Catching up with a large delay would send clients a burst of outdated
+            # readings. Instead, simulated time falls behind, and the log reports the
+            # delay.
             if lag > MAX_LAG:
                 due += lag
                 lost += lag
@@ -274,8 +276,8 @@ class Connection(PeerConnection):
             self._end_in_time()
 
     def _floods(self) -> bool:
-        # The client of a robot gets readings; if it is gone, these writes fail, so no
-        # check for floods is needed.
+        # A client with a robot is sent readings. If the client is gone, these writes
+        # fail, so no check for floods is needed.
         return not self._host.has_robot(self._number) and super()._floods()
 
     def log_diagnostics(self, diagnostics: list[Diagnostic]) -> None:
@@ -347,7 +349,7 @@ class Connection(PeerConnection):
 
 
 class Companion(Protocol):
-    """A service that runs together with a server in the same event loop."""
+    """A service that runs in the event loop of a server."""
 
     async def start(self, address: str) -> None:
         """Start, given the address on which the server listens."""
@@ -383,7 +385,7 @@ async def serve(
 
     async def run() -> None:
         log_refused_accepts(log)
-        # Existing objects are excluded from garbage collection. A collection of them
+        # Existing objects are excluded from garbage collection, because collecting them
         # would take some 90 ms and delay scans.
         gc.collect()
         gc.freeze()

@@ -87,8 +87,8 @@ def tiles_of(simulation: Simulation, shown: Shown) -> Tiles:
 
     Args:
         simulation: The simulation to view.
-        shown: Number of a robot, 0 without robots; and name of its camera, None for its
-            viewports.
+        shown: Number of a robot, 0 if there is none; and name of a camera of the robot,
+            None for the viewports of the robot.
     """
     number, camera = shown
     vehicle = next((v for v in simulation.vehicles if v.number == number), None)

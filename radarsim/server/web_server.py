@@ -2,7 +2,7 @@
 
 Programs on other machines, and web pages of other sites in a browser on this machine,
 must not see or drive robots. The header ``Host`` contains the host name that the
-browser used; any other name than this server's means DNS rebinding, a foreign name that
+browser used; any other name than this server's indicates DNS rebinding: a foreign name
 resolves to this address. The header ``Origin`` contains the site that sent the request,
 which has to be this server. Both are checked before anything else, even before the
 token.
@@ -32,7 +32,7 @@ ANY_ADDRESS: Final = ("0.0.0.0", "::")  # only for comparison, not for binding
 HTTP_PORT: Final = 80
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 HEADERS: Final[Mapping[str, str]] = {
-    # Cached files of another version may not work with this program.
+    # Files that a browser has cached from another version may not work with this one.
     "Cache-Control": "no-cache",
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self';"
@@ -140,7 +140,7 @@ REQUEST_TIMEOUT: Final = 5.0  # s for the headers of a request; uvicorn sets no 
 
 
 class HttpConnection(H11Protocol):
-    """A uvicorn connection that is closed if no request comes in time."""
+    """A uvicorn connection that is closed if no request arrives in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Wait for the first request; abort if there are too many connections."""

@@ -10,13 +10,13 @@ too weak, it closes the relay port and its connections, and opens the port again
 
 Rule 1: the server connects to a program only at the address from which the program
 registered.
-Rule 2: a robot with an empty battery, or that has left, is disconnected. A registered
+Rule 2: a robot that has left or has an empty battery is disconnected. A registered
 robot that has not spawned yet has no signal.
 Rule 3: a robot that reads slowly does not fill the memory: the sender has to wait, and
 the connection is closed if the robot reads nothing for ``STALL_TIMEOUT``.
 Rule 4: ticks must stay on time under any load. So requests are answered like queries in
 ``question_server``, relay ports are checked one after the other, and a connection
-pauses after each forwarded piece, for longer the more connections there are.
+pauses after each forwarded chunk; this pause grows with the number of connections.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ MAX_LINKS: Final = 64  # connections through all relay ports
 LOOK_INTERVAL: Final = 1.0  # s, as in the original server
 UNHURRIED_LINKS: Final = 8  # number of links above which pauses become longer
 CONNECT_TIMEOUT: Final = 5.0  # s
-READ_BYTES: Final = 32_768  # largest forwarded piece
-STALL_TIMEOUT: Final = 60.0  # s; without it, a lost peer would hold a link forever
+READ_BYTES: Final = 32_768  # largest forwarded chunk
+STALL_TIMEOUT: Final = 60.0  # s; otherwise a lost peer would hold a link forever
 CLOSE_GRACE: Final = 2.0  # s for a peer to read the last bytes before a link is closed
 Place: TypeAlias = tuple[str, int]  # address and port
 Ports: TypeAlias = tuple[int, ...] | None  # None for ports that are not readable
@@ -137,7 +137,7 @@ class WirelessServer(QuestionServer):
         return self._relays[key].number
 
     def caller(self, target: str, port: int) -> str | None:
-        """Return the robot that is connected to ``target`` from a port of this server.
+        """Return the robot that is connected to ``target`` through a relay port.
 
         Args:
             target: Name of the robot that accepted the connection.
@@ -152,7 +152,7 @@ class WirelessServer(QuestionServer):
         return sum(len(relay.links) for relay in self._relays.values())
 
     def _rest(self) -> float:
-        """Return the pause of a link after each forwarded piece, s."""
+        """Return the pause of a connection after each forwarded chunk, s."""
         return REST * max(1.0, self._count_links() / UNHURRIED_LINKS)
 
     def forget(self, name: str) -> None:
@@ -248,7 +248,7 @@ class WirelessClient(QuestionClient):
         return f"{robot} {strength_text(self._wireless.strength(self.name, name))}"
 
     def _reach(self, name: str, ports: tuple[int, ...]) -> str:
-        """Return the answer to DNS, with the relay port to another robot."""
+        """Answer a DNS request with the relay port to another robot."""
         other = self._wireless.robots.get(name)
         reply = f"DNSREPLY {{Robot {printable_name(name)}}}"
         if other is None or other is self:
@@ -283,8 +283,8 @@ class RelayPort:
 
     Attributes:
         number: The port.
-        links: The connections through the port, each with the local port of its
-            connection to the other robot; 0 before that connection exists.
+        links: Incoming connections, each with the local port of the outgoing connection
+            that forwards its data to the other robot; 0 before that connection exists.
     """
 
     def __init__(
@@ -293,13 +293,13 @@ class RelayPort:
         target: Callable[[], Place | None],
         rest: Callable[[], float],
     ) -> None:
-        """Choose a port, which is closed at first.
+        """Choose a port, but do not listen on it yet.
 
         Args:
             addresses: Addresses to listen on.
             target: Returns address and port of the robot to connect to; None to refuse
                 the connection.
-            rest: Returns the pause of a connection after each forwarded piece, s.
+            rest: Returns the pause of a connection after each forwarded chunk, s.
 
         Raises:
             ServerError: If there is no free port.
@@ -321,7 +321,8 @@ class RelayPort:
             for address in self._addresses:
                 sock = bind(address, self.number, only_ipv6=True)
                 sockets.append(unless_all.enter_context(sock))
-                # Listen at once, as the robot connects as soon as it has the answer.
+                # Listening must start at once, as the robot connects as soon as it has
+                # the answer.
                 sock.listen(MAX_WAITING)
             unless_all.pop_all()
             self._is_open = True
@@ -375,7 +376,7 @@ class RelayPort:
     async def _pass_on(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        """Forward data in one direction, with pauses, until a side is closed."""
+        """Forward data in one direction, with pauses, until one side closes."""
         with suppress(OSError):
             while data := await reader.read(READ_BYTES):
                 writer.write(data)

@@ -61,8 +61,9 @@ if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
 Question: TypeAlias = GetGeo | GetConf
-# Result of a line: whether it is done (otherwise a later tick handles it again), a
-# diagnostic or None if the command had its full effect, and the units of work.
+# Result of handling a line: whether the line is done (otherwise a later tick handles it
+# again), a diagnostic or None if the command had its full effect, and the units of
+# work.
 Handled: TypeAlias = tuple[bool, Diagnostic | None, int]
 
 # Units of work, about 20 us each: most commands take one unit; a spawn, a requested
@@ -74,7 +75,7 @@ CRATE_WORK: Final = 2  # to add or remove a body
 SETTING_WORK: Final = 50  # to prepare the rays of a scanner again
 SUGGESTION_WORK: Final = 3  # to find a similar verb or key for an unknown one
 CHARACTERS_A_UNIT: Final = 300
-ROBOTS_A_UNIT: Final = 8  # robots to search or report per unit
+ROBOTS_A_UNIT: Final = 8  # robots to search or report per unit of work
 CACHED_REPLIES: Final = 1000  # limited, as clients can use any spelling of names
 LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 
@@ -115,7 +116,7 @@ def handle(host: Host, client: Client, line: str) -> Handled:
 def _execute(
     host: Host, client: Client, command: RobotCommand | OtherCommand
 ) -> Diagnostic | None:
-    """Execute a command other than INIT; return None if it had its full effect."""
+    """Execute a command other than INIT; return None if it took full effect."""
     if type(command) in _TO_HOST:
         return _TO_HOST[type(command)](host, client, command)
     vehicle = _find_robot(client, command.verb)
@@ -163,10 +164,10 @@ def _work_of(host: Host, client: Client, command: Command) -> int:
 
 
 def _is_answered(command: Command) -> bool:
-    """Return whether a command without effect is answered with the reason.
+    """Return whether the client is sent the reason if its command has no effect.
 
-    Only commands that radarsim has added to the protocol are answered, because other
-    clients do not know such answers.
+    The reason is sent only for commands that radarsim has added to the protocol,
+    because other clients do not know such answers.
     """
     match command:
         case Watch() | GetGeo(robot=str()) | GetConf(robot=str()):
@@ -180,7 +181,7 @@ def _changes_settings(command: SetItem) -> bool:
 
 
 def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Execute a drive command with the fields that the type of the robot needs."""
+    """Execute a drive command; which fields count depends on the type of robot."""
     if command.value is not None and command.joint is not None:
         order = LinkOrder(command.joint, None, command.value, command.order)
         return move_links(vehicle, command.verb, [order])
@@ -193,7 +194,7 @@ def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None
 
 
 def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Steer a car; return a diagnostic for missing fields of a wheeled robot."""
+    """Steer a car; return a diagnostic if fields for wheeled robots are missing."""
     robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
     left, right = command.left, command.right
     if is_car and command.speed is not None:
@@ -217,7 +218,7 @@ def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
 
 
 def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Set the speeds of a flying robot; return a diagnostic for a car's fields."""
+    """Set the speeds of a flying robot; return a diagnostic for fields of a car."""
     speeds = command.linear, command.lateral, command.altitude, command.rotational
     vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
     others = command.speed, command.front_steer, command.rear_steer
@@ -280,7 +281,7 @@ def _answer(host: Host, client: Client, question: Question) -> Diagnostic | None
 def _answer_of_others(
     host: Host, client: Client, question: Question
 ) -> Diagnostic | None:
-    """Reply to a question about the robots with a name, of any client."""
+    """Reply to a question about all robots with a given name, of any client."""
     name = question.robot or ""
     named = robots_named(host.simulation, name)
     if not named:
@@ -312,7 +313,7 @@ def _reply_key(
 
 
 def _describe(vehicle: Vehicle, question: Question) -> Report | Diagnostic:
-    """Return the report that a question requests, or why the robot has none."""
+    """Return the report that a question requests, or the reason if there is none."""
     item_type, name = question.type, question.name
     if isinstance(question, GetGeo):
         report = geometry(vehicle.model, item_type, name)

@@ -70,7 +70,8 @@ class SendQueue:
         self._lines.append((line, keep))
         if keep:
             self._answers += len(line)
-            # Never reset: the client is disconnected even if it resumes reading.
+            # This flag is never reset: the client is disconnected even if it resumes
+            # reading.
             self.overflowed |= self._answers > self.ceiling
         else:
             self._readings += len(line)
@@ -133,7 +134,7 @@ class Client:
         pending: Received lines that are not handled yet.
         command_budget: Number of commands that may still be handled in this tick.
         next_spawn: First tick in which the next robot may be spawned.
-        send_queue: Lines that are not sent yet.
+        send_queue: Lines for the client that are not sent yet.
         watch_queue: Unsent copies of lines of the robots that the client watches.
         replies: Lines of replies for the next write.
         vehicle: The client's robot; None before INIT.
@@ -203,7 +204,7 @@ class Client:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """A command that had no effect, or another effect than requested.
+    """A report that a command had no effect, or another effect than requested.
 
     Attributes:
         kind: Key of similar diagnostics, by which a log can skip repetitions.
@@ -235,7 +236,7 @@ class Diagnostic:
 def join_diagnostics(
     first: Diagnostic | None, consequence: Diagnostic | None
 ) -> Diagnostic | None:
-    """Join a diagnostic and the diagnostic of its consequence; either may be None."""
+    """Join the diagnostics of an event and of its consequence; either may be None."""
     if first is None or consequence is None:
         return first or consequence
     return Diagnostic(

@@ -29,14 +29,14 @@ from radarsim.protocol.line_template import fill_lines
 from radarsim.protocol.reports import to_bytes
 from radarsim.sensors.scan import KINDS, Echoes
 
-MOST_SENSORS: Final = 100  # cached sensors; changed settings add further ones
-MOST_HEADS: Final = 2000  # cached objects per sensor; new robots add further ones
+MOST_SENSORS: Final = 100  # cached sensors; each change of settings adds one
+MOST_HEADS: Final = 2000  # cached objects per sensor; each new robot adds one
 
 
 def describe_target(
     echoes: Echoes, part: int, robot_names: Mapping[int, str]
 ) -> TargetEchoes:
-    """Return the object of a part, without echoes.
+    """Return the properties of the object that a part belongs to, without echoes.
 
     Args:
         echoes: Echoes of the scan.
@@ -52,7 +52,7 @@ def describe_target(
 
 @lru_cache
 def _find_marks(dialect: Dialect) -> dict[int, bytes]:
-    """Return the template of an echo of each kind."""
+    """Return the template of an echo by the kind of echo."""
     return {int(kind): find_mark(dialect, name) for kind, name in KINDS.items()}
 
 
@@ -112,7 +112,7 @@ class EchoWriter:
     def _heads_of(
         self, dialect: Dialect, scanner: str, settings: SensorSettings
     ) -> dict[int, LineHead]:
-        """Return the cached starts of lines of a sensor, by part."""
+        """Return the cached line starts of a sensor, by the index of the part."""
         if len(self._heads) > MOST_SENSORS:
             self._heads.clear()
         heads = self._heads.setdefault((dialect, scanner, settings), {})

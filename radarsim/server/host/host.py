@@ -19,17 +19,17 @@ Rule 4: the number of commands per tick and of robots per time is limited for ea
 client, and the work of a tick for all clients together. Commands beyond a limit wait
 for later ticks (``is_busy``). A command is executed on arrival if no earlier command of
 its client waits, but an INIT also waits for earlier INITs of other clients. Waiting
-commands are executed in round-robin order, one of each client. They have their own
-limit of work, and so have searches for a free position: one search follows the other
-over several ticks, while later commands of its client wait. Some work in each tick is
-reserved for the first command of each client, and only first commands can use it up.
-The result does not depend on the split of bytes into packets.
+commands are executed in round-robin order, one of each client. They have a separate
+limit of work, and so have searches for a free position: searches run one after the
+other, each over several ticks, while later commands of the same client wait. Some work
+in each tick is reserved for the first command of each client, and only first commands
+can use it up. The result does not depend on the split of bytes into packets.
 Rule 5: a client that watches robots gets copies of the lines to their clients, in a
 separate queue, whose lines come last in a write. Watching changes no byte that other
 clients get.
-Rule 6: in a tick without passing time, commands are executed and answered as in any
-other tick. Only readings wait, and the second robot of a client, which needs a pause
-after the first one.
+Rule 6: in a tick in which no time passes, commands are executed and answered as in any
+other tick. Only readings wait, and so does the next spawn of a client that has just
+spawned a robot.
 """
 
 from __future__ import annotations
@@ -85,13 +85,13 @@ class HostObserver:
         """A client and its robot have been removed."""
 
     def receive(self, client: int, data: bytes) -> None:
-        """A client has sent bytes, and their commands have not been executed yet."""
+        """A client has sent bytes, whose commands have not been executed yet."""
 
     def execute(self, client: int, vehicle: Vehicle | None) -> None:
         """Commands of a client may have been executed; its robot is now ``vehicle``."""
 
     def step(self, *, passes: bool) -> None:
-        """A tick begins; ``passes`` is whether simulated time passes in it."""
+        """A tick begins; ``passes`` says whether simulated time passes in this tick."""
 
     def take(self, client: int, data: bytes) -> None:
         """The server has taken bytes to send to a client."""
@@ -224,7 +224,7 @@ class Host:
         return diagnostics
 
     def is_busy(self, number: int) -> bool:
-        """Return whether commands of a client wait; do not read from it then."""
+        """Return whether a client has waiting commands, so it must not be read now."""
         return bool(self._clients[number].pending)
 
     def waits_to_spawn(self, number: int) -> bool:
@@ -237,7 +237,7 @@ class Host:
         return self._clients[number].vehicle is not None
 
     def only_watches(self, number: int) -> bool:
-        """Return whether a client has no robot, and only copied lines to send."""
+        """Return whether a client has no robot, and all its unsent lines are copies."""
         client = self._clients[number]
         return client.vehicle is None and not client.send_queue
 
@@ -245,8 +245,8 @@ class Host:
         """Return why a client has to be disconnected; empty to keep it.
 
         Reasons are an endless line, an HTTP request, too many unread replies, or an
-        error that has ended its robot. In the last case, waiting lines are still to be
-        sent.
+        error that has ended the robot. After such an error, the waiting lines still
+        have to be sent.
         """
         return self._clients[number].close_reason()
 
@@ -334,7 +334,7 @@ class Host:
         return client.send_queue.dropped + client.watch_queue.dropped
 
     def _handle_arrived(self, client: Client) -> list[Diagnostic]:
-        """Execute newly received commands of a client without waiting commands."""
+        """Execute newly received commands of a client that has no waiting commands."""
         diagnostics = []
         while client.pending and client.command_budget:
             # Work is reserved for first commands, so that bursts of some clients do not
@@ -355,11 +355,11 @@ class Host:
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute waiting commands in round-robin order, one of each client."""
-        # Of the clients that wait to spawn, only the first ones can spawn in this tick.
+        # Of the clients that wait to spawn, only the first few can spawn in this tick.
         to_spawn = self.spawner.queue
         waiting = sorted(self._waiting - to_spawn.keys())
-        # Begin after the client that was served last, as otherwise clients with low
-        # numbers would use up the work of each tick.
+        # The order begins after the client that was served last. Otherwise clients with
+        # low numbers would use up the work of each tick.
         first = bisect_right(waiting, self._last_served)
         turns = deque(islice(to_spawn, SPAWNS_PER_TICK))
         turns += waiting[first:] + waiting[:first]
@@ -488,7 +488,7 @@ class Host:
             self._unsent.add(client.number)
 
     def _lines_of(self, scan: ScanEchoes | DueScan, dialect: Dialect) -> bytes:
-        """Return the echo lines of a scan, or the lines of its other reports."""
+        """Return the lines of the echoes of a scan, or of its other reports."""
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)

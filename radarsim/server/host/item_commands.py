@@ -159,7 +159,7 @@ def describe_missing(
 
 
 def set_viewports(vehicle: Vehicle, command: SetViewports) -> Diagnostic | None:
-    """Choose the cameras in pictures; an unknown camera leaves all viewports as is."""
+    """Choose the cameras in pictures; an unknown camera changes no viewport."""
     names = {camera.name.casefold(): camera.name for camera in vehicle.cameras}
     chosen = list(vehicle.viewports)
     for number, wanted in enumerate(command.cameras):
@@ -177,7 +177,7 @@ def set_viewports(vehicle: Vehicle, command: SetViewports) -> Diagnostic | None:
 
 
 def show_camera(simulation: Simulation, command: ShowCamera) -> Diagnostic | None:
-    """Choose the camera for viewers on a machine; without a robot, undo the choice."""
+    """Choose the camera for viewers on a machine, or cancel the choice."""
     shown = simulation.shown
     shown.pop(command.client, None)
     if command.robot is None:
@@ -201,7 +201,7 @@ def robots_named(simulation: Simulation, name: str) -> list[Vehicle]:
     """Return the robots with a name, case-insensitive.
 
     Names that differ only in characters that no line can contain count as equal, so
-    there may be several robots.
+    several robots may have the same name.
     """
     wanted = printable_name(name).casefold()
     return [

@@ -27,7 +27,7 @@ def receive_stepwise(
     Raises:
         TimeoutError: If no data comes within the timeout.
     """
-    # Ticks are counted instead of summing times, which would add up rounding errors.
+    # Ticks are counted, because a sum of times would accumulate rounding errors.
     for _ in range(max(1, round(timeout / TICK))):
         if data := take():
             return data
@@ -49,7 +49,7 @@ class InProcessTransport:
     def __init__(
         self, host: Host, *, after_tick: Callable[[], None] = lambda: None
     ) -> None:
-        """Connect.
+        """Connect to a host.
 
         Args:
             host: The server, whose time passes while ``receive`` waits.

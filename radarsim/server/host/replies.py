@@ -70,7 +70,7 @@ def configuration(
     if item_type.casefold() == ROBOT:
         return _performance(model, config)
     items = items_reporting(model, item_type, name)
-    # Some clients ask for packages of every robot, even if it carries none.
+    # Some clients request the packages of every robot, even of robots without any.
     if item_type.casefold() == PACKAGE and not items:
         return reports.NameConf(item_type, ())
     if not items:
@@ -94,7 +94,7 @@ def _performance(model: RobotModel, config: SimulationConfig) -> reports.RobotCo
 
 
 def find_items(model: RobotModel, item_type: str, name: str | None) -> tuple[Item, ...]:
-    """Return the items of a type, or the one with a name; both case-insensitive."""
+    """Return the items of a type, or the item with a name; both in any case."""
     items = model.items_of(item_type)
     if name is None:
         return items

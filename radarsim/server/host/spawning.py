@@ -24,14 +24,16 @@ if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
 MAX_NAME_LENGTH: Final = 64  # characters of a robot's name; longer names are cut
-# Ticks between two spawns of one client, because the search for a position takes time.
+# Number of ticks between two spawns of one client, as the search for a position takes
+# time.
 SPAWN_COOLDOWN: Final = 10
 FAILED_SPAWN_COOLDOWN: Final = 100  # ticks after a spawn without a free position
 SPAWNS_PER_TICK: Final = 4  # for all clients together
 # Ticks without a spawn of any client after a search for a free position.
 SEARCH_COOLDOWN: Final = 3  # if the requested position was occupied
 FAILED_SEARCH_COOLDOWN: Final = 10  # if no position was free
-# Work of all searches in a tick, in the unit of ``Obstacles.search_free_pose``: 2 ms.
+# Limit of the work of all searches in a tick, about 2 ms, in the unit of
+# ``Obstacles.search_free_pose``.
 SEARCH_WORK: Final = 400_000
 START_WORK: Final = 60_000  # work to check whether a start is free
 
@@ -42,8 +44,8 @@ class Spawner:
     Attributes:
         simulation: The simulation.
         clients_by_robot: The client of each robot, by the robot's number.
-        queue: Numbers of the clients whose INIT waits, first in, first out. The first
-            client stays in the queue until the search for its position ends.
+        queue: Numbers of the clients with a waiting INIT, first in, first out. The
+            first client stays in the queue until the search for its position ends.
     """
 
     def __init__(self, simulation: Simulation, watchers: Watchers) -> None:
@@ -59,7 +61,7 @@ class Spawner:
         self._classes = {name.casefold(): name for name in names}
 
     def begin_tick(self) -> None:
-        """Renew the work for searches; work beyond the last limit is subtracted."""
+        """Reset the work for searches, minus the excess work of the last tick."""
         self._search_work = min(self._search_work, 0) + SEARCH_WORK
 
     def is_too_early(self, client: Client) -> bool:
@@ -119,7 +121,7 @@ class Spawner:
     def _spawn(
         self, client: Client, command: Init
     ) -> Generator[int, None, Diagnostic | None]:
-        """Spawn a robot, which replaces the client's previous one.
+        """Spawn a robot, which replaces the client's previous robot.
 
         Yields:
             The work of the next step of the search for a free position.
@@ -166,7 +168,7 @@ class Spawner:
         return join_diagnostics(diagnostic, moved)
 
     def _describe_place(self, vehicle: Vehicle, requested: Pose2) -> Diagnostic | None:
-        """Describe a position that was moved, or is outside the map; else None."""
+        """Describe a position that was moved or is outside the map, or return None."""
         pose, scene = vehicle.robot.pose, self.simulation.scene
         if (pose.x, pose.y) != (requested.x, requested.y):
             moved = f"from {_place(requested)} to {_place(pose)}"

@@ -1,8 +1,8 @@
-"""Watchers: clients that get copies of the lines to the clients of other robots.
+"""Sends watchers copies of the lines that the clients of other robots receive.
 
 Each watcher has a separate queue for the copies. A watcher that reads too slowly loses
-the oldest copies, always all lines of one robot in one tick, and delays no other
-client. It never loses answers, or lines about robots that join or leave.
+the oldest copies, and delays no other client. All lines of one robot in one tick are
+lost together. A watcher never loses answers, or lines about robots that join or leave.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Watchers:
         return vehicle.number in self._audiences
 
     def watch(self, client: Client, watch: Watch) -> Diagnostic | None:
-        """Set the robots that a client watches; return a diagnostic if refused."""
+        """Set the robots that a client watches; return a diagnostic on refusal."""
         is_end = watch.robots.names == ()  # no robots: the client ends watching
         is_full = len(self._watches) >= MAX_WATCHERS
         if is_full and client.number not in self._watches and not is_end:
@@ -130,7 +130,7 @@ class Watchers:
                 self._unsent.add(client.number)
 
     def _join(self, client: Client, watch: Watch, vehicle: Vehicle) -> None:
-        """Let a client watch an existing robot if its choice includes the robot."""
+        """Let a client watch an existing robot if the client has chosen it."""
         name = printable_name(vehicle.robot.name)
         if watch.robots.names is None:
             self.tell(client, RobotJoined(name, vehicle.model.name))
