@@ -149,7 +149,8 @@ class MapLoader:
         entries = list(self._objects(layers, materials))
         starts = self._placed(data, "starts", StartEntry, MAX_STARTS)
         trial = self._trial(data)
-        # If there are too many entries, that is reported and no object is built.
+        # If there are too many objects, this problem has been reported, and none is
+        # built.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
         reflectors: list[Reflector] = []
         for _, entry in () if self._is_too_much else entries:
@@ -192,7 +193,7 @@ class MapLoader:
         yield at, layer if isinstance(layer, dict) else {}
 
     def _materials(self, layers: list[_Layer]) -> tuple[dict[str, Material], set[str]]:
-        """Return all materials, and the names of invalid ones, which are opaque."""
+        """Return all materials, and the names of invalid materials, made opaque."""
         materials: dict[str, Material] = {}
         invalid: set[str] = set()
         for at, item in self._entries(layers, "materials", MAX_MATERIALS):
@@ -205,7 +206,8 @@ class MapLoader:
                     material = make_material(name, entry)
                     valid = self.problems.report(at, surface_problems(entry, material))
                 self._made[at] = material, valid and entry is not None
-            # A variant may correct an entry of the map, or make it invalid.
+            # A variant may replace an invalid entry of the map by a valid one, or vice
+            # versa.
             materials[name], valid = self._made[at]
             (invalid.discard if valid else invalid.add)(name)
         return materials, invalid
@@ -240,8 +242,8 @@ class MapLoader:
         taken: dict[str, KeyPath] = {}
         room = Budget()
         for at, item in self._entries(layers, "objects", MAX_OBJECTS):
-            # The validation of an entry gives the same result in all variants in which
-            # the same materials are unknown.
+            # All variants with the same unknown materials share the result of the
+            # validation.
             key = at, frozenset(unknown_materials(item, materials))
             if key not in self._validated:
                 context = EntryContext(materials=materials, folder=self._folder)
@@ -255,7 +257,7 @@ class MapLoader:
                 self._is_too_much = True
                 self.problems.report(at, error.problems)
                 continue
-            # An invalid entry reserves its name too.
+            # The name of an invalid entry is reserved too.
             name = item.get("name") if isinstance(item, dict) else None
             if entry is not None:
                 self._claim(at, copy_names(entry.name, entry.copies), taken)

@@ -297,7 +297,7 @@ class ReflectorEntry(Entry):
 
 
 class RepeatEntry(Entry):
-    """Copies along a line: ``count`` of them, each offset by ``step`` from the last."""
+    """``count`` copies along a line, each offset by ``step`` from the previous copy."""
 
     count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
     step: Vector

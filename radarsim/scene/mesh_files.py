@@ -219,8 +219,8 @@ def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
                 elements.append((name[:40], int(count), 0))
             case ["property", "list", kind, _, _] | ["property", kind, _] if elements:
                 name, total, row = elements[-1]
-                # A text value has at least a digit and a blank; an empty list has its
-                # count.
+                # In a text file, a value takes at least a digit and a blank. A list
+                # takes at least the bytes of its count.
                 size = 2 if is_text else _PLY_BYTES.get(kind, 1)
                 elements[-1] = (name, total, row + size)
             case _:

@@ -274,7 +274,7 @@ def _parse(
 
 
 def _select(vertices: Floats, faces: Any) -> Mesh:
-    """Return faces with the vertices they use; few or no unused vertices remain."""
+    """Return the faces, and the vertices without most of the unused vertices."""
     _check_corners(faces, len(vertices))
     if faces.size >= len(vertices):  # Most are used, so sorting is not worth its time.
         return vertices, faces.astype(np.int32)

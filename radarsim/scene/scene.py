@@ -94,12 +94,14 @@ class Part:
     @cached_property
     def bounds(self) -> Floats:
         """The smallest and largest x, y, z of the faces, (2, 3) m; inf if empty."""
-        # Unused vertices are ignored, since files may have some far away.
+        # Vertices that no face uses are ignored, since some mesh files have unused
+        # vertices far from all faces.
         is_used = np.zeros(len(self.vertices), np.bool_)
         for corners in self.faces.T:  # One column at a time halves the memory.
             is_used[corners] = True
         used = self.vertices if is_used.all() else self.vertices[is_used]
-        # One axis at a time is a hundred times as fast in numpy as all three at once.
+        # numpy is a hundred times as fast for one axis at a time as for all three at
+        # once.
         lows = [axis.min(initial=np.inf) for axis in used.T]
         return np.array([lows, [axis.max(initial=-np.inf) for axis in used.T]])
 

@@ -71,14 +71,14 @@ def return_law(settings: SensorSettings) -> tuple[float, float, bool]:
         whether the range of a volume is measured at half its power, not at its front.
     """
     full = settings.penetration_power
-    # A share of zero or unlimited power is not defined.
+    # Shares of the initial power are undefined if it is zero or unlimited.
     full = full if math.isfinite(full) else 0.0
     nepers = settings.margin_db * math.log(10) / 10
     return full, nepers, settings.return_mode != "first"
 
 
 def returned_share(share: Floats | float, settings: SensorSettings) -> Floats:
-    """Return the echo power of rays with these shares of their power left, 0 to 1."""
+    """Return the relative echo power, 0 to 1, of rays with a share of power left."""
     returned = np.exp(return_law(settings)[1] * (np.asarray(share) - 1.0))
     return np.where(np.asarray(share) > NOTHING_LEFT, returned, 0.0)
 
@@ -180,7 +180,7 @@ def select_echoes(
     ranges: Floats,
     rays: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Select the echo that gives each beam its range, and set its range and ray.
+    """Select an echo for each beam, and set the range and the ray of the beam.
 
     Among equally strong echoes, the nearest is selected. If no echo of a beam exceeds
     the sensor's threshold, the beam has the range at which its ray ends.

@@ -107,7 +107,7 @@ class GpsReceiver(Sensor, types=["GPS"]):
         return body.position() + body.rotation() @ self._offset
 
     def _sigma(self, satellites: int) -> float:
-        """Return the standard deviation of the error, m, linear in the satellites."""
+        """Return the standard deviation of the error, m, for a number of satellites."""
         most, least = self._noise.max_noise, self._noise.min_noise
         size = most + (least - most) * (satellites - 4) / 8
         return max(0.0, size) / 3

@@ -136,7 +136,7 @@ class RobotState:
 
     @property
     def is_depleted(self) -> bool:
-        """Whether some random numbers are used up."""
+        """Whether a sensor of the robot has used all random numbers drawn for it."""
         return bool(self._row[_DEPLETED])
 
     @is_depleted.setter
@@ -152,7 +152,7 @@ class RobotState:
         return places
 
     def __getitem__(self, places: slice) -> Floats:
-        """Return a view of some columns, valid until the table grows."""
+        """Return a view of columns of the row, which is valid until the table grows."""
         return self._row[places]
 
     @property

@@ -251,7 +251,7 @@ class ScanBatch:
         return shares if count == 1 else np.tile(shares, count)
 
     def _read_ends(self) -> Floats:
-        """Return the ranges, (J * N,) m, of beams that read the ends of their rays."""
+        """Return the ranges, (J * N,) m, at which the rays of the beams end."""
         traces, rows, settings = self._traces, self._rows, self.pattern.settings
         # The exact ranges are kept, since echoes are computed from them on demand.
         ranges = traces.ranges.copy() if rows is None else traces.ranges[rows]
@@ -263,7 +263,7 @@ class ScanBatch:
         return ranges
 
     def _read_echoes(self) -> Floats:
-        """Return the ranges, (J * N,) m, of beams that read one of their echoes."""
+        """Return the ranges, (J * N,) m, of the echoes selected for the beams."""
         pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
         # Without a selected ray, the middle ray represents the beam.
@@ -342,7 +342,8 @@ class ScanBatch:
             moved = exact + errors.ravel()[finite] * deviation
             ranges[finite] = np.clip(moved, 0.0, settings.max_range)
         if settings.range_quantum:
-            # Last multiple within range; 1e-12 compensates rounding of the quotient.
+            # The largest multiple of the quantum within the maximum range; the factor 1
+            # + 1e-12 compensates the rounding of the quotient.
             last = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
             steps = np.rint(ranges[finite] / settings.range_quantum)
             ranges[finite] = np.minimum(steps, last) * settings.range_quantum
@@ -441,7 +442,8 @@ def scan_poses(
     with ThreadPoolExecutor(workers) as pool:
         for start in range(0, len(poses), step):
             batch = ScanBatch(pattern, tracer, places[start : start + step])
-            # Numbers are drawn here, since threads must not share a generator.
+            # Random numbers are drawn in this thread, since threads must not share a
+            # generator.
             whole = [slice(None)] if len(batch.kinds) == 1 else None
             for row in whole or range(len(places[start : start + step])):
                 batch.draw(row, rng, scanner.name)

@@ -144,7 +144,7 @@ class EngineSensor(Sensor):
         return self._state[self._places].view(self._dtype)
 
     def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
-        """Set the source: a sample report, and the jobs of each attribute but time."""
+        """Set the source: a sample report, and jobs for all attributes except time."""
         self.source = sample, {"time": [Job(Reading.TIME)], **jobs}
 
 

@@ -78,7 +78,7 @@ class Encoder(EngineSensor, types=["Encoder"]):
         encoders["zero"] = np.where(encoders["side"], right, left)
 
     def draw(self) -> None:
-        """Draw the errors of the next readings, if all drawn ones are used up."""
+        """Draw random errors for further readings if all earlier ones are used up."""
         encoders = self._memory
         draws = encoders["draws"]
         if (encoders["used"] >= draws.shape[1]).any():
