@@ -86,7 +86,7 @@ def written_atomically(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _report_as(path: Path) -> Iterator[None]:
-    """Make errors name the requested file, not the temporary one."""
+    """Make errors name the requested file instead of the temporary file."""
     try:
         yield
     except OSError as error:

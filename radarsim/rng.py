@@ -27,8 +27,8 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
         raise TypeError(text)
     if seed < 0:
         raise ValueError(text)
-    # Python's hash() differs from run to run, so SHA-256 is used. NUL separates the
-    # names, since it is the only character that names cannot contain.
+    # SHA-256 is used, since Python's hash() differs from run to run. NUL separates the
+    # names, since no name can contain it.
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "big") for i in range(0, 16, 4))
     return np.random.Generator(

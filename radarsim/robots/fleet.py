@@ -60,7 +60,7 @@ class Fleet:
         self._enter_floors()
 
     def prepare(self, obstacles: Obstacles) -> None:
-        """Add the walls of a floor to the table, unless they are there already."""
+        """Add the walls of a floor to the table unless it already contains them."""
         if obstacles not in self._floors:
             if not self._walls.add(obstacles.walls):
                 self._forget_floors()
@@ -281,8 +281,8 @@ class Fleet:
         self._forget_gaps()
 
     def _forget_gaps(self) -> None:
-        # After a robot was added, moved or removed, all distances between robots and
-        # all contacts are unknown.
+        # Adding, moving or removing a robot changes distances and contacts, so all are
+        # unknown.
         self.table["robot_gap"] = 0.0
         self.table["touched"] = UNKNOWN
 

@@ -82,7 +82,7 @@ def load_scene(file: YamlFile, variant: str | None = None) -> Scene:
     """Load a map, or one of its variants.
 
     Raises:
-        MapError: If the map or the variant has problems; it lists all.
+        MapError: If the map or the variant has problems; the error lists them.
     """
     loader = MapLoader(file)
     scene = loader.load(variant)

@@ -229,7 +229,7 @@ class VariantEntry(Entry):
     """The differences of a variant from its map.
 
     Attributes:
-        materials: Materials that are added, or that replace those of the same names.
+        materials: Materials that are added, or replace materials of the same names.
         objects: Objects that are added.
         air: Material of the air instead of the map's; None for clear air.
     """

@@ -79,8 +79,8 @@ class BeamPattern:
         is_cone = settings.has_side_rays and settings.side_mode == "cone"
         self.has_random_rays = is_cone and settings.cone_sampling == "random"
         sides = _sides(self._offsets)
-        # The three rays of other modes may have equal angles, so their sides are set
-        # here.
+        # Three rays that do not form a cone may have equal angles, so their sides are
+        # set here.
         if settings.side_mode != "cone" and len(self.weights) == 3:
             sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         self._table = engine.structures["NodeTable"].pack(

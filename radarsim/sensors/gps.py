@@ -35,7 +35,7 @@ LEAST_ELEVATION: Final = math.radians(5)
 EARTH_RADIUS: Final = 6378.137  # km
 REACH: Final = 2000.0  # m; length of rays to satellites, larger than every scene
 
-# Latitude and longitude, degrees, and altitude, km.
+# Latitude and longitude, degrees, and altitude, km, of each satellite.
 # fmt: off
 SATELLITES: Final = np.array(
     [

@@ -13,7 +13,8 @@ from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
 INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
 
-# A fraction of the motion. With fractions above 10, the estimate would overflow.
+# A fraction of the motion. With larger fractions, the estimate would overflow over
+# time.
 _Share = Annotated[float, Field(ge=0, le=10, strict=True)]
 
 

@@ -181,7 +181,7 @@ class Echoes:
     def to_pandas(self) -> "pandas.DataFrame":
         """Return a row for each echo, with the columns of ``to_lists`` and ``beam``.
 
-        From the targets, only ``object`` and ``material`` are included.
+        Only the columns ``object`` and ``material`` describe the targets.
 
         Raises:
             MissingPackage: If pandas is not installed.

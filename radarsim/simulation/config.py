@@ -233,11 +233,12 @@ class SimulationConfig:
 
 
 def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
-    """Return the numbers of rays of a range scanner, in the order of ``NAMES``."""
+    """Return the limited numbers of rays of a scanner, in the order of ``NAMES``."""
     settings, interval = config.scanner_settings(item), config.interval(item)
     if settings.has_detector:
         fmcw = load_fmcw_settings(config.sensor_name(item))
-        # The rays of one revolution, before refinement at thin objects.
+        # The number of rays per revolution, before the refinement at thin objects adds
+        # rays.
         rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
         return rays, rays / interval, rays
     directions = settings.beams * settings.rays_per_beam

@@ -46,7 +46,7 @@ Area: TypeAlias = tuple[float, float, float, float]
 
 
 class Surroundings(NamedTuple):
-    """The obstacles that a robot in a tile and a band can reach within a tick.
+    """The obstacles near a robot, for one tile of the map and one height band.
 
     Attributes:
         tile: Column and row of the tile, which is ``TILE`` m wide.
@@ -74,8 +74,8 @@ class Airspace:
         self.ceiling = self._top + HEADROOM
         self._mesh = SolidMesh(scene.parts)
         self._ticks = 0
-        # For each robot, the current surroundings, and if known those of a height that
-        # it has left or could not reach.
+        # For each robot, its current surroundings. They may be followed by the
+        # surroundings of a height that the robot has left or could not reach.
         self._around: WeakKeyDictionary[Robot, tuple[Surroundings, ...]]
         self._around = WeakKeyDictionary()
 
@@ -99,7 +99,7 @@ class Airspace:
         """
         x, y, z = place
         tile = math.floor(x / TILE), math.floor(y / TILE)
-        # All bands above the highest object are empty, so they share one number.
+        # All bands above the highest object are empty, so they share one band number.
         bottom = min(z - model.origin_height, self._top + BAND)
         band = math.floor(bottom / BAND + 1e-9)
         for each in known:
@@ -255,7 +255,7 @@ class SolidMesh:
         self._found = np.zeros(self._lows.shape[1], np.int64)  # output of `find_boxes`
 
     def near(self, area: Area, *heights: float) -> Faces:
-        """Return all triangles that reach into an area at some heights, and a few more.
+        """Return all triangles in an area at some heights, and maybe triangles nearby.
 
         Args:
             area: Smallest and largest x, smallest and largest y, m, map frame.
