@@ -199,7 +199,7 @@ def import_optional(name: str, extra: str) -> Any:
 def install_command(extra: str) -> str:
     """Return the pip command that installs an extra, and the folder to run it in."""
     pip = Path(sysconfig.get_path("scripts"), "pip")
-    with suppress(OSError, ValueError):  # pip is not below the current folder
+    with suppress(OSError, ValueError):  # raised if pip is not in the current folder
         pip = pip.relative_to(Path.cwd())
     command = f"{shlex.quote(str(pip))} install '.[{extra}]'"
     return f"{command} in the checkout of radarsim"

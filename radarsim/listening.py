@@ -36,7 +36,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 OUT_OF_FILES = (errno.EMFILE, errno.ENFILE)
-ACCEPT_LOG_INTERVAL = 10.0  # s between two lines
+ACCEPT_LOG_INTERVAL = 10.0  # s between two lines in the log
 ACCEPTED_AT_ONCE = 16  # connections accepted in one round of the event loop
 MAX_WAITING = 128  # connections that may wait for acceptance, the backlog
 # A peer that vanishes without closing its connection is detected after two minutes.

@@ -129,7 +129,7 @@ class PlanField:
 
 
 def read_point(text: str) -> tuple[float, float]:
-    """Parse the format ``X,Y``.
+    """Parse a point in the format ``X,Y``.
 
     Raises:
         ValueError: If the text does not consist of two finite numbers.

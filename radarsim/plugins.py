@@ -14,7 +14,7 @@ from typing import Any, Final
 from radarsim.errors import MissingPackage
 
 # These entries are not in pyproject.toml, since entry points need the metadata of an
-# installation. A source tree may have no metadata, and scanning it can take 20 ms.
+# installation. A source tree may have no metadata, and reading metadata can take 20 ms.
 OWN: Final[dict[str, dict[str, str]]] = {
     # Tables of commands, in the order of 'radarsim --help'.
     "radarsim.commands": {

@@ -67,8 +67,8 @@ def signal_handlers(
 def exit_immediately_on_signals() -> Iterator[None]:
     """Make exit signals end the process at once, without raising an exception.
 
-    This function does nothing outside of the main thread, since only the main thread
-    handles signals, and nothing for signals that the parent process has ignored.
+    The handlers are not installed outside of the main thread, since only that thread
+    handles signals, or for signals that were ignored when the process was started.
     """
     with signal_handlers(dict.fromkeys(_heeded_signals(), _exit_immediately)):
         yield
@@ -78,8 +78,8 @@ def exit_immediately_on_signals() -> Iterator[None]:
 def raise_on_signals() -> Iterator[None]:
     """Make exit signals raise SystemExit, so that work can be saved.
 
-    Every signal raises SystemExit, even while work is being saved. The exceptions of
-    ``exit_immediately_on_signals`` for threads and ignored signals apply here too.
+    Every signal raises SystemExit, even while work is being saved. The handlers are
+    installed in the same cases as those of ``exit_immediately_on_signals``.
     """
     with signal_handlers(dict.fromkeys(_heeded_signals(), _raise_exit)):
         yield
@@ -243,7 +243,7 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def worker_process(prepare: Callable[[], object]) -> Iterator[ProcessPoolExecutor]:
-    """Start a worker process; leaving the block terminates it with running tasks.
+    """Start a worker process; the end of the block terminates it with its tasks.
 
     Args:
         prepare: Called in the process before its first task. The process is a fresh
@@ -265,5 +265,5 @@ def worker_process(prepare: Callable[[], object]) -> Iterator[ProcessPoolExecuto
         yield pool
     finally:
         for worker in {*active_children()} - others:
-            worker.terminate()  # shutdown alone would wait for the runs to end
+            worker.terminate()  # shutdown alone would wait for running tasks
         pool.shutdown(cancel_futures=True)

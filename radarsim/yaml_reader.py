@@ -84,7 +84,7 @@ class YamlFile:
     def place(self, keys: Sequence[str | int], *, of_key: bool = False) -> str:
         """Return ``file:line:column`` of a value.
 
-        If there is no such value, the position of the innermost existing one is used.
+        If there is no such value, the position of the innermost existing value is used.
 
         Args:
             keys: Keys and list indices, outermost first.
@@ -266,7 +266,7 @@ class _Reader:
         self._values = 0
 
     def read(self, node: Node, keys: KeyPath) -> object:
-        """Return the data of a node, up to a limit, since aliases can hide gigabytes."""
+        """Return the data of a node; limits prevent gigabytes of expanded aliases."""
         self._values += 1
         if self._values > MAX_VALUES:
             raise UnreadableYaml(_position(node), f"more than {MAX_VALUES} values")

@@ -39,7 +39,7 @@ MAX_NODES = 100  # of a quadrature in a row; with more, the outer weights underf
 
 
 def _check_quantum(value: float) -> float:
-    """Require 0, or a step by which ranges can be divided accurately."""
+    """Require 0, or a step of at least 1e-6 m, since ranges are divided by it."""
     if 0 < value < 1e-6:
         raise ValueError("expected 0 or at least 1e-06")
     return value

@@ -88,7 +88,7 @@ MAX_SLICES: Final = 32
 # building the slice.
 RAYS_PER_SLICE: Final = 1000
 TRIANGLES_PER_RAY: Final = 20
-SMALL_SLICE: Final = 50_000  # triangles; larger slices may have half of the scene's
+SMALL_SLICE: Final = 50_000  # triangles; larger slices have at most half of the scene
 
 
 @functools.cache

@@ -266,7 +266,7 @@ class Traces(NamedTuple):
         parts: (N,) int64, index of the part that was hit or absorbed the ray, or in
             which the power ran out; for a robot box, the number of parts plus the
             box's id; -1 for none.
-        power: (N,) remaining power; at a hit, minus the absorption of the surface.
+        power: (N,) remaining power; at a hit, after the absorption by the surface.
         incidence: (N,) cosine of the angle between the ray and the normal of the opaque
             surface that it hit, 0 to 1; nan without a hit; empty if not requested.
         events: Rows of EVENT, ordered by ray and by distance; empty if not requested.

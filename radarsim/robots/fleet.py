@@ -29,7 +29,7 @@ from radarsim.robots.robot import (
 
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m around the robot's circle in which walls are searched
-_MAX_DISPLACEMENT_RATIO: Final = 2.0  # largest displacement of a centre / its sweep
+_MAX_DISPLACEMENT_RATIO: Final = 2.0  # largest ratio of displacement to sweep
 # The fields of a row of ``raycast.rays.Boxes``.
 _BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
 _BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]

@@ -54,7 +54,7 @@ _MIN_CELL: Final = 1.0  # m; larger if long walls would cross too many cells
 _ENTRIES_PER_WALL: Final = 16
 _FREE_ENTRIES: Final = 65536
 _FEW_WALLS: Final = 64
-_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
+_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # spare walls, entries, floors
 WALL_ENTRY: Final = engine.rows["WallEntry"]
 WALL_GRID: Final = engine.rows["WallGrid"]
 

@@ -115,7 +115,7 @@ class _Roots(_Object):
 
 
 class Material(_Object):
-    """A material; ``extras`` is application-specific data, which glTF leaves free."""
+    """A material; ``extras`` is application-specific data of any type."""
 
     name: str | None = None
     extras: Any = None

@@ -156,7 +156,7 @@ def unknown_materials(item: object, own: Collection[str]) -> Iterator[str]:
 
 
 def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
-    """Check that the start of a raw trial is the name of a start, valid or not.
+    """Check that a raw trial names a start of the map; the start may be invalid.
 
     The message suggests only names that are valid for a start.
     """
@@ -194,7 +194,7 @@ class ProblemList:
     def __init__(self, file: YamlFile) -> None:
         self._file = file
         self._texts: dict[str, None] = {}
-        self._reported: set[Problem] = set()  # problems of entries, without YAML's
+        self._reported: set[Problem] = set()  # without problems of the YAML syntax
         self._unreported = 0
         self._add(file.problems)
 
@@ -221,7 +221,7 @@ class ProblemList:
     def report_invalid(
         self, error: ValidationError, at: KeyPath, known: Iterable[str]
     ) -> None:
-        """Add the pydantic errors of an entry; ``known`` has its allowed keys."""
+        """Add the pydantic errors of an entry, whose allowed keys are ``known``."""
         most = 0 if self.full else MAX_REPORTED
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))

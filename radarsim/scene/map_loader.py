@@ -104,8 +104,8 @@ class MapLoader:
         self._builder = PartBuilder(self._folder)
         self._file_room = Budget({_BUILT: MAX_BUILT})
         self._is_too_much = False
-        # Entries that variants share are validated, reported and built once: a map may
-        # have 100 variants of thousands of objects, most of them the same.
+        # Entries that variants share are validated, reported and built only once, since
+        # a map may have 100 variants with thousands of equal objects.
         self._made: dict[KeyPath, tuple[Material, bool]] = {}
         self._validated: dict[tuple[KeyPath, frozenset[str]], _Object] = {}
         self._built: dict[
@@ -215,7 +215,7 @@ class MapLoader:
     def _air(
         self, layers: list[_Layer], materials: dict[str, Material], invalid: set[str]
     ) -> Material | None:
-        """Return the air's material; the variant's key overrides the map's."""
+        """Return the air's material; the key of a variant overrides that of the map."""
         given = [(at, layer["air"]) for at, layer in layers if "air" in layer]
         parent, name = given[-1] if given else ((), None)
         if not isinstance(name, str):  # None, or reported already
@@ -286,7 +286,8 @@ class MapLoader:
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Budget
     ) -> list[Part]:
         """Build an object, or return the parts that were built for another variant."""
-        # The key has the materials, not their names: a variant can redefine a name.
+        # The key contains the materials, not their names, since a variant can redefine
+        # a name.
         key = (at, tuple(used.values()))
         built = self._built.get(key)
         if built is None:
@@ -296,7 +297,7 @@ class MapLoader:
             except BuildError as error:
                 built = error
             self._built[key] = built
-        elif not isinstance(built, BuildError):  # Each variant has its own limits.
+        elif not isinstance(built, BuildError):  # Cached objects count too.
             room.take(len(built), "parts")
             room.take(sum(len(part.faces) for part in built), "triangles")
         if isinstance(built, BuildError):

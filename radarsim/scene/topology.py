@@ -264,7 +264,7 @@ def _first_faces(labels: Labels) -> NDArray[np.intp]:
 
 
 def _flip(faces: Faces, which: _Booleans) -> Faces:
-    """Return the faces, with the marked faces flipped."""
+    """Return the faces after reversing the orientation of the marked faces."""
     if not which.any():
         return np.ascontiguousarray(faces)
     flipped = faces.copy()

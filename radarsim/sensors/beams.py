@@ -47,7 +47,7 @@ RIGHT, CENTRE, LEFT = -1, 0, 1
 UNIFORM: Final = np.random.Generator.random
 NORMAL: Final = np.random.Generator.standard_normal
 EXPONENTIAL: Final = np.random.Generator.standard_exponential
-CENTRE_TOLERANCE: Final = 1e-9  # rad; nearer rays count as the centre of a beam
+CENTRE_TOLERANCE: Final = 1e-9  # rad; rays at smaller angles are centre rays
 EVEN_EDGE: Final = 0.6 * 4 * math.sqrt(math.log(2))  # 0.6 w in standard deviations
 
 

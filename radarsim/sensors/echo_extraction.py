@@ -10,15 +10,15 @@ that fills the beam at normal incidence. Penetration power is proportional to de
 of one-way loss; the sensor's margin is the largest two-way loss. So if a ray has a
 share p of its power left, the share T = 10^(-margin (1 - p) / 10) would return from
 there. An opaque surface returns the T of the power left there. A volume returns the
-difference of T between its two sides, and a sheet that between its front and its back.
-If volumes overlap, the loss is divided between them in proportion to density. This
-holds for plants, which scatter a fifth of the power they take, and for walls that
-return a tenth of the power that arrives: the strengths of a ray that ends within range
-then add up to 1, so the power missing from the wall's echo is in the echoes of volumes
-in front of it. Materials with another albedo return more or less than plants, and smoke
-returns nothing. The first object returns all power of a beam with unlimited power.
-Power lost to the air, or to a volume around the ray's start, returns no echo, since the
-ray crosses no boundary there.
+difference of T between its two sides, and a sheet returns the difference between its
+front and its back. If volumes overlap, the loss is divided between them in proportion
+to density. This holds for plants, which scatter a fifth of the power they take, and for
+walls that return a tenth of the power that arrives: the strengths of a ray that ends
+within range then add up to 1, so the power missing from the wall's echo is in the
+echoes of volumes in front of it. Materials with another albedo return more or less than
+plants, and smoke returns nothing. The first object returns all power of a beam with
+unlimited power. Power lost to the air, or to a volume around the ray's start, returns
+no echo, since the ray crosses no boundary there.
 
 A volume scatters along the whole path of the ray inside. Its echo has one range, up to
 which half of the echo's power has returned. A sensor that keeps first echoes triggers
@@ -54,7 +54,7 @@ from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.rays import EventKind, Outcome, Traces
 
-NOTHING_LEFT: Final = 1e-12  # share of a ray's power
+NOTHING_LEFT: Final = 1e-12  # a share of a ray's power that counts as zero
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine at the leaves that rays hit
 _MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # engine's values
 

@@ -9,7 +9,7 @@ distributed error north and east, which shrinks with the number of satellites.
 
 North is x, east is -y. The earth is modelled as flat, with fixed lengths of a degree of
 latitude and of longitude. The directions to the satellites use the flat model too, so
-all elevations in it are too high.
+all computed elevations are too high.
 
 Source: the GPS receiver of the original server, with its scales and errors, and its
 satellite positions, rounded.

@@ -58,7 +58,7 @@ from radarsim.sensors.echo_extraction import (
     returned_share,
 )
 
-BLIND_RANGE: Final = 1.0  # m
+BLIND_RANGE: Final = 1.0  # m; nearer rain is not detected
 DEFAULT_CELL: Final = 0.25  # m, for a sensor without range resolution
 DEFAULT_BEAMWIDTH: Final = 2.0  # degrees, for a sensor without beamwidth
 REFERENCE_RANGE: Final = 10.0  # m, where ``least_rcs_dbsm`` holds

@@ -81,7 +81,8 @@ class RangeScanner:
         The copy draws the same random numbers and reads the same ranges. A scanner with
         another return mode is returned unchanged.
         """
-        # In the other modes the kept echoes set the ranges, so "all" would change them.
+        # In the other modes, the ranges depend on the kept echoes, so keeping all
+        # echoes would change the ranges.
         if self.settings.return_mode != "last":
             return self
         together = self.settings.combines_rays

@@ -59,7 +59,7 @@ class ReadingTable:
         self._tables = self._pack()
 
     def program(self, jobs: Sequence[Job], size: int) -> Program:
-        """Return the program of jobs that write ``size`` numbers, shared if equal."""
+        """Return a program of jobs that write ``size`` numbers; equal jobs share it."""
         key = tuple(jobs)
         # Robots of one class have their states in the same columns, so a hundred robots
         # share a dozen programs.
@@ -103,7 +103,7 @@ class ReadingTable:
         )
 
     def row(self, slot: int, width: int) -> Floats:
-        """Return the row of a slot; there is room for at least ``width`` numbers."""
+        """Return the row of a slot, enlarged to ``width`` numbers if it is shorter."""
         rows, columns = self._rows.shape
         if slot >= rows or width > columns:
             shape = max(rows, len(self._fleet.table)), max(columns, width)

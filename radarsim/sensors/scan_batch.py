@@ -46,7 +46,7 @@ from radarsim.sensors.scan import Echoes, Scan
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
-CHUNK_RAYS: Final = 20_000  # rays per task of a thread, some 10 ms
+CHUNK_RAYS: Final = 20_000  # rays per task of a thread; a task takes about 10 ms
 ALL_NODES: Final = np.zeros((1, 0))  # no random numbers: all nodes are traced
 ECHO_FIELDS: Final = {
     "beams": "beam", "ranges": "t", "fronts": "front", "kinds": "kind",
@@ -388,7 +388,8 @@ def take_scans(
     groups: dict[object, list[int]] = {}
     for i, request in enumerate(requests):
         # Sensors with equal settings share a pattern and can be traced in one batch.
-        # Random rays differ between scans, so each of their scans has its own batch.
+        # Random rays differ between scans, so each scan with random rays has its own
+        # batch.
         pattern = request.scanner.pattern
         key = i if pattern.has_random_rays else pattern
         groups.setdefault(key, []).append(i)

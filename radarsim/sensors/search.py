@@ -32,7 +32,7 @@ Target = TypeVar("Target")
 REACH: Final = 0.3  # m; a ray ends at this distance before its target
 LEAST: Final = 1e-6  # m; nearer targets count as at the sensor's position
 AHEAD: Final = (1.0, 0.0, 0.0)
-BREATH: Final = 0.1  # m within which breath has not mixed with the air
+BREATH: Final = 0.1  # m; within this distance, breath is not diluted by the air
 
 
 class SearchSettings(BaseModel, extra="forbid", frozen=True):

@@ -33,7 +33,7 @@ class Odometry(EngineSensor, types=["Odometry"]):
 
 
 class Tachometer(EngineSensor, types=["Tachometer"]):
-    """Reads speeds and angles of the wheels."""
+    """Reads the speeds and the rotation angles of the wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)

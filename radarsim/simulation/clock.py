@@ -19,7 +19,7 @@ def seconds(ticks: int) -> float:
 
 
 def ticks_of(interval: float) -> int:
-    """Return an interval, s, rounded to ticks, at least one."""
+    """Convert an interval, s, to a whole number of ticks, at least one."""
     return max(1, round(interval / TICK))
 
 

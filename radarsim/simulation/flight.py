@@ -27,8 +27,8 @@ from radarsim.scene.shapes import Faces, Mesh, concatenate
 from radarsim.sensors.sensor import sight_rays
 from radarsim.simulation.clock import TICK
 
-BAND: Final = 0.1  # m
-TILE: Final = 1.0  # m
+BAND: Final = 0.1  # m; height of a band
+TILE: Final = 1.0  # m; side of a tile
 HEADROOM: Final = 20.0  # m; flight ceiling above the highest point of the map
 INSET: Final = 0.01  # m from the sides of a robot to its outer rays
 _LOOK_AHEAD: Final = 4  # ticks between two computations of the next band
@@ -37,8 +37,8 @@ _SIDES: Final = (-1.0, 0.0, 1.0)
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
 
 
-_BLOCK: Final = 32  # triangles
-_CELL: Final = np.array([0.5, 0.5, 0.2])  # m
+_BLOCK: Final = 32  # triangles per block of the index
+_CELL: Final = np.array([0.5, 0.5, 0.2])  # m; size of a cell of the index
 _NOTHING: Final[Mesh] = (np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 
@@ -92,7 +92,7 @@ class Airspace:
             model: Robot class.
             place: x, y and z of the body frame, m, map frame.
             reach: Distance around the tile within which obstacles are included, m.
-            known: Surroundings computed before, the latest first.
+            known: Surroundings that were computed earlier, the latest first.
 
         Returns:
             The entry of ``known`` for the robot's tile and band, or new surroundings.

@@ -77,7 +77,7 @@ def _floor_of(scene: Scene) -> float:
 
 
 def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
-    """Return the bounding box of the scene plus a margin: x, y, min then max, m."""
+    """Return the bounds of the scene plus a margin: min x, min y, max x, max y, m."""
     starts = [(start.pose.x, start.pose.y) for start in scene.starts]
     goals = [scene.trial.goal] if scene.trial else []
     origin = (0.0, 0.0)  # the start pose of a map without starts

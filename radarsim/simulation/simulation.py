@@ -46,7 +46,7 @@ from radarsim.simulation.trails import Trails
 from radarsim.simulation.vehicle import DueItems, MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied position
-SLICING_WORK: Final = 300_000  # work of slicing all that a flying robot can reach
+SLICING_WORK: Final = 300_000  # estimated work of slicing around a flying robot
 # Maximum number of scans per tick whose echoes are listed for watchers only. Listing a
 # scan takes one or two milliseconds, so the limit avoids delays for clients.
 MAX_SHOWN: Final = 4
@@ -454,7 +454,7 @@ class Simulation:
         return inside
 
     def _solids_around(self, places: ArrayLike, height: float) -> NDArray[np.void]:
-        """Return an event for each solid volume around each of the (N, 2) positions.
+        """Return an event for each solid volume that contains one of (N, 2) positions.
 
         ``ray`` of an event is the index of the position, ``part`` that of the volume.
         """
