@@ -222,8 +222,8 @@ def _innermost_clouds(
         before: (A,) next event behind each return.
     """
     rays, parts, rows = events["ray"], events["part"], np.flatnonzero(change)
-    # A ray leaves a part before it enters it again, so the next event of the part on
-    # the same ray is where the ray leaves it.
+    # A ray must leave a part before it can enter the part again, so the next event of
+    # the part on the same ray is the exit.
     order = rows[np.lexsort((rows, parts[rows], rays[rows]))]
     one, other = order[:-1], order[1:]
     same = (rays[one] == rays[other]) & (parts[one] == parts[other])

@@ -62,7 +62,7 @@ class ReadingTable:
         """Return a program of jobs that write ``size`` numbers; equal jobs share it."""
         key = tuple(jobs)
         # Robots of one class have their states in the same columns, so a hundred robots
-        # share a dozen programs.
+        # need only a dozen programs.
         program = self._programs.get(key)
         if program is None:
             first = len(self._jobs)
@@ -107,7 +107,8 @@ class ReadingTable:
         rows, columns = self._rows.shape
         if slot >= rows or width > columns:
             shape = max(rows, len(self._fleet.table)), max(columns, width)
-            # The rows grow with the fleet's table, which doubles, so copies are rare.
+            # The number of rows follows the table of the fleet, which doubles when it
+            # is full, so copies are rare.
             more = np.zeros(shape)
             more[:rows, :columns] = self._rows
             self._rows = more

@@ -228,7 +228,7 @@ class Targets(NamedTuple):
     radial_velocity: Floats
 
 
-# The class is not frozen, since creating a frozen one takes three times as long.
+# The class is not frozen, since creating a frozen instance takes three times as long.
 @dataclass(slots=True, eq=False, repr=False)
 class Scan:
     """One scan of a radar or a laser.

@@ -195,7 +195,7 @@ class ScanBatch:
             scene: The scene that the scan refers to for plots; None without one.
         """
         settings = self.pattern.settings
-        # Positional arguments are faster than keywords.
+        # Positional arguments are used, since they are faster than keyword arguments.
         return Scan(
             sensor,
             pose,

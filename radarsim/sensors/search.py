@@ -124,7 +124,8 @@ class RfidReader(SearchSensor[str], types=["RFID"]):
     def report(
         self, time: float, seen: Sequence[str], places: Floats
     ) -> SensorReport | None:
-        # Clients read the first tag of a line without checking whether it has any.
+        # Clients read the first tag of a line without checking whether the line has any
+        # tag.
         if not seen:
             return None
         return rescue.RfidTags(time, self.item.name, _sightings(seen, places))

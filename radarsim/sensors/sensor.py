@@ -89,7 +89,7 @@ class Sensor:
         _KINDS.update(dict.fromkeys(types, cls))
 
     def __init__(self, mounting: Mounting, *_others: Mounting) -> None:
-        """Create a sensor from its item, or from all items of its type if joined."""
+        """Create a sensor for one item, or for all items of a type if ``is_joined``."""
         self.item, self.robot = mounting.item, mounting.robot
         self._rng = mounting.rng
 

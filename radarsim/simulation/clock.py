@@ -40,7 +40,7 @@ class Clock:
 
 
 class Schedule(Generic[Entry]):
-    """Entries that are due at regular intervals, each counted from its own tick.
+    """Entries that are due at regular intervals, counted from a given tick.
 
     Finding the entries of a tick takes no time for entries that are not due.
 

@@ -340,8 +340,8 @@ class Vehicle:
         """Schedule the vehicle for all intervals of its items and the status."""
         self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
         self._due_items.clear()
-        # Intervals count from the spawn, so a change of settings does not shift the
-        # readings of other items.
+        # Intervals are counted from the spawn, so a change of settings does not shift
+        # the readings of other items.
         self._schedule.remove(self)
         for interval in self._intervals:
             self._schedule.add(self, interval, self.spawn_tick)
