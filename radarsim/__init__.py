@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-# The import of typing would delay the moment from which a command handles Ctrl-C.
+# ``typing`` is not imported, since the import would delay the handling of Ctrl-C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any

@@ -42,8 +42,8 @@ from typing import Any, Final
 CUTOFF: Final = 0.6  # difflib's ratio, 0 to 1, above which names are similar
 MAX_LENGTH: Final = 80  # characters of a name in a message
 MAX_NAMES: Final = 100  # largest number of names in a message, and in a comparison
-# Texts that replace less clear messages of the operating system. Both permission errors
-# have one text, and so have full disks and exceeded quotas.
+# Texts that replace less clear messages of the operating system. The two permission
+# errors share a text, and so do full disks and exceeded quotas.
 _WORDS: Final = {
     errno.EACCES: "no permission",
     errno.EADDRINUSE: "the port is in use by another program",
@@ -172,7 +172,7 @@ class RecordingError(RadarsimError):
 
 
 class SweepError(RadarsimError):
-    """A sweep file is invalid, or a sweep cannot be run, such as without workers."""
+    """A sweep file is invalid, or a sweep cannot run, for example without workers."""
 
 
 class MissingPackage(RadarsimError, ImportError):
@@ -199,7 +199,7 @@ def import_optional(name: str, extra: str) -> Any:
 def install_command(extra: str) -> str:
     """Return the pip command that installs an extra, and the folder to run it in."""
     pip = Path(sysconfig.get_path("scripts"), "pip")
-    with suppress(OSError, ValueError):  # pip is not below the current folder
+    with suppress(OSError, ValueError):  # raised if pip is not in the current folder
         pip = pip.relative_to(Path.cwd())
     command = f"{shlex.quote(str(pip))} install '.[{extra}]'"
     return f"{command} in the checkout of radarsim"

@@ -63,8 +63,8 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
 def written_atomically(path: Path) -> Iterator[Path]:
     """Write a file in several steps; it replaces the old file only when complete.
 
-    Use it for files that are too large for the memory. After an error or an interrupt,
-    the temporary file is removed, and an old file stays unchanged.
+    Use this function for files that do not fit into memory. After an error or an
+    interrupt, the temporary file is removed, and an old file stays unchanged.
 
     Args:
         path: The file. A symbolic link stays, and its target is replaced.
@@ -86,7 +86,7 @@ def written_atomically(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _report_as(path: Path) -> Iterator[None]:
-    """Make errors name the requested file, not the temporary one."""
+    """Make errors name the requested file instead of the temporary file."""
     try:
         yield
     except OSError as error:

@@ -103,8 +103,8 @@ class Pose3:
         """Transform a pose from the frame of this pose to this pose's parent frame."""
         tilt = self.roll or self.pitch or inner.roll or inner.pitch
         if not (tilt or inner.y or inner.yaw):
-            # This faster path for a forward-mounted sensor on a level robot gives the
-            # same numbers.
+            # This faster computation for a forward-mounted sensor on a level robot
+            # gives the same numbers as the general one below.
             c, s = math.cos(self.yaw), math.sin(self.yaw)
             x, y = self.x + c * inner.x, self.y + s * inner.x
             z, yaw = float(self.z + inner.z), math.atan2(s, c) + 0.0

@@ -36,7 +36,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 OUT_OF_FILES = (errno.EMFILE, errno.ENFILE)
-ACCEPT_LOG_INTERVAL = 10.0  # s between two lines
+ACCEPT_LOG_INTERVAL = 10.0  # s between two lines in the log
 ACCEPTED_AT_ONCE = 16  # connections accepted in one round of the event loop
 MAX_WAITING = 128  # connections that may wait for acceptance, the backlog
 # A peer that vanishes without closing its connection is detected after two minutes.
@@ -87,7 +87,7 @@ def exit_code_of_signal() -> Iterator[asyncio.Future[int]]:
 
 
 def check_port(address: str, port: int) -> None:
-    """Check that a port is free, before work that takes long.
+    """Check that a port is free, so that a server fails before a slow start.
 
     Other errors, such as an address of another machine, are only found by ``listen``.
 
@@ -125,7 +125,7 @@ def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
 
     Raises:
         PortUnavailable: If the port is in use, or reserved.
-        ServerError: If the address is not one of this machine.
+        ServerError: If the address does not belong to this machine.
     """
     try:
         family, *_, place = _places(address, port)[0]
@@ -167,7 +167,7 @@ async def listen(
 
     Raises:
         PortUnavailable: If the port is in use, or reserved.
-        ServerError: If the address is not one of this machine.
+        ServerError: If the address does not belong to this machine.
     """
     loop = asyncio.get_running_loop()
     addresses = address.split(",")
@@ -198,7 +198,7 @@ async def listen(
 
 
 def log_refused_accepts(log: logging.Logger) -> None:
-    """Log one line if the event loop cannot accept connections (too many open files).
+    """Log one line if too many open files keep the event loop from accepting clients.
 
     Without this handler, asyncio logs a traceback every second.
     """
@@ -253,10 +253,10 @@ def waiting_bytes(transport: asyncio.BaseTransport) -> int:
 
 
 def find_hung_up(numbers: Iterable[int]) -> list[tuple[int, bool]]:
-    """Return the sockets whose peers have stopped sending, and whether they are gone.
+    """Return the sockets whose peers stopped sending, and whether each peer is gone.
 
-    A transport with paused reading does not report this. The list is empty on systems
-    other than Linux.
+    asyncio does not report this while reading from a transport is paused. The list is
+    empty on systems other than Linux.
 
     Args:
         numbers: File descriptors of the sockets.
@@ -323,7 +323,7 @@ async def in_daemon_thread(
 ) -> T:
     """Call a function in a daemon thread, and return its result."""
     future: Future[T] = Future()
-    # Marked as running, since a call that runs in a thread cannot be cancelled.
+    # The future is marked as running, since a call in a thread cannot be cancelled.
     future.set_running_or_notify_cancel()
 
     def run() -> None:

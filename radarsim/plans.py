@@ -113,8 +113,8 @@ class PlanField:
         for each in self.markers:
             if isinstance(each, Option):
                 own = {f.name: getattr(each, f.name) for f in fields(Option)}
-                # Unset attributes are skipped, so RARE after another option keeps the
-                # attributes of that option.
+                # Unset attributes are skipped, so a marker such as RARE keeps the
+                # attributes that an earlier marker has set.
                 merged = replace(merged, **{k: v for k, v in own.items() if v})
         return merged
 
@@ -129,7 +129,7 @@ class PlanField:
 
 
 def read_point(text: str) -> tuple[float, float]:
-    """Parse the format ``X,Y``.
+    """Parse a point in the format ``X,Y``.
 
     Raises:
         ValueError: If the text does not consist of two finite numbers.
@@ -209,8 +209,9 @@ def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
         kind, markers, is_repeated = _split_hint(inner[0])
         return kind, (*markers, *inner[1:]), is_repeated
     if origin in (Union, UnionType):
-        # A field may have one type in addition to None, since text would be ambiguous.
-        # With more types, this unpacking fails when the command is created.
+        # A field may have one type in addition to None, since a text could not be
+        # converted unambiguously to several types. With several types, this unpacking
+        # fails when the command is created.
         (kept,) = (each for each in inner if each is not NoneType)
         return _split_hint(kept)
     if origin is list or (origin is tuple and inner[-1] is Ellipsis):

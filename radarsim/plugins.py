@@ -13,8 +13,8 @@ from typing import Any, Final
 
 from radarsim.errors import MissingPackage
 
-# These entries are not in pyproject.toml: entry points need the metadata of an
-# installation, which a source tree may lack, and whose scan can take 20 ms.
+# These entries are not in pyproject.toml, since entry points need the metadata of an
+# installation. A source tree may have no metadata, and reading metadata can take 20 ms.
 OWN: Final[dict[str, dict[str, str]]] = {
     # Tables of commands, in the order of 'radarsim --help'.
     "radarsim.commands": {
@@ -27,7 +27,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
     # Sensor classes by item type, which the files of robot classes refer to.
     "radarsim.kinds": {"core": "radarsim.sensors.sensor:kinds"},
-    # Scanners of robots that add-ons read, at times of their own.
+    # Add-ons that read some scanners of robots at their own times.
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.rotation_schedule:Antennas"},
     # Alternative outputs of 'radarsim explain'.
     "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
@@ -82,8 +82,8 @@ def import_part(module: str, wanted_by: str = "") -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        # Errors for other packages are not converted: importers of optional packages
-        # name the extra.
+        # Errors about other packages are not converted: modules that import optional
+        # packages raise errors that name the extra.
         if not (error.name or "").startswith("radarsim."):
             raise
         raise MissingPackage(f"{wanted_by}{error.name} is not installed") from error

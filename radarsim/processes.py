@@ -1,9 +1,9 @@
 """Worker processes, a background thread, and the signals that end the program.
 
-SIGINT, SIGTERM and SIGHUP end the program at once, or by an exception. The default is
-at once, even while modules are imported, since an exception in a callback from C would
-be lost, print a traceback, or crash. The signals raise an exception only while there is
-work to save or state to restore.
+SIGINT, SIGTERM and SIGHUP end the program at once, or raise an exception. By default
+they end it at once, even while modules are imported, since an exception in a callback
+from C would be lost, print a traceback, or crash. They raise an exception only while
+there is work to save or state to restore.
 
 This module imports very little, so a program can install its handlers first.
 """
@@ -34,7 +34,7 @@ if sys.platform != "win32":
     _exit_codes[int(signal.SIGHUP)] = HUNG_UP  # the terminal was closed
     _LEFT_TO_THE_MAIN_PROCESS.add(signal.SIGHUP)
 
-# Temporary files, which are removed if the process ends at once.
+# Temporary files that `exit_immediately` removes.
 unfinished_files: Final[set[str]] = set()
 
 P = ParamSpec("P")
@@ -67,8 +67,8 @@ def signal_handlers(
 def exit_immediately_on_signals() -> Iterator[None]:
     """Make exit signals end the process at once, without raising an exception.
 
-    Does nothing outside of the main thread, since only the main thread handles signals,
-    and nothing for signals that the parent process has set to be ignored.
+    The handlers are not installed outside of the main thread, since only that thread
+    handles signals, or for signals that were ignored when the process was started.
     """
     with signal_handlers(dict.fromkeys(_heeded_signals(), _exit_immediately)):
         yield
@@ -78,15 +78,15 @@ def exit_immediately_on_signals() -> Iterator[None]:
 def raise_on_signals() -> Iterator[None]:
     """Make exit signals raise SystemExit, so that work can be saved.
 
-    Each signal raises, even while work is being saved. Does nothing in the cases in
-    which ``exit_immediately_on_signals`` does nothing.
+    Every signal raises SystemExit, even while work is being saved. The handlers are
+    installed in the same cases as those of ``exit_immediately_on_signals``.
     """
     with signal_handlers(dict.fromkeys(_heeded_signals(), _raise_exit)):
         yield
 
 
 def set_exit_code_of_sigterm(code: int) -> None:
-    """Set the exit code after SIGTERM: 143 if work is unfinished, 0 if it is done."""
+    """Set the exit code after SIGTERM: 143 for unfinished work, 0 for finished work."""
     _exit_codes[signal.SIGTERM] = code
 
 
@@ -126,8 +126,8 @@ def _heeded_signals() -> list[int]:
 def _exit_immediately(number: int, _: FrameType | None) -> None:
     with suppress(OSError):  # the terminal is closed
         if os.isatty(2):  # a line may be half written there
-            # print is not used, since the interrupted code may be writing to the same
-            # stream.
+            # ``print`` is not used, since the interrupted code may be writing to the
+            # same stream.
             os.write(2, b"\n")
     _remove_unfinished_files()
     os._exit(_exit_codes[number])
@@ -229,7 +229,8 @@ def start_worker(parent: int, prepare: Callable[[], object]) -> None:
     """
     for number in _LEFT_TO_THE_MAIN_PROCESS:
         signal.signal(number, signal.SIG_IGN)
-    # A main process that is killed cannot terminate its workers, so they check it.
+    # A killed main process cannot terminate its workers, so each worker checks whether
+    # the main process still runs.
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     prepare()
 
@@ -242,15 +243,16 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def worker_process(prepare: Callable[[], object]) -> Iterator[ProcessPoolExecutor]:
-    """Start a worker process; leaving the block terminates it with running tasks.
+    """Start a worker process; the end of the block terminates it with its tasks.
 
     Args:
         prepare: Called in the process before its first task. The process is a fresh
             interpreter, so it accepts only functions defined at module level.
     """
-    # Other pools of this process keep their workers.
+    # Only workers of this pool are terminated, not workers of other pools.
     others = {*active_children()}
-    # The method is spawn, since threads of this process would not survive a fork.
+    # Workers are spawned, not forked, since threads of this process would not survive a
+    # fork.
     pool = ProcessPoolExecutor(
         1,
         mp_context=get_context("spawn"),
@@ -263,5 +265,5 @@ def worker_process(prepare: Callable[[], object]) -> Iterator[ProcessPoolExecuto
         yield pool
     finally:
         for worker in {*active_children()} - others:
-            worker.terminate()  # shutdown alone would wait for the runs to end
+            worker.terminate()  # shutdown alone would wait for running tasks
         pool.shutdown(cancel_futures=True)

@@ -27,8 +27,8 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
         raise TypeError(text)
     if seed < 0:
         raise ValueError(text)
-    # Python's hash() differs from run to run, so SHA-256 is used. NUL separates the
-    # names, since it is the only character that names cannot contain.
+    # SHA-256 is used, since Python's hash() differs from run to run. NUL separates the
+    # names, since no name can contain it.
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "big") for i in range(0, 16, 4))
     return np.random.Generator(
@@ -39,7 +39,7 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
 def as_generator(
     rng: np.random.Generator | int | None, *names: str
 ) -> np.random.Generator | None:
-    """Return a generator unchanged, or create one for a seed and names; None is kept.
+    """Return a generator for a seed and names; keep a given generator, or None.
 
     Raises:
         TypeError: If the argument is neither a generator nor a seed.
@@ -59,6 +59,7 @@ def fixed_number(rng: np.random.Generator) -> int:
         rng: The generator; its state is not used or changed.
     """
     seed: Any = rng.bit_generator.seed_seq
-    # Spawned generators are numbered from 0, so none of them has this number.
+    # Generators that are spawned have numbers from 0 on, so none of them has this
+    # number.
     own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 2**32 - 1))
     return int(own.generate_state(1, np.uint64)[0])

@@ -60,7 +60,8 @@ def describe_invalid(details: ErrorDetails) -> str:
     error_type, context = details["type"], details.get("ctx", {})
     if error_type == "missing":
         return "missing"
-    # The message is computed here, since most of many errors are never reported.
+    # The message is computed only here, since most errors of an invalid file are not
+    # reported.
     if error_type == "rejected":
         return str(context["describe"]())
     if error_type == "value_error":

@@ -57,7 +57,7 @@ _CONSTANTS: dict[str, bool | None] = {
 
 
 class UnreadableYaml(Exception):
-    """The text cannot be read beyond a position."""
+    """The text cannot be parsed after a position."""
 
     def __init__(self, position: Position, message: str) -> None:
         super().__init__(message)
@@ -84,7 +84,7 @@ class YamlFile:
     def place(self, keys: Sequence[str | int], *, of_key: bool = False) -> str:
         """Return ``file:line:column`` of a value.
 
-        If there is no such value, the position of the innermost existing one is used.
+        If there is no such value, the position of the innermost existing value is used.
 
         Args:
             keys: Keys and list indices, outermost first.
@@ -215,7 +215,7 @@ def compose(
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         position = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        # libyaml may report a position behind the end of a truncated text.
+        # For a truncated text, libyaml may report a position after the end of the text.
         position = min(position, _position_at(text, len(text)))
         reason = error.problem or error.context
         if isinstance(error, ComposerError):
@@ -266,7 +266,7 @@ class _Reader:
         self._values = 0
 
     def read(self, node: Node, keys: KeyPath) -> object:
-        """Return the data of a node; limited, since aliases can expand to gigabytes."""
+        """Return the data of a node; limits prevent gigabytes of expanded aliases."""
         self._values += 1
         if self._values > MAX_VALUES:
             raise UnreadableYaml(_position(node), f"more than {MAX_VALUES} values")
@@ -302,8 +302,8 @@ class _Reader:
         is_quoted = bool(node.style)  # quoted, or a block scalar
         if not is_quoted and text in _CONSTANTS:
             return _CONSTANTS[text]
-        # The check of the first character avoids the regular expressions for nearly all
-        # texts of a map.
+        # The first character is checked, so that few texts need the slow regular
+        # expressions.
         if is_quoted or text[0] not in _STARTS_OF_NUMBERS:
             return text
         if _INTEGER.fullmatch(text):
@@ -323,7 +323,8 @@ class _Reader:
         return value
 
     def _report(self, node: Node, keys: KeyPath, message: str) -> None:
-        # A node with several aliases is reported once.
+        # A problem of a node is reported once, even if several aliases refer to the
+        # node.
         self.problems.setdefault((_position(node), message), keys)
 
 

@@ -100,7 +100,7 @@ class FmcwSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def padding(self) -> float:
-        """Number of bins within the resolution."""
+        """Number of range bins per range resolution."""
         return self.resolution / self.bin_size
 
     @property

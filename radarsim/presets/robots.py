@@ -92,8 +92,8 @@ class Link(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         return _pose(self.position, self.rotation_deg)
 
     def turned(self, angle: float) -> Pose3:
-        """Return the link's pose in the frame of the previous link at an angle, rad."""
-        # The link rotates about the z axis of the joint, which points down on the wire.
+        """Return the pose, in the frame of the previous link, at a joint angle, rad."""
+        # The protocol's z axis points down, so the angle is negated.
         return self.mount.compose(Pose3(0.0, 0.0, 0.0, yaw=-angle))
 
 
@@ -305,7 +305,8 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             ]
         flight = self.flight
         if flight is not None and dialect == "compat":
-            # Clients of UT2004 servers build maps from drones' scans, which are level.
+            # Clients of UT2004 servers build maps from scans of drones, and expect
+            # level scans.
             flight = flight.model_copy(update={"tilt_deg": 0.0})
         return self.model_copy(update={"items": tuple(carried), "flight": flight})
 

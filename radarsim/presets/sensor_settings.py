@@ -25,7 +25,7 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 BANDS_GHZ: Final = (24, 77, 94)  # radar bands for which materials have values
 
-# The largest scene is 1 km wide; much larger ranges overflow in the ray casting.
+# Scenes are at most 1 km wide; much larger ranges would overflow in the ray casting.
 Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
@@ -39,7 +39,7 @@ MAX_NODES = 100  # of a quadrature in a row; with more, the outer weights underf
 
 
 def _check_quantum(value: float) -> float:
-    """Require 0, or a step that is large enough for a division of ranges."""
+    """Require 0, or a step of at least 1e-6 m, since ranges are divided by it."""
     if 0 < value < 1e-6:
         raise ValueError("expected 0 or at least 1e-06")
     return value
@@ -167,7 +167,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def reads_first_returns(self) -> bool:
-        """Whether beams have first returns from inside clouds, at random depths."""
+        """Whether clouds return beams from random depths, read as first returns."""
         return (
             self.medium == "laser"
             and 0 < self.penetration_power < math.inf
@@ -198,7 +198,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def rays_per_beam(self) -> int:
-        """The number of rays of a beam, from which one may be drawn."""
+        """The number of rays of a beam, including rays that are not selected."""
         if not self.has_side_rays:
             return 1
         if self.side_mode == "cone":

@@ -84,10 +84,11 @@ GEOMETRY_USER: Final = 120  # one of RTCGeometryType
 _BLOCK: Final = 100_000  # triangles per block, to limit the memory of temporary arrays
 MAX_SLICES: Final = 32
 # A slice is built after RAYS_PER_SLICE horizontal rays at its height, plus one ray per
-# TRIANGLES_PER_RAY triangles. These rays have cost about as much as building the slice.
+# TRIANGLES_PER_RAY triangles. By then, tracing these rays has taken about as long as
+# building the slice.
 RAYS_PER_SLICE: Final = 1000
 TRIANGLES_PER_RAY: Final = 20
-SMALL_SLICE: Final = 50_000  # triangles; larger slices may have half of the scene's
+SMALL_SLICE: Final = 50_000  # triangles; larger slices have at most half of the scene
 
 
 @functools.cache
@@ -236,7 +237,7 @@ class EmbreeScene:
             height: z of the last of these rays, m.
             rays: Number of these rays.
         """
-        # Rays are counted by height: a rising robot scans only once or twice at each
+        # Rays are counted by height. A rising robot scans only once or twice at each
         # height, so no slice is built for it.
         count = self._unsliced_rays.pop(height, 0) + rays
         enough = RAYS_PER_SLICE + len(self.triangles) // TRIANGLES_PER_RAY

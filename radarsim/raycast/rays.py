@@ -228,14 +228,14 @@ class Boxes:
     def find(
         self, ids: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the indices of ids that belong to boxes, (K,), and the boxes' rows."""
+        """Return which of the ids belong to boxes, as indices, (K,), and their rows."""
         known = self.rows[:, 7].astype(np.int64)
         found = np.flatnonzero(np.isin(ids, known))
         order = np.argsort(known)
         return found, order[np.searchsorted(known, ids[found], sorter=order)]
 
     def table(self, centre: Floats) -> NDArray[np.void]:
-        """Return the boxes as rows of ROBOT_BOX for the engine, cached by centre.
+        """Return the boxes as ROBOT_BOX rows for the engine; each centre is cached.
 
         Args:
             centre: (3,) m, origin of the coordinates in the table.
@@ -266,7 +266,7 @@ class Traces(NamedTuple):
         parts: (N,) int64, index of the part that was hit or absorbed the ray, or in
             which the power ran out; for a robot box, the number of parts plus the
             box's id; -1 for none.
-        power: (N,) remaining power; at a hit, minus the absorption of the surface.
+        power: (N,) remaining power; at a hit, after the absorption by the surface.
         incidence: (N,) cosine of the angle between the ray and the normal of the opaque
             surface that it hit, 0 to 1; nan without a hit; empty if not requested.
         events: Rows of EVENT, ordered by ray and by distance; empty if not requested.

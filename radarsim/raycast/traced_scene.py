@@ -50,7 +50,7 @@ def absorption_of(material: Material, ray_class: RayClass) -> float:
 
 
 def passing_of(material: Material, ray_class: RayClass) -> float:
-    """Return the power that a ray loses at each surface of a pane."""
+    """Return the power that a ray loses at each surface of a pane, such as glass."""
     decibels = material.transmission_db
     if decibels is None or ray_class.medium != RADAR:
         return math.inf

@@ -94,7 +94,8 @@ class Tracer:
             [part.material.rain for part in self.parts], np.float64
         )
         self.has_rain = bool(self.rain_rate.any())
-        # The air is never a cloud here, even if it is fog, since it has no boundary.
+        # The air never counts as a cloud, even if it is fog, since rays do not cross a
+        # boundary of the air.
         self.clouds = np.array(
             [part.material.is_cloud for part in parts] + [False] * len(filling), bool
         )
@@ -103,7 +104,8 @@ class Tracer:
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
         self._losses: dict[RayClass, tuple[Floats, float, Floats]] = {}
-        # The packed scenes for the engine, which are packed again after a new slice.
+        # Packed scenes for the engine. Adding a slice makes them outdated, so they are
+        # packed again.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
             [(part.vertices - self._centre, part.faces) for part in parts]
@@ -139,7 +141,7 @@ class Tracer:
         events: bool = False,
         incidence: bool = False,
     ) -> Traces:
-        """Trace rays to their ends.
+        """Trace rays, and return where each ray ends.
 
         Args:
             rays: The rays.
@@ -216,7 +218,8 @@ class Tracer:
     def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> Packed:
         """Return the packed ``Scene`` for classes of rays."""
         found, handle = self._packed.get(ray_classes), self._scene.handle
-        # Adding a slice replaces the handle.
+        # A packed scene with an old handle is outdated, since adding a slice replaces
+        # the handle.
         if found is None or found.handle is not handle:
             if found is None:
                 parts, air = self.parts, self._air
@@ -298,7 +301,8 @@ class Tracer:
             self._events_per_ray = max(self._events_per_ray, room // max(size, 1) + 1)
 
 
-# One tracer per scene, built on demand; the weak key frees it with the scene.
+# One tracer per scene, created on demand. The keys are weak references, so a tracer is
+# freed with its scene.
 _tracers: WeakKeyDictionary[Scene, Tracer] = WeakKeyDictionary()
 
 

@@ -29,7 +29,7 @@ from radarsim.robots.robot import (
 
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m around the robot's circle in which walls are searched
-_MAX_DISPLACEMENT_RATIO: Final = 2.0  # largest displacement of a centre / its sweep
+_MAX_DISPLACEMENT_RATIO: Final = 2.0  # largest ratio of displacement to sweep
 # The fields of a row of ``raycast.rays.Boxes``.
 _BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
 _BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]
@@ -60,7 +60,7 @@ class Fleet:
         self._enter_floors()
 
     def prepare(self, obstacles: Obstacles) -> None:
-        """Add the walls of a floor to the table, unless they are there already."""
+        """Add the walls of a floor to the table unless it already contains them."""
         if obstacles not in self._floors:
             if not self._walls.add(obstacles.walls):
                 self._forget_floors()
@@ -281,8 +281,8 @@ class Fleet:
         self._forget_gaps()
 
     def _forget_gaps(self) -> None:
-        # After a robot was added, moved or removed, all distances between robots and
-        # all contacts are unknown.
+        # Adding, moving or removing a robot changes distances and contacts, so all are
+        # unknown.
         self.table["robot_gap"] = 0.0
         self.table["touched"] = UNKNOWN
 

@@ -7,7 +7,7 @@ segment's normal (separating axis theorem for two convex shapes). On each axis, 
 distance between the two projections is a lower bound of the distance between the
 shapes. The largest of the three distances is negative only if the shapes overlap; then
 its absolute value is the smallest displacement that separates them, along that axis. So
-one number is collision test, clearance and penetration depth.
+one number serves as collision test, clearance and penetration depth.
 """
 
 import math
@@ -82,7 +82,7 @@ class Footprint:
         return gaps
 
     def contacts(self, poses: Floats, lines: Lines) -> NDArray[np.void]:
-        """Return the line that is closest at each pose, or deepest inside.
+        """Return the contact with the closest, or deepest, line at each pose.
 
         Args:
             poses: (P, 3) m, rad, map frame.

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-# m above the floor, from a P3AT's bumpers to the top of its payload. A thin horizontal
-# object between two heights is missed.
+# Heights of the slices above the floor, m, from a P3AT's bumpers to the top of its
+# payload. Thin horizontal objects between two heights are not detected.
 BUMPER_HEIGHTS = (0.058, 0.15, 0.25, 0.35, 0.45)
 
 _MIN_LENGTH = 1e-9  # m; shorter segments have no direction and are dropped
@@ -42,19 +42,19 @@ _SEARCH_STEP = 0.05  # m between candidate positions
 _BATCH = 128  # candidate positions per step of the search
 _CLEARANCE = 0.01  # m around the footprint at a candidate position
 _LINES = 512  # lines per step of the search
-# Estimated work of a position without lines, of sorting a line, and of one call of
-# `is_open`, in units of one comparison of a position with a line.
+# Estimated costs of a position without lines, of sorting a line, and of one call of
+# `is_open`. The unit is the cost of comparing one position with one line.
 _POSITION_WORK = 300
 _SORTING_WORK = 30
 _TRACING_WORK = 40_000
 _DIGITS = 6  # decimals of rounded end points, so that adjacent lines share them
 
-# The grid of walls.
+# Sizes of the grid of walls and of its tables.
 _MIN_CELL: Final = 1.0  # m; larger if long walls would cross too many cells
 _ENTRIES_PER_WALL: Final = 16
 _FREE_ENTRIES: Final = 65536
 _FEW_WALLS: Final = 64
-_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
+_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # spare walls, entries, floors
 WALL_ENTRY: Final = engine.rows["WallEntry"]
 WALL_GRID: Final = engine.rows["WallGrid"]
 
@@ -116,7 +116,8 @@ def floor_walls(segments: Floats) -> FloorWalls:
     """Index the walls of a floor: segments, (S, 2, 2) m, x and y of both ends."""
     lines = line_table(segments)
     if len(segments) <= _FEW_WALLS:
-        # One infinite cell: checking few walls is faster than sorting them.
+        # A single infinite cell is used, since checking few walls is faster than
+        # sorting them.
         entries = np.zeros(len(segments), WALL_ENTRY)
         entries["wall"] = np.arange(len(segments))
         endless = (0.0, 0.0, np.inf, 1, 1, 0, len(segments), 0)
@@ -325,7 +326,7 @@ class Obstacles:
             is_free &= is_open(np.ascontiguousarray(places[:, :2]))
             for place in places[is_free].tolist():
                 free = Pose2(*place)
-                # A body whose sides are clear of the footprint may still surround it.
+                # Another robot may surround the footprint although no side overlaps it.
                 if not any(
                     body.footprint.covers(body.pose, free.x, free.y) for body in bodies
                 ):
@@ -349,7 +350,8 @@ def overlaps(footprint: Footprint, pose: Pose2, other: "Robot") -> bool:
     if distance > footprint.radius + other.footprint.radius:
         return False
     sides = other.footprint.outline(other.pose)
-    # If no side of the other robot overlaps, it is either apart or surrounds this one.
+    # If no side of the other robot overlaps the footprint, the robot is either apart
+    # from the footprint or surrounds it.
     place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
     (gap,) = footprint.gaps(place, line_table(sides)).tolist()
     return gap <= MARGIN or other.footprint.covers(other.pose, pose.x, pose.y)

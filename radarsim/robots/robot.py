@@ -198,7 +198,7 @@ class Robot:
 
     @property
     def top_speed(self) -> float:
-        """Largest possible speed of the centre, including pushes, m/s."""
+        """Largest possible speed, m/s, of the centre, including pushes by robots."""
         return float(self.fleet.columns.item(self.slot, COLUMN["top_speed"]))
 
     @property
@@ -224,10 +224,11 @@ class Robot:
             normalized: Whether this command and later ones are percentages.
             light: Whether the headlight is on.
         """
-        # The flag stays set for later commands without it.
+        # Later commands without the flag use the last value.
         self._normalized = self._normalized if normalized is None else normalized
         self.light = self.light if light is None else light
-        # Like the original server, a command needs both sides; some clients send one.
+        # As in the original server, a command needs both speeds; some clients send only
+        # one, which is ignored.
         if left is None or right is None or self.bicycle is not None:
             return
         spin = self.wheel_drive.spin
@@ -301,7 +302,8 @@ class Robot:
             old if speed is None else _limited(speed, limit, normalized=normalized)
             for speed, old, limit in zip(speeds, before, limits, strict=True)
         )
-        # Like the original server, percentages tilt by only a part of the angle.
+        # As in the original server, percentages tilt the robot by only a part of the
+        # angle.
         tilt = math.radians(flight.tilt_deg)
         tilt *= flight.tilt_deg / 100 if normalized else 1.0
         if ahead is not None:
@@ -333,6 +335,6 @@ class Robot:
 
 
 def _limited(speed: float, limit: float, *, normalized: bool) -> float:
-    """Convert a speed from percent if normalized, and clip it to the limit."""
+    """Clip a speed to the limit, after conversion from percent if ``normalized``."""
     wanted = speed * limit / 100 if normalized else speed
     return max(-limit, min(limit, wanted))

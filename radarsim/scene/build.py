@@ -113,8 +113,9 @@ def make_material(
         changes["laser_mirror"] = entry.mirror in ("laser", "both")
         if not changes["radar_mirror"]:
             changes["transmission_db"] = None  # only mirrors can be panes
-    # A density was chosen for one experiment and cannot be converted to decibels, so a
-    # radar that computes in decibels keeps the base. A loss in dB replaces the base.
+    # A density is specific to one experiment and cannot be converted to decibels. So if
+    # only a density is given, a radar that computes in decibels keeps the losses of the
+    # base.
     has_density = math.isfinite(given.get("density", math.inf))
     if has_density and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
         changes["attenuation_db"] = base.radar_db
@@ -188,7 +189,8 @@ class PartBuilder:
             Part(
                 name,
                 material,
-                # Another order of operations would change the last digits of ranges.
+                # The order of operations is fixed, since another order would change the
+                # last digits of ranges.
                 scale * vertices @ rotation + position,
                 faces,
             )
@@ -230,8 +232,9 @@ class PartBuilder:
         self, entry: ObjectEntry, mesh: str, materials: Mapping[str, Material]
     ) -> list[_Piece]:
         """Return the surfaces of a mesh file, joined by material, in its own frame."""
-        # Joining a large mesh takes seconds. The key has the materials themselves: a
-        # variant can redefine a name so that its surfaces must be a closed volume.
+        # Meshes are cached, since joining a large mesh takes seconds. The cache key
+        # contains the materials, not only their names, because a variant of the map can
+        # redefine a material and so require a closed volume.
         given = tuple((entry.materials or {}).items())
         key = (mesh, entry.material, given, *materials.values())
         if key not in self._joined:
@@ -255,7 +258,8 @@ class PartBuilder:
             try:  # Errors are cached too: many objects may use the same broken file.
                 path = find_inside(self._folder, self._folder, mesh)
                 surfaces = read_surfaces(path, self._folder, self._budget)
-                # Welding leaves about a sixth of the vertices of an STL file.
+                # Welding reduces the number of vertices of an STL file to about a
+                # sixth.
                 self._surfaces[mesh] = [
                     Surface(material, *weld_vertices(vertices, faces))
                     for material, vertices, faces in surfaces
@@ -404,7 +408,7 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_C
 
 
 def _draw_forever(rng: np.random.Generator) -> Iterator[float]:
-    """Yield the same numbers in [0, 1) as repeated calls of ``rng.random()``."""
+    """Yield random numbers in [0, 1), equal to those of repeated ``rng.random()``."""
     while True:
         yield from rng.random(_DRAWS).tolist()
 

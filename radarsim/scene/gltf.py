@@ -39,7 +39,8 @@ _CHUNK = struct.Struct("<I4s")  # length, type
 _INDEX_TYPES: Final = {5121: "u1", 5123: "<u2", 5125: "<u4"}
 _TYPES: Final = {5120: "i1", 5122: "<i2", 5126: "<f4", **_INDEX_TYPES}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6  # primitive modes; the others are lines and points
-# A file that requires any other extension is refused: it could change the triangles.
+# Files that require any other extension are refused, since an extension could change
+# the triangles.
 _QUANTIZATION: Final = "KHR_mesh_quantization"
 _EXTENSIONS_OF_LOOKS: Final = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_"),
@@ -114,7 +115,7 @@ class _Roots(_Object):
 
 
 class Material(_Object):
-    """A material; ``extras`` is application-specific data, which glTF leaves free."""
+    """A material; ``extras`` is application-specific data of any type."""
 
     name: str | None = None
     extras: Any = None
@@ -201,7 +202,7 @@ class GltfFile:
                 yield (*self._read(primitive), matrix)
 
     def _nodes(self) -> Iterator[tuple[_Node, Floats]]:
-        """Yield the nodes of the scene with their matrices, the last child first.
+        """Yield the nodes of the scene with their matrices, children in reverse order.
 
         A MeshError is raised if the nodes do not form trees.
         """
@@ -230,7 +231,7 @@ class GltfFile:
             yield node, matrix
 
     def _accessor(self, index: int, kind: str) -> _Accessor:
-        """Return an accessor that has all its values in a buffer view."""
+        """Return an accessor after checking its type, and that its values are plain."""
         accessor = _item(self._tree.accessors, index, "accessor")
         name = f"accessor {index}"
         if accessor.bufferView is None or accessor.sparse is not None:
@@ -311,7 +312,7 @@ def _matrix(node: _Node) -> Floats:
 
 
 def _faces(corners: Any, mode: int) -> Any:
-    """Return the triangles, (F, 3), that corners form in a primitive mode."""
+    """Return the triangles, (F, 3), of a list of corners in a glTF primitive mode."""
     if mode == _TRIANGLES:
         return corners.reshape(-1, 3)
     if mode == _FAN:

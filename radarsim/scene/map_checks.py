@@ -3,7 +3,7 @@
 Checks of raw data do not need a valid entry, so one invalid key does not hide the
 problems of other keys.
 
-`ProblemList` collects the problems: the first ones are reported, all are counted.
+`ProblemList` collects the problems: it lists the first and counts the others.
 """
 
 import math
@@ -117,7 +117,7 @@ def air_problems(material: Material) -> Iterator[Problem]:
 
 
 def object_problems(item: object) -> Iterator[Problem]:
-    """Check a raw object: one shape, one material key, one form of placement."""
+    """Check a raw object for exactly one shape, and keys that exclude each other."""
     if not isinstance(item, dict):
         return
     given = {key for key, value in item.items() if value is not None}
@@ -142,7 +142,7 @@ def object_problems(item: object) -> Iterator[Problem]:
 
 
 def unknown_materials(item: object, own: Collection[str]) -> Iterator[str]:
-    """Yield the names in a raw object that neither the map nor the library has."""
+    """Yield the materials of a raw object that neither the map nor the library has."""
     if isinstance(item, dict):
         several = item.get("materials")
         names = several.values() if isinstance(several, dict) else ()
@@ -156,7 +156,7 @@ def unknown_materials(item: object, own: Collection[str]) -> Iterator[str]:
 
 
 def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
-    """Check a raw trial: its start must name an entry of the map, even an invalid one.
+    """Check that a raw trial names a start of the map; the start may be invalid.
 
     The message suggests only names that are valid for a start.
     """
@@ -175,7 +175,7 @@ def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
 
 
 def extent_problems(bounds: Floats) -> Iterator[Problem]:
-    """Check the extent of all objects together; bounds are (2, 3) m."""
+    """Check the extent of a scene, given the bounds of all objects, (2, 3) m."""
     sizes = bounds[1] - bounds[0]
     if sizes.max() > MAX_EXTENT:
         extents = " x ".join(f"{size:.1f}" for size in sizes)
@@ -194,13 +194,13 @@ class ProblemList:
     def __init__(self, file: YamlFile) -> None:
         self._file = file
         self._texts: dict[str, None] = {}
-        self._reported: set[Problem] = set()  # problems of entries, without YAML's
+        self._reported: set[Problem] = set()  # without problems of the YAML syntax
         self._unreported = 0
         self._add(file.problems)
 
     @property
     def full(self) -> bool:
-        """Whether further problems are only counted, so no more need be built."""
+        """Whether the list is full; further problems are counted but not listed."""
         return len(self._texts) >= MAX_REPORTED
 
     def report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
@@ -221,7 +221,7 @@ class ProblemList:
     def report_invalid(
         self, error: ValidationError, at: KeyPath, known: Iterable[str]
     ) -> None:
-        """Add the pydantic errors of an entry; ``known`` has its allowed keys."""
+        """Add the pydantic errors of an entry, whose allowed keys are ``known``."""
         most = 0 if self.full else MAX_REPORTED
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))

@@ -84,7 +84,7 @@ def load_map(path_or_name: str | Path) -> Scene:
             ``@NAME`` selects a variant of the map.
 
     Raises:
-        MapError: If the map or the selected variant has problems; it lists all.
+        MapError: If the map or the selected variant has problems; the error lists them.
         TypeError: If the argument is neither a name nor a path.
     """
     path, variant = find_map(path_or_name)
@@ -95,7 +95,7 @@ def load_variants(path_or_name: str | Path) -> list[Scene]:
     """Load a map and then all its variants, or only the selected one.
 
     Raises:
-        MapError: If the map or a variant has problems; it lists all.
+        MapError: If the map or a variant has problems; the error lists them.
     """
     path, selected = find_map(path_or_name)
     loader = MapLoader(_read(path))

@@ -82,7 +82,7 @@ def load_scene(file: YamlFile, variant: str | None = None) -> Scene:
     """Load a map, or one of its variants.
 
     Raises:
-        MapError: If the map or the variant has problems; it lists all.
+        MapError: If the map or the variant has problems; the error lists them.
     """
     loader = MapLoader(file)
     scene = loader.load(variant)
@@ -104,8 +104,8 @@ class MapLoader:
         self._builder = PartBuilder(self._folder)
         self._file_room = Budget({_BUILT: MAX_BUILT})
         self._is_too_much = False
-        # Entries that variants share are validated, reported and built once: a map may
-        # have 100 variants of thousands of objects, most of them the same.
+        # Entries that variants share are validated, reported and built only once, since
+        # a map may have 100 variants with thousands of equal objects.
         self._made: dict[KeyPath, tuple[Material, bool]] = {}
         self._validated: dict[tuple[KeyPath, frozenset[str]], _Object] = {}
         self._built: dict[
@@ -149,7 +149,8 @@ class MapLoader:
         entries = list(self._objects(layers, materials))
         starts = self._placed(data, "starts", StartEntry, MAX_STARTS)
         trial = self._trial(data)
-        # If there are too many entries, that is reported and no object is built.
+        # If there are too many objects, this problem has been reported, and none is
+        # built.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
         reflectors: list[Reflector] = []
         for _, entry in () if self._is_too_much else entries:
@@ -192,7 +193,7 @@ class MapLoader:
         yield at, layer if isinstance(layer, dict) else {}
 
     def _materials(self, layers: list[_Layer]) -> tuple[dict[str, Material], set[str]]:
-        """Return all materials, and the names of invalid ones, which are opaque."""
+        """Return all materials, and the names of invalid materials, made opaque."""
         materials: dict[str, Material] = {}
         invalid: set[str] = set()
         for at, item in self._entries(layers, "materials", MAX_MATERIALS):
@@ -205,7 +206,8 @@ class MapLoader:
                     material = make_material(name, entry)
                     valid = self.problems.report(at, surface_problems(entry, material))
                 self._made[at] = material, valid and entry is not None
-            # A variant may correct an entry of the map, or make it invalid.
+            # A variant may replace an invalid entry of the map by a valid one, or vice
+            # versa.
             materials[name], valid = self._made[at]
             (invalid.discard if valid else invalid.add)(name)
         return materials, invalid
@@ -213,7 +215,7 @@ class MapLoader:
     def _air(
         self, layers: list[_Layer], materials: dict[str, Material], invalid: set[str]
     ) -> Material | None:
-        """Return the air's material; the variant's key overrides the map's."""
+        """Return the air's material; the key of a variant overrides that of the map."""
         given = [(at, layer["air"]) for at, layer in layers if "air" in layer]
         parent, name = given[-1] if given else ((), None)
         if not isinstance(name, str):  # None, or reported already
@@ -240,8 +242,8 @@ class MapLoader:
         taken: dict[str, KeyPath] = {}
         room = Budget()
         for at, item in self._entries(layers, "objects", MAX_OBJECTS):
-            # The validation of an entry gives the same result in all variants in which
-            # the same materials are unknown.
+            # All variants with the same unknown materials share the result of the
+            # validation.
             key = at, frozenset(unknown_materials(item, materials))
             if key not in self._validated:
                 context = EntryContext(materials=materials, folder=self._folder)
@@ -255,7 +257,7 @@ class MapLoader:
                 self._is_too_much = True
                 self.problems.report(at, error.problems)
                 continue
-            # An invalid entry reserves its name too.
+            # The name of an invalid entry is reserved too.
             name = item.get("name") if isinstance(item, dict) else None
             if entry is not None:
                 self._claim(at, copy_names(entry.name, entry.copies), taken)
@@ -284,7 +286,8 @@ class MapLoader:
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Budget
     ) -> list[Part]:
         """Build an object, or return the parts that were built for another variant."""
-        # The key has the materials, not their names: a variant can redefine a name.
+        # The key contains the materials, not their names, since a variant can redefine
+        # a name.
         key = (at, tuple(used.values()))
         built = self._built.get(key)
         if built is None:
@@ -294,7 +297,7 @@ class MapLoader:
             except BuildError as error:
                 built = error
             self._built[key] = built
-        elif not isinstance(built, BuildError):  # Each variant has its own limits.
+        elif not isinstance(built, BuildError):  # Cached objects count too.
             room.take(len(built), "parts")
             room.take(sum(len(part.faces) for part in built), "triangles")
         if isinstance(built, BuildError):

@@ -229,7 +229,7 @@ class VariantEntry(Entry):
     """The differences of a variant from its map.
 
     Attributes:
-        materials: Materials that are added, or that replace those of the same names.
+        materials: Materials that are added, or replace materials of the same names.
         objects: Objects that are added.
         air: Material of the air instead of the map's; None for clear air.
     """
@@ -297,7 +297,7 @@ class ReflectorEntry(Entry):
 
 
 class RepeatEntry(Entry):
-    """Copies along a line: ``count`` of them, each offset by ``step`` from the last."""
+    """``count`` copies along a line, each offset by ``step`` from the previous copy."""
 
     count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
     step: Vector

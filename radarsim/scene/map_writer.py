@@ -37,7 +37,8 @@ def material_keys(material: Material) -> dict[str, Any]:
         keys["laser_db_per_m"] = material.laser_db
     if material.sheet_loss is not None:
         keys["sheet_loss"] = material.sheet_loss
-    # A density replaces the losses of a base.
+    # ``density`` resets the losses of the base material to 0, so the losses are written
+    # too.
     if any(material.radar_db) or material.rain:
         keys["db_per_m"] = _by_band(material.radar_db)
     for key in PLAIN_KEYS:

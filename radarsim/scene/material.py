@@ -199,7 +199,7 @@ PLAIN_KEYS: Final = tuple(
 
 
 class LibraryEntry(BaseModel, extra="forbid", frozen=True):
-    """A file of the library.
+    """A material of the library, as its file describes it.
 
     Attributes:
         about: Description in one or two sentences.
@@ -216,7 +216,7 @@ class LibraryEntry(BaseModel, extra="forbid", frozen=True):
 
     @property
     def amount(self) -> Amount | None:
-        """The key of the amount that scales the losses; None if there is none."""
+        """The key that scales the losses, such as ``mm_per_h``; None without one."""
         return next((name for name in AMOUNTS if name in self.numbers), None)
 
 

@@ -15,7 +15,7 @@ from radarsim.validation import short_repr
 
 MAX_TRIANGLES: Final = 4_000_000
 MAX_FILE_BYTES: Final = 256 * 1024 * 1024
-MAX_TEXT_BYTES: Final = 32 * 1024 * 1024  # parsers of text take 20 times its size
+MAX_TEXT_BYTES: Final = 32 * 1024 * 1024  # text parsers need 20 times this memory
 MAX_SURFACES: Final = 2_000  # pieces of one mesh file, each with a material
 MAX_COORDINATE: Final = 1e12  # in any unit, so that computed volumes do not overflow
 
@@ -205,7 +205,7 @@ def _as_ascii(content: bytes) -> bytes:
 
 
 def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
-    """Return name, count and minimum row size in bytes of each element, and is_text."""
+    """Return name, count and least bytes per row of each element; and if it is text."""
     is_text = False
     elements: list[tuple[str, int, int]] = []
     for line in header.decode("ascii", "replace").splitlines():
@@ -219,8 +219,8 @@ def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
                 elements.append((name[:40], int(count), 0))
             case ["property", "list", kind, _, _] | ["property", kind, _] if elements:
                 name, total, row = elements[-1]
-                # A text value has at least a digit and a blank; an empty list has its
-                # count.
+                # In a text file, a value takes at least a digit and a blank. A list
+                # takes at least the bytes of its count.
                 size = 2 if is_text else _PLY_BYTES.get(kind, 1)
                 elements[-1] = (name, total, row + size)
             case _:

@@ -256,7 +256,7 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
             names[statement] = " ".join(line.decode("utf-8", "replace").split()[1:])
     vertices = np.array(coordinates).reshape(-1, 3)
     check_vertices(vertices)
-    # The order of parts in a scene, and with it their numbers, depends on this order.
+    # The order and the numbers of the parts of a scene depend on this order.
     return [
         Surface(material or None, *_select(vertices, np.array(corners).reshape(-1, 3)))
         for (_, material), corners in reversed(pieces.items())
@@ -274,7 +274,7 @@ def _parse(
 
 
 def _select(vertices: Floats, faces: Any) -> Mesh:
-    """Return faces with the vertices they use; few or no unused vertices remain."""
+    """Return the faces, and the vertices without most of the unused vertices."""
     _check_corners(faces, len(vertices))
     if faces.size >= len(vertices):  # Most are used, so sorting is not worth its time.
         return vertices, faces.astype(np.int32)

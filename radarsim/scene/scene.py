@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 Place: TypeAlias = tuple[float, float, float]
 
-# Degrees; the default of the original USARSim: 39° 8.0273' N, 77° 12.998' W.
+# Latitude and longitude, degrees. The default is that of the original USARSim: 39°
+# 8.0273' N, 77° 12.998' W.
 GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
 MOST_CRATES = 20  # so that one line on the wire can list all crates
 SMALLEST, LARGEST = 0.05, 10.0  # m; sides of crates
@@ -94,12 +95,14 @@ class Part:
     @cached_property
     def bounds(self) -> Floats:
         """The smallest and largest x, y, z of the faces, (2, 3) m; inf if empty."""
-        # Unused vertices are ignored, since files may have some far away.
+        # Vertices that no face uses are ignored, since some mesh files have unused
+        # vertices far from all faces.
         is_used = np.zeros(len(self.vertices), np.bool_)
         for corners in self.faces.T:  # One column at a time halves the memory.
             is_used[corners] = True
         used = self.vertices if is_used.all() else self.vertices[is_used]
-        # One axis at a time is a hundred times as fast in numpy as all three at once.
+        # numpy is a hundred times as fast for one axis at a time as for all three at
+        # once.
         lows = [axis.min(initial=np.inf) for axis in used.T]
         return np.array([lows, [axis.max(initial=-np.inf) for axis in used.T]])
 
@@ -152,8 +155,8 @@ class Tag:
 class Victim:
     """A person on the floor, whom the victim sensors of rescue robots detect.
 
-    A victim is not an obstacle, and scanners and cameras do not see it; add an object
-    at its position for that.
+    A victim is not an obstacle, and scanners and cameras do not see it. To make a
+    victim visible, add an object at its position.
 
     Attributes:
         name: Name in the map.
@@ -238,8 +241,8 @@ class Reflector:
     def rcs(self, wavelength: float) -> float:
         """Return the radar cross section at a wavelength in m, m^2.
 
-        For a trihedral this is the textbook formula along its axis, in the far field,
-        for plates much larger than the wavelength.
+        For a trihedral, this is the textbook formula for waves along the axis of
+        symmetry, in the far field, for plates much larger than the wavelength.
 
         >>> trihedral = Reflector("corner", (0.0, 0.0, 0.0), trihedral=0.1)
         >>> round(10 * math.log10(trihedral.rcs(299792458 / 77e9)), 2)
@@ -267,7 +270,7 @@ class Scene:
         reflectors: The point reflectors, in the order of the map file; their meshes are
             among the parts.
         tags: The RFID tags, in the order of the map file.
-        victims: The victims, in the order of the map file; none is among the parts.
+        victims: The victims, in the order of the map file; victims are not parts.
         crates: The crates, in the order of the map file; only simulations have them.
     """
 

@@ -2,7 +2,8 @@
 
 Every shape is centred on the origin, closed, and oriented outward: seen from outside,
 the corners of a face run counter-clockwise. Round shapes are inscribed: all vertices
-lie on the true surface, exactly so on the axes, and every face lies inside the surface.
+lie on the true surface, without rounding errors on the axes, and every face lies inside
+the surface.
 """
 
 from collections.abc import Sequence

@@ -164,7 +164,7 @@ def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
 
 
 def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
-    """Count the faces of a closed mesh, oriented outward, that enclose nothing.
+    """Count the faces of a closed mesh, oriented outward, that bound no volume.
 
     Args:
         vertices: (V, 3) m, merged.
@@ -239,7 +239,7 @@ class _Shells:
         self._faces = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
     def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
-        """Return whether a point is inside the shells whose boxes contain another box.
+        """Return whether a point is inside components whose boxes contain another box.
 
         Args:
             low: (3,) lower corner of the other box, m.
@@ -264,7 +264,7 @@ def _first_faces(labels: Labels) -> NDArray[np.intp]:
 
 
 def _flip(faces: Faces, which: _Booleans) -> Faces:
-    """Return the faces, with the marked faces flipped."""
+    """Return the faces after reversing the orientation of the marked faces."""
     if not which.any():
         return np.ascontiguousarray(faces)
     flipped = faces.copy()
@@ -285,7 +285,8 @@ def _cancelled(faces: Faces) -> _Booleans:
     a, b, c = faces.T.astype(np.int64)
     forward = ((a < b) & (b < c)) | ((b < c) & (c < a)) | ((c < a) & (a < b))
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    # Lowest and highest corner identify an edge; edge and middle corner, a triangle.
+    # A triangle is identified by its lowest, highest and middle vertex index. The
+    # lowest and the highest index are first combined to the number of an edge.
     size = int(high.max(initial=0)) + 1
     _, edges = np.unique(low * size + high, return_inverse=True)
     middle = a + b + c - low - high

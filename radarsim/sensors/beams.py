@@ -47,7 +47,7 @@ RIGHT, CENTRE, LEFT = -1, 0, 1
 UNIFORM: Final = np.random.Generator.random
 NORMAL: Final = np.random.Generator.standard_normal
 EXPONENTIAL: Final = np.random.Generator.standard_exponential
-CENTRE_TOLERANCE: Final = 1e-9  # rad; nearer rays count as the centre of a beam
+CENTRE_TOLERANCE: Final = 1e-9  # rad; rays at smaller angles are centre rays
 EVEN_EDGE: Final = 0.6 * 4 * math.sqrt(math.log(2))  # 0.6 w in standard deviations
 
 
@@ -79,14 +79,15 @@ class BeamPattern:
         is_cone = settings.has_side_rays and settings.side_mode == "cone"
         self.has_random_rays = is_cone and settings.cone_sampling == "random"
         sides = _sides(self._offsets)
-        # Three rays may differ in their starts only, not in their angles.
+        # Three rays that do not form a cone may have equal angles, so their sides are
+        # set here.
         if settings.side_mode != "cone" and len(self.weights) == 3:
             sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         self._table = engine.structures["NodeTable"].pack(
             directions=node_directions(self.angles, self._offsets),
             starts=starts,
-            # The last edge, 1 up to rounding, is left out: a draw beyond it would have
-            # no node.
+            # The last edge, which is 1 up to rounding, is left out: a random number
+            # above it would select a node that does not exist.
             edges=np.cumsum(self.weights)[:-1],
             sides=sides,
         )
@@ -177,7 +178,7 @@ class BeamPattern:
         return drawn * _deviations(self.settings)
 
     def _drawn_nodes(self, drawn: Floats) -> Packed:
-        """Return the nodes of a scan of random rays."""
+        """Return the node table of a scan whose rays have random directions."""
         directions = node_directions(self.angles, self._angles_of(drawn))
         return self._table.structure.pack(
             **self._table.fields | {"directions": directions}
@@ -313,7 +314,7 @@ def _starts(settings: SensorSettings, angles: Floats) -> Floats:
 
 
 def _sides(offsets: Floats) -> Sides:
-    """Return the side of each ray: (K,) or (K, N) for offsets (K, 1 or N, 2)."""
+    """Return -1, 0 or 1 per ray, (K,) or (K, N), for offsets, (K, 1 or N, 2) rad."""
     across = offsets[..., 0]
     sides = np.where(np.abs(across) < CENTRE_TOLERANCE, 0.0, np.sign(across)).astype(
         np.int8

@@ -10,15 +10,15 @@ that fills the beam at normal incidence. Penetration power is proportional to de
 of one-way loss; the sensor's margin is the largest two-way loss. So if a ray has a
 share p of its power left, the share T = 10^(-margin (1 - p) / 10) would return from
 there. An opaque surface returns the T of the power left there. A volume returns the
-difference of T between its two sides, and a sheet that between its front and its back.
-If volumes overlap, the loss is divided between them in proportion to density. This
-holds for plants, which scatter a fifth of the power they take, and for walls that
-return a tenth of the power that arrives: the strengths of a ray that ends within range
-then add up to 1, so the power missing from the wall's echo is in the echoes of volumes
-in front of it. Materials with another albedo return more or less than plants, and smoke
-returns nothing. The first object returns all power of a beam with unlimited power.
-Power lost to the air, or to a volume around the ray's start, returns no echo, since the
-ray crosses no boundary there.
+difference of T between its two sides, and a sheet returns the difference between its
+front and its back. If volumes overlap, the loss is divided between them in proportion
+to density. This holds for plants, which scatter a fifth of the power they take, and for
+walls that return a tenth of the power that arrives: the strengths of a ray that ends
+within range then add up to 1, so the power missing from the wall's echo is in the
+echoes of volumes in front of it. Materials with another albedo return more or less than
+plants, and smoke returns nothing. The first object returns all power of a beam with
+unlimited power. Power lost to the air, or to a volume around the ray's start, returns
+no echo, since the ray crosses no boundary there.
 
 A volume scatters along the whole path of the ray inside. Its echo has one range, up to
 which half of the echo's power has returned. A sensor that keeps first echoes triggers
@@ -54,7 +54,7 @@ from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.rays import EventKind, Outcome, Traces
 
-NOTHING_LEFT: Final = 1e-12  # share of a ray's power
+NOTHING_LEFT: Final = 1e-12  # a share of a ray's power that counts as zero
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine at the leaves that rays hit
 _MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # engine's values
 
@@ -71,14 +71,14 @@ def return_law(settings: SensorSettings) -> tuple[float, float, bool]:
         whether the range of a volume is measured at half its power, not at its front.
     """
     full = settings.penetration_power
-    # A share of zero or unlimited power is not defined.
+    # Shares of the initial power are undefined if it is zero or unlimited.
     full = full if math.isfinite(full) else 0.0
     nepers = settings.margin_db * math.log(10) / 10
     return full, nepers, settings.return_mode != "first"
 
 
 def returned_share(share: Floats | float, settings: SensorSettings) -> Floats:
-    """Return the echo power of rays with these shares of their power left, 0 to 1."""
+    """Return the relative echo power, 0 to 1, of rays with a share of power left."""
     returned = np.exp(return_law(settings)[1] * (np.asarray(share) - 1.0))
     return np.where(np.asarray(share) > NOTHING_LEFT, returned, 0.0)
 
@@ -180,7 +180,7 @@ def select_echoes(
     ranges: Floats,
     rays: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Select the echo that gives each beam its range, and set its range and ray.
+    """Select an echo for each beam, and set the range and the ray of the beam.
 
     Among equally strong echoes, the nearest is selected. If no echo of a beam exceeds
     the sensor's threshold, the beam has the range at which its ray ends.

@@ -9,7 +9,7 @@ distributed error north and east, which shrinks with the number of satellites.
 
 North is x, east is -y. The earth is modelled as flat, with fixed lengths of a degree of
 latitude and of longitude. The directions to the satellites use the flat model too, so
-all elevations in it are too high.
+all computed elevations are too high.
 
 Source: the GPS receiver of the original server, with its scales and errors, and its
 satellite positions, rounded.
@@ -35,7 +35,7 @@ LEAST_ELEVATION: Final = math.radians(5)
 EARTH_RADIUS: Final = 6378.137  # km
 REACH: Final = 2000.0  # m; length of rays to satellites, larger than every scene
 
-# Latitude and longitude, degrees, and altitude, km.
+# Latitude and longitude, degrees, and altitude, km, of each satellite.
 # fmt: off
 SATELLITES: Final = np.array(
     [
@@ -107,7 +107,7 @@ class GpsReceiver(Sensor, types=["GPS"]):
         return body.position() + body.rotation() @ self._offset
 
     def _sigma(self, satellites: int) -> float:
-        """Return the standard deviation of the error, m, linear in the satellites."""
+        """Return the standard deviation of the error, m, for a number of satellites."""
         most, least = self._noise.max_noise, self._noise.min_noise
         size = most + (least - most) * (satellites - 4) / 8
         return max(0.0, size) / 3

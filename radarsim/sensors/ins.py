@@ -13,7 +13,8 @@ from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
 INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
 
-# A fraction of the motion; with larger values the estimate overflows over time.
+# A fraction of the motion. With larger fractions, the estimate would overflow over
+# time.
 _Share = Annotated[float, Field(ge=0, le=10, strict=True)]
 
 
@@ -59,7 +60,7 @@ class Ins(EngineSensor, types=["INS"]):
         self.drift = Job(Reading.DRIFT, place)
 
     def draw(self) -> None:
-        """Draw the random numbers of the next updates, if they are used up."""
+        """Draw random numbers for further updates if all earlier ones are used up."""
         ins = self._memory
         draws = ins["draws"]
         if ins["used"] >= draws.size // 6:

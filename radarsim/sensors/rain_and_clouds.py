@@ -58,7 +58,7 @@ from radarsim.sensors.echo_extraction import (
     returned_share,
 )
 
-BLIND_RANGE: Final = 1.0  # m
+BLIND_RANGE: Final = 1.0  # m; nearer rain is not detected
 DEFAULT_CELL: Final = 0.25  # m, for a sensor without range resolution
 DEFAULT_BEAMWIDTH: Final = 2.0  # degrees, for a sensor without beamwidth
 REFERENCE_RANGE: Final = 10.0  # m, where ``least_rcs_dbsm`` holds
@@ -222,8 +222,8 @@ def _innermost_clouds(
         before: (A,) next event behind each return.
     """
     rays, parts, rows = events["ray"], events["part"], np.flatnonzero(change)
-    # A ray leaves a part before it enters it again, so the next event of the part on
-    # the same ray is where the ray leaves it.
+    # A ray must leave a part before it can enter the part again, so the next event of
+    # the part on the same ray is the exit.
     order = rows[np.lexsort((rows, parts[rows], rays[rows]))]
     one, other = order[:-1], order[1:]
     same = (rays[one] == rays[other]) & (parts[one] == parts[other])

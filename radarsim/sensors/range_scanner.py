@@ -76,12 +76,13 @@ class RangeScanner:
 
     @cached_property
     def with_all_echoes(self) -> "RangeScanner":
-        """This scanner with ``return_mode`` "all" instead of "last".
+        """A copy of this scanner with ``return_mode`` "all" instead of "last".
 
-        It draws the same random numbers and reads the same ranges. A scanner with
+        The copy draws the same random numbers and reads the same ranges. A scanner with
         another return mode is returned unchanged.
         """
-        # In the other modes the kept echoes set the ranges, so "all" would change them.
+        # In the other modes, the ranges depend on the kept echoes, so keeping all
+        # echoes would change the ranges.
         if self.settings.return_mode != "last":
             return self
         together = self.settings.combines_rays
@@ -109,8 +110,8 @@ class RangeScanner:
     def with_noise(self, noise: "Noise") -> "RangeScanner":
         """Return a copy of this scanner with a user-defined noise function.
 
-        It is applied after the sensor's own noise, to the ranges of ``scan`` and
-        ``scan_many``, not to echoes.
+        The function is applied after the noise of the sensor, to the ranges of ``scan``
+        and ``scan_many``, not to echoes.
 
         Args:
             noise: Called with the ranges of a scan, (N,) m, inf without a return, and
@@ -304,7 +305,7 @@ def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
 def sensor_pose(scene: Scene, pose: Pose2 | Pose3 | Sequence[float]) -> Pose3:
     """Convert a sensor pose: x, y, z, roll, pitch, yaw, or x, y, yaw at default height.
 
-    A ``Pose3`` has the six numbers, and a ``Pose2`` the three.
+    A ``Pose3`` provides six numbers, and a ``Pose2`` three.
 
     Raises:
         TypeError: If the scene is not a Scene.

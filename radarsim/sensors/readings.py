@@ -59,10 +59,10 @@ class ReadingTable:
         self._tables = self._pack()
 
     def program(self, jobs: Sequence[Job], size: int) -> Program:
-        """Return the program of jobs that write ``size`` numbers, shared if equal."""
+        """Return a program of jobs that write ``size`` numbers; equal jobs share it."""
         key = tuple(jobs)
         # Robots of one class have their states in the same columns, so a hundred robots
-        # share a dozen programs.
+        # need only a dozen programs.
         program = self._programs.get(key)
         if program is None:
             first = len(self._jobs)
@@ -103,11 +103,12 @@ class ReadingTable:
         )
 
     def row(self, slot: int, width: int) -> Floats:
-        """Return the row of a slot; there is room for at least ``width`` numbers."""
+        """Return the row of a slot, enlarged to ``width`` numbers if it is shorter."""
         rows, columns = self._rows.shape
         if slot >= rows or width > columns:
             shape = max(rows, len(self._fleet.table)), max(columns, width)
-            # The rows grow with the fleet's table, which doubles, so copies are rare.
+            # The number of rows follows the table of the fleet, which doubles when it
+            # is full, so copies are rare.
             more = np.zeros(shape)
             more[:rows, :columns] = self._rows
             self._rows = more
@@ -136,7 +137,7 @@ class RobotState:
 
     @property
     def is_depleted(self) -> bool:
-        """Whether some random numbers are used up."""
+        """Whether a sensor of the robot has used all random numbers drawn for it."""
         return bool(self._row[_DEPLETED])
 
     @is_depleted.setter
@@ -152,7 +153,7 @@ class RobotState:
         return places
 
     def __getitem__(self, places: slice) -> Floats:
-        """Return a view of some columns, valid until the table grows."""
+        """Return a view of columns of the row, which is valid until the table grows."""
         return self._row[places]
 
     @property

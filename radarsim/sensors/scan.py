@@ -121,7 +121,7 @@ class Echoes:
     settings: SensorSettings = field(repr=False)
 
     def answers_in_clouds(self) -> dict[int, Material]:
-        """Return the clouds in which beams have their returns, by beam number."""
+        """Return the material of the cloud that returned each beam, by beam number."""
         if not self.settings.reads_first_returns:
             return {}
         entering = self.kinds == EventKind.ENTER
@@ -140,7 +140,7 @@ class Echoes:
 
     @property
     def targets(self) -> dict[int, Target]:
-        """The objects that returned the echoes, by their values in ``parts``."""
+        """The objects that returned the echoes, by part index as in ``parts``."""
         return {part: self.target(part) for part in np.unique(self.parts).tolist()}
 
     def target(self, part: int, robot_names: Mapping[int, str] | None = None) -> Target:
@@ -181,7 +181,7 @@ class Echoes:
     def to_pandas(self) -> "pandas.DataFrame":
         """Return a row for each echo, with the columns of ``to_lists`` and ``beam``.
 
-        From the targets, only ``object`` and ``material`` are included.
+        Only the columns ``object`` and ``material`` describe the targets.
 
         Raises:
             MissingPackage: If pandas is not installed.
@@ -228,7 +228,7 @@ class Targets(NamedTuple):
     radial_velocity: Floats
 
 
-# The class is not frozen, since creating a frozen one takes three times as long.
+# The class is not frozen, since creating a frozen instance takes three times as long.
 @dataclass(slots=True, eq=False, repr=False)
 class Scan:
     """One scan of a radar or a laser.
@@ -297,7 +297,7 @@ class Scan:
 
     @property
     def cast(self) -> Rays:
-        """The N rays that gave the ranges; any ray of a beam without a range."""
+        """The ray of each beam that gave its range; any of its rays without a range."""
         return self.find_cast()
 
     @property

@@ -46,7 +46,7 @@ from radarsim.sensors.scan import Echoes, Scan
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
-CHUNK_RAYS: Final = 20_000  # rays per task of a thread, some 10 ms
+CHUNK_RAYS: Final = 20_000  # rays per task of a thread; a task takes about 10 ms
 ALL_NODES: Final = np.zeros((1, 0))  # no random numbers: all nodes are traced
 ECHO_FIELDS: Final = {
     "beams": "beam", "ranges": "t", "fronts": "front", "kinds": "kind",
@@ -195,7 +195,7 @@ class ScanBatch:
             scene: The scene that the scan refers to for plots; None without one.
         """
         settings = self.pattern.settings
-        # Positional arguments are faster than keywords.
+        # Positional arguments are used, since they are faster than keyword arguments.
         return Scan(
             sensor,
             pose,
@@ -251,7 +251,7 @@ class ScanBatch:
         return shares if count == 1 else np.tile(shares, count)
 
     def _read_ends(self) -> Floats:
-        """Return the ranges, (J * N,) m, of beams that read the ends of their rays."""
+        """Return the ranges, (J * N,) m, at which the rays of the beams end."""
         traces, rows, settings = self._traces, self._rows, self.pattern.settings
         # The exact ranges are kept, since echoes are computed from them on demand.
         ranges = traces.ranges.copy() if rows is None else traces.ranges[rows]
@@ -263,7 +263,7 @@ class ScanBatch:
         return ranges
 
     def _read_echoes(self) -> Floats:
-        """Return the ranges, (J * N,) m, of beams that read one of their echoes."""
+        """Return the ranges, (J * N,) m, of the echoes selected for the beams."""
         pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
         # Without a selected ray, the middle ray represents the beam.
@@ -342,7 +342,8 @@ class ScanBatch:
             moved = exact + errors.ravel()[finite] * deviation
             ranges[finite] = np.clip(moved, 0.0, settings.max_range)
         if settings.range_quantum:
-            # Last multiple within range; 1e-12 compensates rounding of the quotient.
+            # The largest multiple of the quantum within the maximum range; the factor 1
+            # + 1e-12 compensates the rounding of the quotient.
             last = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
             steps = np.rint(ranges[finite] / settings.range_quantum)
             ranges[finite] = np.minimum(steps, last) * settings.range_quantum
@@ -387,7 +388,8 @@ def take_scans(
     groups: dict[object, list[int]] = {}
     for i, request in enumerate(requests):
         # Sensors with equal settings share a pattern and can be traced in one batch.
-        # Random rays differ between scans, so each of their scans has its own batch.
+        # Random rays differ between scans, so each scan with random rays has its own
+        # batch.
         pattern = request.scanner.pattern
         key = i if pattern.has_random_rays else pattern
         groups.setdefault(key, []).append(i)
@@ -441,7 +443,8 @@ def scan_poses(
     with ThreadPoolExecutor(workers) as pool:
         for start in range(0, len(poses), step):
             batch = ScanBatch(pattern, tracer, places[start : start + step])
-            # Numbers are drawn here, since threads must not share a generator.
+            # Random numbers are drawn in this thread, since threads must not share a
+            # generator.
             whole = [slice(None)] if len(batch.kinds) == 1 else None
             for row in whole or range(len(places[start : start + step])):
                 batch.draw(row, rng, scanner.name)

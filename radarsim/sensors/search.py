@@ -32,7 +32,7 @@ Target = TypeVar("Target")
 REACH: Final = 0.3  # m; a ray ends at this distance before its target
 LEAST: Final = 1e-6  # m; nearer targets count as at the sensor's position
 AHEAD: Final = (1.0, 0.0, 0.0)
-BREATH: Final = 0.1  # m within which breath has not mixed with the air
+BREATH: Final = 0.1  # m; within this distance, breath is not diluted by the air
 
 
 class SearchSettings(BaseModel, extra="forbid", frozen=True):
@@ -64,7 +64,8 @@ class SearchSensor(Sensor, Generic[Target]):
         found = list(self.targets(mounting.scene))
         self._targets = [target for target, _ in found]
         self._places = np.array([place for _, place in found]).reshape(-1, 3)
-        # Indices of the targets of the last rays, and all positions, sensor frame.
+        # State of the last call of `rays`: indices of the targets in view, and
+        # positions of all targets in the sensor frame.
         self._near = np.zeros(0, np.int64)
         self._local = self._places
 
@@ -93,7 +94,8 @@ class SearchSensor(Sensor, Generic[Target]):
         is_near = (distances <= self._max_range) & (angles <= self._half_fov)
         self._near = np.flatnonzero(is_near)
         aimed = self._near if self.needs_sight else self._near[:0]
-        # A target at the sensor's position has no direction, so any one is used.
+        # A target at the sensor's position has no direction, so the forward axis is
+        # used.
         offsets = np.where(distances[:, None] > LEAST, places, AHEAD)[aimed]
         lengths = np.linalg.norm(offsets, axis=1)
         return sight_rays(
@@ -104,7 +106,7 @@ class SearchSensor(Sensor, Generic[Target]):
         )
 
     def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
-        """Return the reading, if there is one."""
+        """Return the report for the detected targets in a list, or an empty list."""
         seen = self._near
         if self.needs_sight:
             seen = seen[traces.outcomes == Outcome.NOTHING]
@@ -122,7 +124,8 @@ class RfidReader(SearchSensor[str], types=["RFID"]):
     def report(
         self, time: float, seen: Sequence[str], places: Floats
     ) -> SensorReport | None:
-        # Clients read the first tag of a line without checking whether it has any.
+        # Clients read the first tag of a line without checking whether the line has any
+        # tag.
         if not seen:
             return None
         return rescue.RfidTags(time, self.item.name, _sightings(seen, places))

@@ -89,7 +89,7 @@ class Sensor:
         _KINDS.update(dict.fromkeys(types, cls))
 
     def __init__(self, mounting: Mounting, *_others: Mounting) -> None:
-        """Create a sensor from its item, or from all items of its type if joined."""
+        """Create a sensor for one item, or for all items of a type if ``is_joined``."""
         self.item, self.robot = mounting.item, mounting.robot
         self._rng = mounting.rng
 
@@ -144,7 +144,7 @@ class EngineSensor(Sensor):
         return self._state[self._places].view(self._dtype)
 
     def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
-        """Set the source: a sample report, and the jobs of each attribute but time."""
+        """Set the source: a sample report, and jobs for all attributes except time."""
         self.source = sample, {"time": [Job(Reading.TIME)], **jobs}
 
 

@@ -108,7 +108,8 @@ class Sonars(Sensor, types=["Sonar"]):
         found = traces.ranges.reshape(-1, RAYS_PER_CONE)
         cosine = traces.incidence.reshape(found.shape)
         returns = cosine >= self._least_cosine  # nan where nothing was hit
-        # As in the original server, the ray on the axis counts at any incidence.
+        # As in the original server, the ray on the axis counts at any angle of
+        # incidence.
         returns[:, 0] = True
         nearest = np.where(returns, found, np.inf).min(axis=1)
         ranges = np.clip(nearest, self._min_range, self._max_range).tolist()

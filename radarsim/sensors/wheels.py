@@ -33,7 +33,7 @@ class Odometry(EngineSensor, types=["Odometry"]):
 
 
 class Tachometer(EngineSensor, types=["Tachometer"]):
-    """Reads speeds and angles of the wheels."""
+    """Reads the speeds and the rotation angles of the wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -78,7 +78,7 @@ class Encoder(EngineSensor, types=["Encoder"]):
         encoders["zero"] = np.where(encoders["side"], right, left)
 
     def draw(self) -> None:
-        """Draw the errors of the next readings, if all drawn ones are used up."""
+        """Draw random errors for further readings if all earlier ones are used up."""
         encoders = self._memory
         draws = encoders["draws"]
         if (encoders["used"] >= draws.shape[1]).any():

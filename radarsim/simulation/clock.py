@@ -19,7 +19,7 @@ def seconds(ticks: int) -> float:
 
 
 def ticks_of(interval: float) -> int:
-    """Return an interval, s, rounded to ticks, at least one."""
+    """Convert an interval, s, to a whole number of ticks, at least one."""
     return max(1, round(interval / TICK))
 
 
@@ -40,7 +40,7 @@ class Clock:
 
 
 class Schedule(Generic[Entry]):
-    """Entries that are due at regular intervals, each counted from its own tick.
+    """Entries that are due at regular intervals, counted from a given tick.
 
     Finding the entries of a tick takes no time for entries that are not due.
 

@@ -5,8 +5,8 @@ The engine is not imported until a scanner is created.
 ``MOST_RAYS`` and the constants after it limit the number of rays that a client may
 request by changing the settings of a scanner; ``check_rays`` checks the limits. All
 robots share the time of a tick, so one client must not slow down the others. The
-configuration at the start of the simulation may have more rays, and clients may then
-request as many. ``presets.sensor_settings`` has the limits of every scanner.
+configuration at the start of the simulation may exceed the limits, and clients may then
+request the same number of rays. Limits of settings are in ``presets.sensor_settings``.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
 DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without an interval
-MOST_RAYS: Final = 2_000  # per scan, which takes some ms with all echoes
+MOST_RAYS: Final = 2_000  # rays per scan; a scan with all echoes then takes some ms
 MOST_RAYS_A_SECOND: Final = 50_000
 MOST_EXTRA_RAYS: Final = 500_000  # per second, added by changes of all robots together
 MOST_DIRECTIONS: Final = 5_000  # per scan, prepared in 1 ms; rays are drawn from them
@@ -233,11 +233,12 @@ class SimulationConfig:
 
 
 def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
-    """Return the numbers of rays of a range scanner, in the order of ``NAMES``."""
+    """Return the limited numbers of rays of a scanner, in the order of ``NAMES``."""
     settings, interval = config.scanner_settings(item), config.interval(item)
     if settings.has_detector:
         fmcw = load_fmcw_settings(config.sensor_name(item))
-        # The rays of one revolution, before refinement at thin objects.
+        # The number of rays per revolution, before the refinement at thin objects adds
+        # rays.
         rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
         return rays, rays / interval, rays
     directions = settings.beams * settings.rays_per_beam

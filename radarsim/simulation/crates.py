@@ -28,7 +28,7 @@ class PlacedCrate:
         crate: Pose and size of the crate.
         body: Body of the crate in the fleet.
         falls: Whether the crate is always placed on the floor.
-        owner: Number of the owner, with whom the crate is removed; None if it stays.
+        owner: Number of the client that owns the crate; None if the crate is permanent.
     """
 
     crate: Crate
@@ -86,7 +86,8 @@ class Crates:
         crate = self._landed(crate) if placed.falls else crate
         in_way = self._in_way(crate, placed.body)
         if not in_way:
-            # A new body has no velocity, since the crate did not drive to its new pose.
+            # The crate gets a new body, which has no velocity, since the crate did not
+            # drive.
             self._fleet.remove(placed.body)
             self._keep(replace(placed, crate=crate, body=self._add_body(crate)))
         return in_way
@@ -97,7 +98,7 @@ class Crates:
         del self._placed[placed.crate.name.casefold()]
 
     def remove_owned(self, owner: int) -> None:
-        """Remove the crates of an owner."""
+        """Remove all crates that a client owns."""
         for placed in self:
             if placed.owner == owner:
                 self.remove(placed)

@@ -27,8 +27,8 @@ from radarsim.scene.shapes import Faces, Mesh, concatenate
 from radarsim.sensors.sensor import sight_rays
 from radarsim.simulation.clock import TICK
 
-BAND: Final = 0.1  # m
-TILE: Final = 1.0  # m
+BAND: Final = 0.1  # m; height of a band
+TILE: Final = 1.0  # m; side of a tile
 HEADROOM: Final = 20.0  # m; flight ceiling above the highest point of the map
 INSET: Final = 0.01  # m from the sides of a robot to its outer rays
 _LOOK_AHEAD: Final = 4  # ticks between two computations of the next band
@@ -37,8 +37,8 @@ _SIDES: Final = (-1.0, 0.0, 1.0)
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
 
 
-_BLOCK: Final = 32  # triangles
-_CELL: Final = np.array([0.5, 0.5, 0.2])  # m
+_BLOCK: Final = 32  # triangles per block of the index
+_CELL: Final = np.array([0.5, 0.5, 0.2])  # m; size of a cell of the index
 _NOTHING: Final[Mesh] = (np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 
@@ -46,7 +46,7 @@ Area: TypeAlias = tuple[float, float, float, float]
 
 
 class Surroundings(NamedTuple):
-    """The obstacles that a robot in a tile and a band can reach within a tick.
+    """The obstacles near a robot, for one tile of the map and one height band.
 
     Attributes:
         tile: Column and row of the tile, which is ``TILE`` m wide.
@@ -74,8 +74,8 @@ class Airspace:
         self.ceiling = self._top + HEADROOM
         self._mesh = SolidMesh(scene.parts)
         self._ticks = 0
-        # For each robot, the current surroundings, and if known those of a height that
-        # it has left or could not reach.
+        # For each robot, its current surroundings. They may be followed by the
+        # surroundings of a height that the robot has left or could not reach.
         self._around: WeakKeyDictionary[Robot, tuple[Surroundings, ...]]
         self._around = WeakKeyDictionary()
 
@@ -92,14 +92,14 @@ class Airspace:
             model: Robot class.
             place: x, y and z of the body frame, m, map frame.
             reach: Distance around the tile within which obstacles are included, m.
-            known: Surroundings computed before, the latest first.
+            known: Surroundings that were computed earlier, the latest first.
 
         Returns:
             The entry of ``known`` for the robot's tile and band, or new surroundings.
         """
         x, y, z = place
         tile = math.floor(x / TILE), math.floor(y / TILE)
-        # All bands above the highest object are empty, so they share one number.
+        # All bands above the highest object are empty, so they share one band number.
         bottom = min(z - model.origin_height, self._top + BAND)
         band = math.floor(bottom / BAND + 1e-9)
         for each in known:
@@ -255,7 +255,7 @@ class SolidMesh:
         self._found = np.zeros(self._lows.shape[1], np.int64)  # output of `find_boxes`
 
     def near(self, area: Area, *heights: float) -> Faces:
-        """Return all triangles that reach into an area at some heights, and a few more.
+        """Return all triangles in an area at some heights, and maybe triangles nearby.
 
         Args:
             area: Smallest and largest x, smallest and largest y, m, map frame.

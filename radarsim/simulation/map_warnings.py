@@ -77,7 +77,7 @@ def _floor_of(scene: Scene) -> float:
 
 
 def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
-    """Return the bounding box of the scene plus a margin: x, y, min then max, m."""
+    """Return the bounds of the scene plus a margin: min x, min y, max x, max y, m."""
     starts = [(start.pose.x, start.pose.y) for start in scene.starts]
     goals = [scene.trial.goal] if scene.trial else []
     origin = (0.0, 0.0)  # the start pose of a map without starts
@@ -88,7 +88,7 @@ def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
 
 @lru_cache(maxsize=8)
 def _solids(scene: Scene) -> tuple[Geometry, ...]:
-    """Return obstacles in the plan: areas, and lines of open surfaces and rooms."""
+    """Return the obstacles: solid areas, and lines of open surfaces and of rooms."""
     floor = _floor_of(scene)
     starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
     return tuple(
@@ -101,7 +101,7 @@ def _solids(scene: Scene) -> tuple[Geometry, ...]:
 
 
 def _slices(part: Part, floor: float) -> Iterator[Floats]:
-    """Slice a part at the bumpers' heights; equal slices are yielded once."""
+    """Yield slices of a part at the bumper heights, without consecutive duplicates."""
     last = NO_SEGMENTS
     for height in BUMPER_HEIGHTS:
         segments = slice_mesh(part.vertices, part.faces, floor + height)
@@ -112,7 +112,7 @@ def _slices(part: Part, floor: float) -> Iterator[Floats]:
 
 
 def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
-    """Yield enclosed areas, and the lines if they are open or enclose a room."""
+    """Yield the areas that segments enclose; yield the lines if open or of a room."""
     lines = shapely.linestrings(segments)
     areas, *rest = shapely.polygonize_full(lines)
     rooms = shapely.intersects(shapely.get_parts(areas), starts)
@@ -151,7 +151,7 @@ def occupied_starts(scene: Scene) -> list[str]:
 
 
 def trial_warnings(scene: Scene) -> list[str]:
-    """Return a message for each reason why a robot cannot pass the map's trial."""
+    """Return a message for each reason why no robot can complete the map's trial."""
     trial = scene.trial
     if trial is None or (start := scene.start(trial.start)) is None:
         return []

@@ -46,9 +46,9 @@ from radarsim.simulation.trails import Trails
 from radarsim.simulation.vehicle import DueItems, MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied position
-SLICING_WORK: Final = 300_000  # work of slicing all that a flying robot can reach
-# Largest number of scans per tick whose echoes are listed for watchers only. Each takes
-# a millisecond or two, so watchers of many robots do not delay clients.
+SLICING_WORK: Final = 300_000  # estimated work of slicing around a flying robot
+# Maximum number of scans per tick whose echoes are listed for watchers only. Listing a
+# scan takes one or two milliseconds, so the limit avoids delays for clients.
 MAX_SHOWN: Final = 4
 MOST_READY_FLOORS: Final = 8  # floors that are sliced before the first spawn
 DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
@@ -67,8 +67,8 @@ class Simulation:
         crates: The crates of the map, and of clients.
         trails: The trails of robots, which cameras show.
         faults: Errors of single robots.
-        shown: The robot's number, and the name of a camera or None, that viewers of
-            pictures see, by the IP address of the viewers' machine.
+        shown: The number of the robot, and the name of its camera or None, in the
+            pictures for the viewers at each IP address.
     """
 
     def __init__(
@@ -174,7 +174,8 @@ class Simulation:
         unique, number = name, 1
         while unique in taken:
             number += 1
-            # The number has no blank before it, since some clients split names there.
+            # An underscore precedes the number, since some clients split names at
+            # blanks.
             unique = f"{name}_{number}"
         robot = self._fleet.add(
             unique,
@@ -264,8 +265,8 @@ class Simulation:
             The reports of each robot, by its number, without robots that have no report
             or an error.
         """
-        # Add-ons are read first, since a robot whose radar has a scan reports even if
-        # no other reading is due.
+        # The scans of add-ons are read first, since a robot with such a scan sends
+        # reports even if no other reading is due.
         read_by_others = self._read_scanner_items()
         reporting = self._reporting.due()
         if not reporting:
@@ -280,8 +281,8 @@ class Simulation:
         has_rays = any(items.scanners or items.sensors for _, items in due)
         boxes = self.boxes() if has_rays else NOTHING
         sensors = [(v, sensor) for v, items in due for sensor in items.sensors]
-        # `_take_readings` may run twice, so readings that draw random numbers or count
-        # are computed before.
+        # `_take_readings` may run twice, so it excludes the readings that draw random
+        # numbers or count; `_cast` computes these readings once.
         cast = self._cast(sensors, boxes)
         due = [each for each in due if each[0].number not in self.faults.errors]
         try:
@@ -300,7 +301,7 @@ class Simulation:
         cast: Mapping[int, Sequence[SensorReport]],
         boxes: Boxes,
     ) -> dict[int, TickOutput]:
-        """Compute the remaining readings of robots, and return the reports of robots.
+        """Compute all readings except ``cast``, and return the reports of each robot.
 
         Args:
             due: The robots, and their due items.
@@ -347,7 +348,7 @@ class Simulation:
         }
 
     def _read_scanner_items(self) -> list[DueScan]:
-        """Return the scans that add-ons read in this tick; their robots are due."""
+        """Return the scans of add-ons in this tick, and make their robots due."""
         due_scans = [
             due_scan
             for items in self.scanner_items.values()
@@ -358,7 +359,7 @@ class Simulation:
         return due_scans
 
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
-        """Return the numbers that the programs of robots compute, in order."""
+        """Run the programs of robots, and return their numbers, robot by robot."""
         jobs = [(vehicle.robot.slot, program) for vehicle, program in programs]
         numbers, is_depleted = self._readings.run(jobs, self.ticks)
         if is_depleted:
@@ -371,7 +372,7 @@ class Simulation:
         return Boxes(self._fleet.boxes())
 
     def _select_listing(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[bool]:
-        """Return which scanners list their echoes in this tick.
+        """Return for each scanner whether it lists its echoes in this tick.
 
         Scanners list echoes if their client has requested them. In addition, up to
         ``MAX_SHOWN`` scanners list echoes for watchers, the longest waiting first.
@@ -444,7 +445,7 @@ class Simulation:
         return self._obstacles_by_floor[floor]
 
     def _are_inside_solids(self, places: Floats, height: float) -> NDArray[np.bool_]:
-        """Return which of the (N, 2) positions are inside volumes that stop robots.
+        """Return for each of (N, 2) positions whether it is inside a solid volume.
 
         Obstacles are only surfaces, so they do not exclude the inside of a large bush.
         """
@@ -453,7 +454,7 @@ class Simulation:
         return inside
 
     def _solids_around(self, places: ArrayLike, height: float) -> NDArray[np.void]:
-        """Return an event for each solid volume around each of the (N, 2) positions.
+        """Return an event for each solid volume that contains one of (N, 2) positions.
 
         ``ray`` of an event is the index of the position, ``part`` that of the volume.
         """

@@ -168,7 +168,7 @@ class Vehicle:
         self._reschedule()
 
     def _power_status(self) -> dict[str, list[Job]]:
-        """Return the jobs of the status, and add the state of the battery."""
+        """Return the jobs of the status, after adding the state of the battery."""
         charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
         charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
         # Clients pause a robot whose battery reads 0, so a battery that never runs out
@@ -226,7 +226,7 @@ class Vehicle:
         requests are cleared.
         """
         age = self._age
-        # The intervals that end in this tick determine the due items.
+        # An item is due if its interval ends in this tick.
         ended = tuple([each for each in self._intervals if age % each == 0])
         if age >= self._empty_age:
             ended = (STATUS_ONLY, *ended)
@@ -249,7 +249,7 @@ class Vehicle:
         return due._replace(scanners=(*due.scanners, *requested))
 
     def draw(self) -> None:
-        """Refill the random numbers of sensors for later readings, if used up."""
+        """Draw new random numbers if a sensor has used all earlier ones."""
         if self._state.is_depleted:
             self._state.is_depleted = False
             for sensor in self._sensors:
@@ -307,7 +307,8 @@ class Vehicle:
             config = config.with_settings(item, settings)
         scanners = [mounted.item for mounted in self.scanners]
         shared = sum(other.extra_rays for other in others if other is not self)
-        # The first configuration counts, since the server's operator may allow more.
+        # The limits depend on the first configuration, in which the operator of the
+        # server may have allowed more rays.
         self.extra_rays = check_rays(
             scanners, config, self._first_config, self.extra_rays, shared
         )
@@ -339,8 +340,8 @@ class Vehicle:
         """Schedule the vehicle for all intervals of its items and the status."""
         self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
         self._due_items.clear()
-        # Intervals count from the spawn, so a change of settings does not shift the
-        # readings of other items.
+        # Intervals are counted from the spawn, so a change of settings does not shift
+        # the readings of other items.
         self._schedule.remove(self)
         for interval in self._intervals:
             self._schedule.add(self, interval, self.spawn_tick)
@@ -363,7 +364,7 @@ class Vehicle:
                 [(kind(0.0, 0, light, steering), self._status_jobs), *sources]
                 for light in (False, True)
             )
-        # Jobs are in the order of the numbers in the lines.
+        # The order of the jobs is the order of the numbers in the lines.
         jobs: list[Job] = []
         size = 0
         for sample, jobs_of in sources:
@@ -383,7 +384,7 @@ class Vehicle:
 
 
 def _empty_age(dialect: Dialect) -> float:
-    """Return the number of ticks after which a battery has less than one second left.
+    """Return the age, in ticks, at which a battery has less than one second left.
 
     The battery drains with time only, independent of the robot's motion.
     """
@@ -391,5 +392,5 @@ def _empty_age(dialect: Dialect) -> float:
     if not dialect.battery_runs_out:
         return math.inf
     ages = range(ticks_of(life) + 1)
-    # The search uses the formula of the status, so both agree to the tick.
+    # The search uses the same formula as the status, so both change in the same tick.
     return bisect_left(ages, True, key=lambda age: life - seconds(age) < 1.0)
