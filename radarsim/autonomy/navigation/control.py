@@ -49,7 +49,7 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Return a twist that turns towards a bearing, and speeds up when facing it.
+        """Return a twist that turns towards a bearing, faster forward when facing it.
 
         Args:
             bearing: Bearing in rad from the robot's front.
@@ -73,7 +73,7 @@ def distance(pose: Pose2, x: float, y: float) -> float:
 
 
 class StuckDetector:
-    """Detects a robot that does not move or turn although it is commanded to."""
+    """Detects a robot that neither moves nor turns although it is commanded to."""
 
     def __init__(self) -> None:
         self._last_time = 0.0
@@ -83,16 +83,17 @@ class StuckDetector:
         self._turn = 0.0  # commanded turn, rad
 
     def check(self, observation: Observation, twist: Twist) -> None:
-        """Compare a scan, and the twist decided on it, with the earlier ones.
+        """Compare a scan, and the twist chosen for it, with earlier scans and twists.
 
         Raises:
             NavigationError: If the commanded robot does not move.
         """
-        # In a long gap the loop stopped the robot, or had no time to command it.
+        # In a long gap between scans, the loop stopped the robot or could not command
+        # it.
         elapsed = min(observation.time - self._last_time, _LONGEST_STEP)
         self._last_time = observation.time
         pose, command = observation.pose, ""
-        # Commanded motion counts instead of time, so a waiting robot is not stuck.
+        # Commanded motion is counted instead of time, so a waiting robot is not stuck.
         if self._place is None or pose.distance(self._place) > MOVED[0]:
             self._place, self._distance = pose, 0.0
         else:
@@ -180,12 +181,13 @@ class ControlLoop:
         start, stopped = clock(), False
         received: set[str] = set()
         while (waited := clock() - start) < self._timeout:
-            # A robot keeps its last wheel speeds, so without scans it drives blindly.
+            # A robot keeps its last wheel speeds, so without scans it would drive
+            # blindly.
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STOP)
                 stopped = True
             reports: list[Report] = []
-            # A timeout of one read is no error until the whole timeout is over.
+            # A timeout of one read is not an error before the whole timeout has passed.
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))

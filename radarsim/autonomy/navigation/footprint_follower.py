@@ -34,7 +34,7 @@ _MOST: Final = 0.25  # rad; greatest heading correction
 
 
 class FootprintFollower:
-    """Steers a robot along a path, motion by motion."""
+    """Steers a robot along a planned path, one turn or straight line at a time."""
 
     def __init__(self, footprint: Footprint, path: Floats, limits: SpeedLimits) -> None:
         """Create the follower at the beginning of a path.
@@ -121,7 +121,7 @@ class FootprintFollower:
 
 def _least(room: float) -> float:
     """Return the least allowed clearance during a motion, given the current one, m."""
-    # A motion may hardly reduce a small clearance, the same rule as in planning.
+    # A motion may reduce a small clearance only slightly. Planning uses the same rule.
     return max(min(LEAST_ROOM, room - SLACK), TOUCHING)
 
 

@@ -43,15 +43,16 @@ _PARTS: Final = 5  # parts of a cell per axis, to which points are rounded
 SLACK: Final = 0.01  # m; error of rounded positions
 _ANGLE: Final = math.radians(3)  # rad between two checked poses of a turn
 _NEAR: Final = 0.5  # m from a path, beyond which clearances are ignored
-# Cells from one centre to the next along each heading; the other half is opposite.
+# Steps in cells along half of the headings; the other headings are opposite.
 _AHEAD: Final = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))
 _HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
 _LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
-# Costs of each motion per heading: forward, backward, and turns to the next headings.
+# Costs of the motions at each heading: forward, backward, and a turn to either side.
 _COSTS: Final = np.column_stack([_LENGTHS, _LENGTHS * REVERSE, *np.full((2, 16), TURN)])
-# Greatest ratio of a path length over 8 neighbours to one over 16.
+# Greatest ratio of path lengths on a grid with 8 neighbours and one with 16.
 _LONGER: Final = (1 + math.sqrt(2)) / math.sqrt(5)
-# Bits of a mask for each margin: one per heading of half a turn, and one in between.
+# Number of mask bits per margin: one for each heading in half a circle, and one for
+# each angle between two headings.
 _BITS: Final = 16
 
 
@@ -192,7 +193,7 @@ class _PoseGrid:
         shifts = np.array([(dx, dy) for dx in steps for dy in steps])
         for part in np.ndindex(_PARTS, _PARTS):
             chosen = numbers[(parts == part).all(axis=1)]
-            # from the centres of the surrounding cells to the position of the point
+            # vectors from the centres of the surrounding cells to the point
             ways = ((np.array(part) + 0.5) / _PARTS - 0.5 - shifts) * CELL
             bits = _bits(footprint, ways, least)
             for (dx, dy), bit in zip(shifts[bits > 0], bits[bits > 0], strict=True):
@@ -209,7 +210,7 @@ class _PoseGrid:
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
-            # in every orientation a point is within this margin
+            # This cost is added where the margin is violated at every heading.
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
@@ -261,7 +262,7 @@ def _bits(footprint: Footprint, ways: Floats, least: float) -> NDArray[np.int64]
 
 
 def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
-    """Return the path with straight motions in place of detours, (P, 3).
+    """Return the path with detours replaced by straight motions, (P, 3).
 
     Straight motions keep the clearance of the detours, or the widest margin.
     """
@@ -272,14 +273,14 @@ def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
     is_back = is_leg & ((np.diff(path[:, :2], axis=0) * ahead).sum(axis=1) < 0)
     done, i = [path[0]], 0
     while i < len(path) - 1:
-        # up to the next backward motion
+        # Motions are joined only up to the next backward motion.
         limit = i + int(np.append(is_back[i:], True).argmax())
         for j in range(limit, i + 1, -1):
             way = path[j, :2] - path[i, :2]
             if not way.any():
                 continue
             yaw = math.atan2(way[1], way[0])
-            # turn, drive, and turn to the next heading of the path
+            # The robot turns, drives straight, and turns to the path's next heading.
             motions = np.array(
                 [done[-1], [*path[i, :2], yaw], [*path[j, :2], yaw], path[j]]
             )
@@ -295,7 +296,7 @@ def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
 
 
 def _merged(path: Floats) -> Floats:
-    """Return a path without stops between turns or between equal straight motions."""
+    """Merge successive turns of a path, and successive motions along a line."""
     kept = [path[0]]
     for pose, after in zip(path[1:], [*path[2:], None], strict=True):
         if after is not None:

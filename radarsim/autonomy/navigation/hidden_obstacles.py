@@ -77,7 +77,7 @@ Points: TypeAlias = NDArray[np.complex128]  # x + iy, m
 
 
 class TouchedPlaces:
-    """Boxes at touched obstacles, with scans that end at them."""
+    """Boxes at touched obstacles; can cut the beams of scans off at the boxes."""
 
     def __init__(self, gap: float) -> None:
         """Create an empty collection.
@@ -122,7 +122,7 @@ class TouchedPlaces:
         return seen
 
     def hide(self, observation: Observation) -> Observation:
-        """Return the scan with beams that end at boxes, without returns behind."""
+        """Return the scan with its beams cut off at the boxes."""
         if not len(self):
             return observation
         pose, farther = observation.pose, observation.farther
@@ -132,8 +132,8 @@ class TouchedPlaces:
         return replace(observation, ranges=ranges, farther=farther[is_before])
 
     def _lengths(self, pose: Pose2, bearings: Floats) -> Floats:
-        """Return the lengths of beams up to a box, (N,) m; ``inf`` if none."""
-        # rotated so that each beam lies along x
+        """Return each beam's distance to the first box, (N,) m; ``inf`` if none."""
+        # For each beam, the walls are rotated so that the beam lies along the x axis.
         beams = np.exp(-1j * (bearings + pose.yaw))
         ends = (self._walls - complex(pose.x, pose.y)) * beams[:, None, None]
         begin, end = ends[..., 0], ends[..., 1]
@@ -146,14 +146,14 @@ class TouchedPlaces:
 
 
 class TransientObstacles:
-    """Stores obstacles that one scan shows and the next one does not."""
+    """Keeps obstacles for a few seconds that one scan shows and the next one misses."""
 
     def __init__(self) -> None:
         self._last: Observation | None = None
         self._kept: deque[tuple[float, Points]] = deque()  # time stored, s, and box
 
     def add_to(self, observation: Observation) -> Observation:
-        """Return the scan with beams that end at vanished points; call it at each scan.
+        """Return the scan with beams cut off at vanished points; call it at each scan.
 
         Args:
             observation: The newest scan, unchanged.
@@ -172,7 +172,7 @@ class TransientObstacles:
 
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
-    """Return boxes, (4,) corners each, map frame, of points that the new scan lost."""
+    """Return boxes, (4,) corners each, map frame, at points missing in the new scan."""
     near = last.offsets(last.ranges < REACH)
     points = complex(last.pose.x, last.pose.y) + near
     boxes: list[Points] = []
@@ -181,14 +181,14 @@ def _vanished(last: Observation, now: Observation) -> list[Points]:
     for point in points[now.looks_through(points)].tolist():
         if all(abs(point - centre) > _SAME_PLACE for centre in centres):
             centres.append(point)
-            # the near side of the box is where the beam ended
+            # The near side of the box is at the point where the beam ended.
             turn = np.exp(1j * np.angle(point - complex(now.pose.x, now.pose.y)))
             boxes.append(point + turn * (square + _HALF))
     return boxes
 
 
 class TouchMemory:
-    """Stores the contacts of the footprint, and steers back from them.
+    """Remembers where the footprint touched obstacles, and steers the robot away.
 
     Attributes:
         places: Boxes at the contacts.
@@ -206,20 +206,20 @@ class TouchMemory:
         self._safety_distance = safety_distance
         self._half = np.array([length, width]) / 2
         self._outline, self._normals = _footprint_outline(length, width)
-        # how it came: the durations of its motions, s, and their reverse
+        # durations, s, of the robot's last motions, and the reversed motions
         self._way_back: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
         self._last: Observation | None = None
         self._motion = STOP  # the last motion command other than STOP
         self._ahead = 1.0  # 1 or -1: whether the robot last drove forward or backward
         self._moved_at = -math.inf  # time of the last motion command, s
-        # last pose with progress, or at which the robot had to wait, and its time, s
+        # last pose at which the robot made progress or had to wait, and its time, s
         self._place: Pose2 | None = None
         self._moved_on_at = math.inf
         self._gone_back: float | None = None  # m driven back since the contact
         self._reverses = False  # whether the current motion leads back along the path
 
     def notice(self, observation: Observation, twist: Twist) -> bool:
-        """Process a scan; return whether a contact was detected and stored.
+        """Process a scan; return whether a contact was detected, and store the contact.
 
         Args:
             observation: The newest scan, unchanged.
@@ -241,13 +241,13 @@ class TouchMemory:
             return False
         self._moved_on_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # After a contact on the way back, or without progress, driving back does not
-        # help, so the robot searches another way out.
+        # Driving back does not help after a contact on the way back, or without
+        # progress. In both cases the robot searches for another way out.
         self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
     def _add_motion(self, last: Observation, now: Observation) -> None:
-        """Add the motion between two scans, reversed, to the way back."""
+        """Reverse the motion between two scans, and add it to the path back."""
         elapsed, pose = now.time - last.time, last.pose
         if elapsed <= 0:
             return
@@ -266,7 +266,7 @@ class TouchMemory:
             self._place, self._moved_on_at = pose, observation.time
 
     def retreat(self, observation: Observation) -> Twist | None:
-        """Return the motion back from an obstacle; None if the robot is away from it.
+        """Return a motion away from an obstacle; None if the robot is far enough away.
 
         Args:
             observation: The newest scan after ``notice``, without returns behind boxes.
@@ -284,7 +284,8 @@ class TouchMemory:
             self._reverses = True
             return back
         way_out = None if is_away else self._way_out(observation)
-        # On the way out the robot does not drive back again without another contact.
+        # On its way out, the robot does not drive back along its path until it touches
+        # an obstacle again.
         self._gone_back = None if way_out is None else math.inf
         return way_out
 
@@ -298,7 +299,8 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # Planned paths lead close to seen points, so the footprint may come as close.
+        # Planned paths lead close to seen points, so the footprint may come close to
+        # them.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -306,9 +308,10 @@ class TouchMemory:
         return self.retreat(observation) or twist
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
-        """Return whether a motion leads the robot no nearer to points than that, m."""
+        """Return whether a motion keeps the footprint a distance, m, from points."""
         now = self._distance_at(points, STOP, 0.0)
-        # What seems to be inside stands close by: corners that turn may graze it.
+        # Points that seem to be inside the footprint are close to it: a turning corner
+        # may graze them.
         if now < 0 and abs(twist.speed) < LEAST_SPEED:
             return False
         soon = min(self._distance_at(points, twist, time) for time in _SOON)
@@ -332,7 +335,7 @@ class TouchMemory:
         return best
 
     def _distance_at(self, points: Points, twist: Twist, time: float) -> float:
-        """Return how far the footprint will be from points, m; < 0 inside.
+        """Return the footprint's distance from points after a motion, m; < 0 inside.
 
         Args:
             points: (N,) m, robot's frame.
@@ -347,7 +350,7 @@ class TouchMemory:
         return float(distances.min(initial=math.inf))
 
     def _touched_box(self, pose: Pose2) -> Points:
-        """Return the corners of a box at the leading part of the outline, map frame."""
+        """Return corners of a box at the leading side of the footprint, map frame."""
         points, normals = self._outline, self._normals
         velocity = self._motion.speed + 1j * self._motion.turn * points
         outward = (velocity * normals.conj()).real
@@ -356,7 +359,7 @@ class TouchMemory:
         place = complex(pose.x, pose.y)
         away = np.where(led, self.places.distances(place + to_map * points), math.inf)
         if away.min() < _SAME:
-            # most likely another part of the same obstacle
+            # The contact is most likely with another part of the same obstacle.
             nearest = int(away.argmin())
             led &= np.abs(points - points[nearest]) <= _PART
             normal = normals[nearest]
@@ -383,7 +386,8 @@ def _ends(observation: Observation) -> Points:
 def _motion_after(twist: Twist, time: float) -> tuple[complex, float]:
     """Return the displacement of a motion, m, robot's frame, and its turn, rad."""
     turned = twist.turn * time
-    # The arc is replaced by a chord in the mean direction; exact enough for a second.
+    # The arc is approximated by a line in its mean direction, which is accurate enough
+    # for one second.
     return twist.speed * time * complex(
         math.cos(turned / 2), math.sin(turned / 2)
     ), turned
@@ -394,7 +398,7 @@ def _stands(twist: Twist) -> bool:
 
 
 def _footprint_outline(length: float, width: float) -> tuple[Points, Points]:
-    """Return points on the outline and the directions outward there, robot's frame.
+    """Return points on the outline and their outward normals, robot's frame.
 
     Returns:
         (N,) each; every corner is a point of both of its sides.

@@ -65,7 +65,7 @@ STOOD: Final = (0.05, 0.05)
 
 
 class Waiting:
-    """Decides when to stop because an object moves into the robot's path."""
+    """Decides whether the robot has to stop for an object that moves into its path."""
 
     def __init__(self, bumpers: Bumpers, clearance: float) -> None:
         """Create the detector.
@@ -76,18 +76,20 @@ class Waiting:
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        # the scan for the comparison, once it is old enough, and all later scans
+        # The first scan is compared with the newest scan once it is old enough. All
+        # later scans follow.
         self._earlier: deque[Observation] = deque()
-        # times and positions of moving objects, s and m, map frame
+        # times, s, and positions, m, map frame, of moving objects
         self._seen: deque[tuple[float, complex]] = deque()
         self._ahead = 1.0  # 1 or -1: whether the robot drives forward or backward
         self._moved = -math.inf  # s; when an object last moved into the path
         self._crossed = -math.inf  # s; when a scan last showed such an object
-        # times and positions of motion while the robot stood, s and m, map frame
+        # times, s, and positions, m, map frame, of moving objects while the robot stood
         self._motions: deque[tuple[float, complex]] = deque()
         self._since = math.inf  # s; since when the robot waits
         self._passing_distance = bumpers.safety_distance + ASIDE
-        # time, beam ends on a single moving object, m, map frame, and its velocity, m/s
+        # time, s, of the last scan of a single moving object, the ends of beams on the
+        # object, m, map frame, and its velocity, m/s
         self._thing: tuple[float, NDArray[np.complex128], complex] | None = None
         self._track: deque[tuple[float, complex]] = deque()  # times and positions
         self._closed_side = -1j  # right or left of its track, to keep clear
@@ -100,7 +102,7 @@ class Waiting:
         twist: Twist,
         still: NDArray[np.bool_] | None = None,
     ) -> bool:
-        """Return whether to stand until the next scan; call it at every scan.
+        """Return whether the robot has to wait for the next scan; call it at each scan.
 
         Args:
             observation: The newest scan.
@@ -108,7 +110,8 @@ class Waiting:
             still: Beams that end on known standing obstacles, (N,); None for none.
         """
         now = observation.time
-        # A standing robot keeps its direction, since it will drive on in it.
+        # A standing robot will drive on in its last direction, so that direction is
+        # kept.
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
         if self._detect_crossing(observation, still):
@@ -121,7 +124,8 @@ class Waiting:
         self._since = min(self._since, now)
         if now - self._since < PATIENCE:
             return True
-        # The robot drives on for a while, or the next scan would stop it again.
+        # Waiting is disabled for a while; otherwise the next scan would stop the robot
+        # again.
         self._impatient_until = now + IMPATIENCE
         return False
 
@@ -168,8 +172,8 @@ class Waiting:
         if not self._meets:
             return np.zeros((0, 2))
         along = velocity / abs(velocity)
-        # The side is chosen once, or the shorter side may change from plan to plan. In
-        # a head-on approach both keep to the right.
+        # The side is chosen only once, since the shorter side may change from plan to
+        # plan. In a head-on approach, the robot passes on the right.
         if not met_before:
             is_left_of_it = (complex(to_robot.mean()) / along).imag > -STRAIGHT_AT
             self._closed_side = -1j if is_left_of_it else 1j
@@ -189,7 +193,8 @@ class Waiting:
             return None
         if not self._has_moved(observation):
             return None
-        # Away from the nearest point, without a turn that would swing corners into it.
+        # The robot drives away from the nearest point without turning, since a turn
+        # would swing its corners into the object.
         forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
         ahead = forward * np.cos(bearings) > 0.5
         if (ranges[ahead] < self._clearance + BEHIND).any():
@@ -197,7 +202,7 @@ class Waiting:
         return Twist(forward * BACK_SPEED, 0.0)
 
     def _has_moved(self, observation: Observation) -> bool:
-        """Return whether the nearest point is where an object moved recently."""
+        """Return whether an object has moved recently near the nearest point."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
         (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))
@@ -238,8 +243,9 @@ class Waiting:
             self._motions.append((now, place))
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
-        # Both move: the least distance is found in steps of a quarter second. A robot
-        # in the path of the object gains nothing by standing.
+        # Both the robot and the object move, so the least distance is found in steps of
+        # a quarter second. Stopping does not help a robot that stands in the object's
+        # path.
         driving = np.abs(ends[:, None] + (velocity - going) * times).min()
         standing = np.abs(ends[:, None] + velocity * times).min()
         return bool(driving < min(self._bumpers.pressed_below, standing))
@@ -248,7 +254,7 @@ class Waiting:
 def _add_to_track(
     track: deque[tuple[float, complex]], now: float, place: complex
 ) -> complex:
-    """Add time and position of an object; return its velocity, m/s, 0 until known."""
+    """Add an object's time and position; return its velocity, m/s, 0 until known."""
     track.append((now, place))
     while now - track[0][0] > INTERVAL:
         track.popleft()

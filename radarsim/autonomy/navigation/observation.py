@@ -54,9 +54,9 @@ BEHIND: Final = 0.25  # m; a beam that is longer by this passes a position
 _BESIDE: Final = 0.3  # m from a position to the beams that look at it
 _LEAST_SPREAD: Final = math.radians(2.5)  # least angle from a position to such beams
 _AIR: Final = "rain"  # an echo kind that blocks no robot
-# Side beams of a radar see the end of a wall next to the beam, with a different error
-# from each side. So a scan match with few points is off by that error, and an INS is
-# better over a few metres where there is little to see.
+# The side rays of a radar beam see the end of a wall that is next to the beam, with a
+# different error from each side. So a scan match with few points has this error, and
+# where few points are seen, an INS is more accurate over a few metres.
 INS_DRIFT: Final = 0.03  # drift as a share of the motion
 INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad; noise at rest
 JUMP: Final = (0.1, 0.03)  # m and rad; after smaller corrections stored scans still fit
@@ -166,7 +166,7 @@ class Observation:
 
 def wrap_angles(angles: Floats) -> Floats:
     """Wrap angles to [-pi, pi), rad."""
-    # numpy's remainder takes three times as long
+    # ``numpy.remainder`` takes three times as long.
     turns = np.floor((angles + math.pi) / (2 * math.pi))
     wrapped: Floats = angles - 2 * math.pi * turns
     return wrapped
@@ -242,7 +242,7 @@ class ScanReader(ABC):
     @property
     @abstractmethod
     def hint(self) -> str:
-        """Alternatives to the missing report, for messages; may be empty."""
+        """Hint for messages: alternatives to the missing report; may be empty."""
 
     def take(self, report: Report) -> Observation | None:
         """Process a report; return the observation that it completes, or None."""
@@ -268,7 +268,8 @@ class ScanReader(ABC):
         Once a server has sent echoes, a scan without echoes has lost them.
         """
         time, echoes = self._scan_clock.time_of(report.time), self._echoes.of(report)
-        # The wait begins at the first scan, with or without echoes.
+        # The time limit for echoes starts at the first scan, even if the scan has no
+        # echoes.
         if echoes is not None or math.isnan(self._echoes_due):
             self._echoes_due = time + self._echo_wait
         return time, echoes, echoes is None and time < self._echoes_due
@@ -346,8 +347,7 @@ class ObservationBuilder(ScanReader):
                 self._motion.add(report.time, pose)
         elif isinstance(report, Odometry) and self._start is not None:
             pose = self._start.compose(report.pose)
-        # Stored for the message that proposes other
-        # sources if the requested poses are missing.
+        # If the requested poses are missing, a message proposes these other sources.
         if not isinstance(report, self._pose_report):
             self._others |= {s for s, t in POSE_REPORTS.items() if type(report) is t}
         elif pose is not None:
@@ -360,27 +360,29 @@ class ObservationBuilder(ScanReader):
             return None
         check_beams(len(report.ranges), scanner)
         time, echoes, lacks_echoes = self._time_and_echoes(report)
-        # SLAM also needs scans without echoes, to match the next scan with them.
+        # SLAM also needs scans that lack echoes, since it matches the next scan with
+        # them.
         if self._slam is not None:
             pose = self._locate(self._slam, report, echoes, time)
-        # Without echoes, thin foliage would look like gaps to drive through.
+        # Without its echoes, thin foliage would look like a gap that the robot can
+        # pass.
         if lacks_echoes:
             return None
         angles, farther = beam_angles(report), np.zeros((0, 2))
         known = np.array(report.ranges, np.float64)
         if echoes is not None:
-            # the nearest echo of an obstacle, at most the range
+            # Each beam ends at its nearest echo of an obstacle, or else at its range.
             beams, lengths = blocking_echoes(len(known), echoes)
             np.minimum.at(known, beams, lengths)
-            # stored apart: planners use all obstacles, bumpers only the nearest
+            # Farther echoes are stored separately: planners use them, and bumpers do
+            # not.
             behind = lengths > known[beams]
             beams, lengths = beams[behind], lengths[behind]
             farther = np.column_stack(
                 from_centre(lengths, angles[beams], scanner.mount, math.inf)
             )
         bearings, ranges = from_centre(known, angles, scanner.mount, scanner.max_range)
-        # Pressed touch sensors report less often
-        # than scans arrive, so they stay pressed.
+        # Touch sensors report less often than scanners, so their last state is kept.
         touched, self._touched = self._touched, any(self._pressed.values())
         return Observation(time, pose, bearings, ranges, farther, touched)
 
@@ -396,6 +398,7 @@ class ObservationBuilder(ScanReader):
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # The previous scan's pose is compared, which only the correction has moved.
+            # Only the correction has moved the previous scan's pose, so that pose is
+            # compared.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose

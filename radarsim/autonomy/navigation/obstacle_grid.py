@@ -51,7 +51,7 @@ _MOST_CELLS: Final = 1 << 24
 
 
 class ObstacleGrid:
-    """Square cells with the evidence for an obstacle in each.
+    """Square cells, each with its evidence for an obstacle.
 
     Attributes:
         points: Points seen in closed cells, (N, 2) m, map frame; the newest point in
@@ -79,7 +79,7 @@ class ObstacleGrid:
         self._places = np.zeros((rows, columns, 2))
         # cells with a point that was seen from nearby
         self._seen_near = np.zeros((rows, columns), np.bool_)
-        # time of the last closing of each cell, s, and number of closings
+        # time, s, at which each cell was last closed, and how often it was closed
         self._closed_at = np.full((rows, columns), -np.inf)
         self._closings = np.zeros((rows, columns), np.int16)
         self.points: Floats = np.zeros((0, 2))
@@ -118,13 +118,13 @@ class ObstacleGrid:
         self._places[rows, columns] = ends[inside]
         is_near = np.hypot(*(ends[inside] - (pose.x, pose.y)).T) < _NEAR
         self._seen_near[rows[is_near], columns[is_near]] = True
-        # A cell where one beam ends and another
-        # passes is an edge: its evidence increases.
+        # A cell where one beam ends and another one passes contains an edge of an
+        # obstacle, so its evidence increases.
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
-        # Evidence is limited, so that old obstacles are soon
-        # forgotten, too. A pane that reappears in a cell may
-        # reappear in a neighbouring cell, so cells around count.
+        # Evidence is limited, so that old obstacles that have moved away are removed
+        # soon. A pane that reappears in a cell may also reappear in a neighbouring
+        # cell, so closings of the neighbours count as well.
         closings = ndimage.maximum_filter(self._closings, 2 * _AROUND + 1)
         change[passed & ~met & (closings >= _STAYS_CLOSED)] = 0
         was_open = self._evidence <= 0
@@ -177,7 +177,7 @@ class ObstacleGrid:
         if places is not None:
             rows, columns, _ = self._inside(places)
             is_open[rows, columns] = False
-        # A distance transform needs a closed cell to measure from.
+        # A distance transform needs at least one closed cell.
         if is_open.all():
             return np.full(is_open.shape, math.inf)
         clearance: Floats = ndimage.distance_transform_edt(is_open) * CELL

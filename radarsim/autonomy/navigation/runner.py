@@ -49,7 +49,8 @@ def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
         safety_distance: m.
         travelled: Length of the path to the goal so far, m.
     """
-    # A distant point and a drifting pose make the clearance at the goal uncertain.
+    # Noise of distant points and a drifting pose make the clearance at the goal
+    # uncertain.
     unsure = min(GOAL_NOISE + DRIFT * travelled, safety_distance / 2)
     return safety_distance - unsure
 
@@ -83,14 +84,15 @@ class TripMeter:
             self._start_time = observation.time
         self.time = observation.time - self._start_time
         step = observation.pose.distance(self._last)
-        # The noise of a standing robot would add up to a long path.
+        # Small steps are ignored, since noise of a standing robot would add up to a
+        # long path.
         if step > self._noise:
             self.length += step
             self._last = observation.pose
 
 
 class ClearanceCheck:
-    """Checks the clearance at the start once, and at the next goal in each scan.
+    """Checks the clearance once at the start, and in each scan at the next goal.
 
     Attributes:
         trip: Time and path length so far.
@@ -120,7 +122,7 @@ class ClearanceCheck:
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)
                 self._raise("start", place, nearest)
-        # An obstacle seen from afar may be an image in a mirror.
+        # An obstacle that is seen only from far away may be an image in a mirror.
         if goal is not None and distance(observation.pose, *goal) <= GOAL_IN_SIGHT:
             self._check_goal(observation, goal)
 
@@ -132,7 +134,7 @@ class ClearanceCheck:
         if not near.any():
             self._place = (math.inf, math.inf)
             return
-        # A different obstacle: one that drives past a goal does not stand there.
+        # The obstacle has moved, or it is another obstacle, so the time starts again.
         if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
             x, y = points[distances.argmin()].tolist()
             self._place, self._since = (x, y), observation.time
@@ -279,18 +281,19 @@ class Navigator:
             controller.reconsider(scan.pose, self._corrected)
         observation = touches.places.hide(self._transient.add_to(scan))
         self._clearance.check(observation, controller.goal)
-        # Waiting compares scans, so it is called at every scan.
+        # ``has_to_wait`` compares successive scans, so it is called at every scan.
         has_to_wait = waiting.has_to_wait(
             observation, self._twist, observation.ranges < scan.ranges
         )
         goes_round = controller.avoid(waiting.meeting(observation))
         waits = has_to_wait and not goes_round
-        # A motion away from contact overrides the path to the goal.
+        # A motion away from an obstacle in contact overrides the path to the goal.
         away = touches.retreat(observation) or waiting.back_off(observation)
         if away is not None:
             self._twist = away
         elif waits:
-            # A waiting robot skips the controller, so a passing object is no obstacle.
+            # The controller is not called, so it does not treat a passing object as an
+            # obstacle.
             self._twist = STOP
         else:
             self._twist = touches.keep_off(observation, controller.step(observation))
