@@ -42,7 +42,7 @@ MANY_SEEN_ONCE: Final = 0.3  # share of walls above which a doubt is reported
 
 
 class Sample(NamedTuple):
-    """The known area at one time of a run.
+    """The size of the known area at one time of a run.
 
     Attributes:
         time: Time since the first scan, s.
@@ -97,7 +97,7 @@ class AreaCurve:
                 self.reached[f"{each:g}"] = {"time": time, "path_length": length}
         if last and self.samples and self.samples[-1].time == sample.time:
             del self.samples[-1]  # the sample of the same scan before the run ended
-        # every sample is evaluated, but only some are stored
+        # Every sample is computed, but only some are stored.
         before = self.samples[-1].time if self.samples else -math.inf
         if last or sample.time >= before + self._interval - 1e-9:
             self.samples.append(sample)
@@ -106,7 +106,7 @@ class AreaCurve:
             self._interval *= 2
 
     def to_dict(self) -> dict[str, list[float]]:
-        """Return the samples for JSON, by columns; shares only if they are known."""
+        """Return the samples as columns for JSON; shares are omitted if unknown."""
         digits = {"time": 2, "path_length": 2, "area": 2, "reachable": 4}
         columns = {
             name: [round(getattr(each, name), places) for each in self.samples]
@@ -226,7 +226,7 @@ class MappingRun:
 
     @property
     def doubts(self) -> list[str]:
-        """Reasons why the map may be wrong, as far as the run shows them."""
+        """Reasons why the map may be wrong, from the data of the run alone."""
         mapper = self.source.mapper
         if mapper is None or not mapper.scans:
             return []

@@ -45,7 +45,7 @@ MOST_COMMANDS: Final = 20_000  # without a time step; more fail the run
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """An estimate with its interval of 95 %.
+    """An estimate with its 95 % confidence interval.
 
     Attributes:
         value: The share, or the mean.
@@ -88,8 +88,8 @@ def mean(values: Sequence[float]) -> Estimate:
     """
     count, value = len(values), float(np.mean(values))
     if min(values) == max(values):
-        # The mean of equal values can differ from them in
-        # the last digit, so the value itself is returned.
+        # The mean of equal values can differ from the values in the last digit, so the
+        # first value is returned.
         return Estimate(values[0], values[0], values[0], count)
     low, high = stats.t.interval(CONFIDENCE, count - 1, value, stats.sem(values))
     return Estimate(value, float(low), float(high), count)
@@ -202,7 +202,7 @@ def evaluate(
     pictures: str | Path | None = None,
     workers: int = 1,
 ) -> Evaluation:
-    """Let a controller drive to the goals of maps, and judge it by the ground truth.
+    """Let a controller drive on maps, and judge its runs by the ground truth.
 
     The controller is called with a robot, a P3AT whose scanner ``lms200`` covers a full
     circle, and with the goal, x and y in m. It drives in a loop of its own and returns
@@ -231,7 +231,7 @@ def evaluate(
         TypeError: If an argument has the wrong type.
         ValueError: If there are no maps or no seeds, or a number is too small.
     """
-    # Checked before any trial, so that a mistake is reported at once.
+    # Arguments are checked before any trial, so that mistakes are reported at once.
     if not callable(controller):
         text = "expected a function of a robot and a goal"
         raise TypeError(f"controller {controller!r}, {text}")

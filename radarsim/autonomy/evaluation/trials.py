@@ -166,7 +166,7 @@ def judge_drive(
         outcome: The outcome that the robot reports.
         note: Reason of a failure; empty without one.
     """
-    # The robot's pose drifts, so it may report the goal at another position.
+    # The estimated pose drifts, so a robot may report the goal at a wrong position.
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
     return TrialResult(
@@ -197,7 +197,7 @@ def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
 
 @cache
 def load_trial(map_: str) -> tuple[Scene, Trial]:
-    """Load a map that defines a trial, once in a process.
+    """Load a map that defines a trial; each process loads a map only once.
 
     Raises:
         MapError: If the map is invalid, or defines no trial.

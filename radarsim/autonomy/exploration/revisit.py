@@ -1,4 +1,4 @@
-"""Revisit: waits for an obstacle to clear the floor that it has closed off.
+"""Revisit: wait until an obstacle that blocks a passage has moved away.
 
 Theory of operation
 ===================
@@ -49,7 +49,7 @@ MARGIN: Final = 0.13  # m of tolerance for the safety distance, from whole tiles
 
 
 class Revisit(Strategy):
-    """Watches obstacles that have closed off floor from another strategy.
+    """Waits at obstacles that blocked the way of another strategy, then explores on.
 
     Attributes:
         unreached: A point in each piece of floor that borders on unknown space and
@@ -95,7 +95,8 @@ class Revisit(Strategy):
             twist = self._strategy.step(observation, grid)
             if not self._strategy.is_done:
                 return twist
-            # Evaluated for this scan, since a passage may have closed just now.
+            # The map is evaluated for this scan, since a passage may have closed just
+            # now.
             self._path_follower = PathFollower(self._settings)
             self._path_follower.update_map(observation, grid)
             self._remember(grid)
@@ -146,7 +147,7 @@ class Revisit(Strategy):
         """Store the floor where the robot may be."""
         floor = self._path_follower.floor
         masks = [floor.open, floor.open, floor.free]
-        # On a rebuilt map all seen cells have new positions, so the masks are replaced.
+        # On a rebuilt map, seen cells have new positions, so old masks are not used.
         if grid is self._grid:
             before = (self._was_open, self._may_open, self._was_free)
             masks = [
@@ -168,7 +169,7 @@ class Revisit(Strategy):
         self._look(observation)
 
     def _look(self, observation: Observation) -> None:
-        """Choose a watching position, explore on, or finish."""
+        """Choose a position to wait at, continue the exploration, or finish."""
         floor, pose = self._floor, observation.pose
         assert self._since is not None
         beyond = self._reopened(self._may_open)
@@ -189,7 +190,8 @@ class Revisit(Strategy):
             self._since = None
             self._strategy = self._create(self._settings)
         elif observation.time > self._since + LOOK_TIME:
-            # The passage is ignored until it is open again.
+            # The robot has waited long enough, so the passage is ignored until it is
+            # open.
             shut = self._may_open & ~floor.open
             labels, _ = ndimage.label(shut, np.ones((3, 3)))
             number = labels[floor.nearest(shut, *path[at])]
@@ -207,7 +209,7 @@ class Revisit(Strategy):
         return targets & self._near_start(observation, floor)
 
     def _near_start(self, observation: Observation, floor: TraversabilityMap) -> Mask:
-        """Return the tiles that may be explored; all if walls enclose the area."""
+        """Return the tiles that may be explored: all of them in an enclosed area."""
         start = self._start
         if start is None or is_enclosed(observation):
             return np.ones_like(floor.open)
@@ -232,7 +234,7 @@ def moved_things(grid: OccupancyGrid, was_open: Mask, safety: float) -> Mask:
     blocked, size = grid.blocked_cells(), grid.frame.resolution
     reach = max(safety - MARGIN, 0.0) / size
     near = blocked & np.isfinite(distance_field(was_open, reach))
-    # Pieces near each other are one object: there is a gap between two beams.
+    # Pieces near each other belong to one object, since there are gaps between beams.
     joined = np.isfinite(distance_field(near, GAP / size))
     labels, count = ndimage.label(joined, np.ones((3, 3)))
     sizes = np.bincount(labels[blocked & was_open], minlength=count + 1)

@@ -52,7 +52,7 @@ _MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odomet
 
 
 class RebuildableGrid:
-    """A grid that can be rebuilt, with the scans that it consists of.
+    """A grid that stores its scans, so that it can be rebuilt.
 
     Attributes:
         grid: The map; a new object after a rebuild.
@@ -72,7 +72,7 @@ class RebuildableGrid:
         self.grid = OccupancyGrid(resolution)
         self._trajectory = trajectory
         self._radius = radius
-        # scans with the numbers of their poses
+        # scans, each with the number of its pose in the trajectory
         self._scans: list[tuple[int, PlanarScan]] = []
         self._last: Pose2 | None = None  # pose of the last scan while driving
         self._standing = 0
@@ -83,19 +83,20 @@ class RebuildableGrid:
         """Add a scan at the last pose of the trajectory."""
         number = len(self._trajectory) - 1
         self._add(self.grid, number, scan)
-        # A standing robot sees the same again and again, so only some scans are stored.
+        # Scans of a standing robot are all alike, so only some of them are stored.
         pose = self._trajectory.poses[-1]
         if self._last is None or pose.is_apart(self._last, *STANDING):
             self._last, self._standing = pose, 0
         self._standing += 1
         if self._standing <= SCANS_STANDING:
-            # Stored in half the memory, since all scans of a run are kept.
+            # All scans of a run are kept, so their numbers are stored in half the
+            # memory.
             self._scans.append((number, _converted(scan, np.int32, np.float32)))
         self._continue(SCANS_AT_ONCE)
 
     def rebuild(self) -> None:
         """Start to rebuild the grid, since the trajectory has changed."""
-        # A rebuild in progress is dropped, since its poses are outdated.
+        # A rebuild in progress starts again, since its poses are outdated.
         self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
 
     def finish(self) -> None:
@@ -103,7 +104,7 @@ class RebuildableGrid:
         self._continue(len(self._scans))
 
     def seen_from_one_place(self) -> float:
-        """Return the share of solid squares that were seen from only one viewpoint.
+        """Return the share of solid squares that were seen from only one position.
 
         Viewpoints are at least 1 m apart. Squares have sides of 0.25 m.
         """
@@ -127,7 +128,7 @@ class RebuildableGrid:
         if self._next is None:
             return
         for number, scan in self._scans[self._added : self._added + count]:
-            # Converted to the types that the engine expects.
+            # The engine expects the wider types.
             self._add(self._next, number, _converted(scan, np.int64, np.float64))
             self._added += 1
         if self._added == len(self._scans):
@@ -222,7 +223,7 @@ class Mapper(ScanReader):
 
     @property
     def hint(self) -> str:
-        """Other motion sources, if the requested source has sent no poses."""
+        """Names of other motion sources, if the requested source has sent no poses."""
         if self.missing != self._missing_pose:
             return ""
         others = self._sources - {self.slam.motion_source}
@@ -247,7 +248,7 @@ class Mapper(ScanReader):
             self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
-            # The tolerance keeps a pose that is due except for rounding.
+            # The tolerance keeps rounding errors from delaying a pose.
             if report.time > last + TRUTH_INTERVAL - 1e-9:
                 self.truth.add(report.time, pose)
 
@@ -255,7 +256,7 @@ class Mapper(ScanReader):
         source = self.slam.motion_source
         if source != "none":
             self._scans_since_report += 1
-        # With a silent source all scans would be placed at one position.
+        # If the motion source is silent, all scans would be placed at one position.
         is_lost = self._scans_since_report > MAX_SCANS_WITHOUT_MOTION
         reported = self._motion.at(report.time)
         if source != "none" and (reported is None or is_lost):
@@ -263,18 +264,19 @@ class Mapper(ScanReader):
             self.left_out["no_pose"] += 1
             return None
         if not len(self.trajectory):
-            # An INS starts at its own first pose. Other sources
-            # start at the first pose from an INS or the ground
-            # truth, which arrives after the mapper is created.
+            # With an INS, the map starts at the first INS pose. With other sources it
+            # starts at the first pose from an INS or the ground truth, which arrives
+            # after the mapper is created.
             self.slam.start = None if source == "ins" else self._spawn_pose
         time, echoes, lacks_echoes = self._time_and_echoes(report)
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         revision = self.slam.revision
         pose = self.slam.step(scan, *(reported or ()))
-        # A loop has closed, or the map was rotated, so the poses of all scans changed.
+        # A loop closure or a rotation of the map has changed the poses of all scans.
         if self.slam.revision > revision:
             self._grid.rebuild()
-        # The pose is found without echoes, as a start for the next scan.
+        # A scan without echoes is not mapped, but its pose is a start for the next
+        # scan.
         if lacks_echoes:
             self.missing = f"echoes of {self.scanner.name!r}"
             self.left_out["no_echoes"] += 1
@@ -285,7 +287,7 @@ class Mapper(ScanReader):
         return self._observation(pose, scan)
 
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
-        # the nearest hit of each beam that blocks robots, so not smoke
+        # Only the nearest hit of each beam counts that blocks robots. Smoke does not.
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
         blocks = hits.layer != Layer.SMOKE

@@ -83,7 +83,8 @@ class PointMap:
         if normals is None:
             normals = np.zeros_like(points)
         while (new := engine.add_points(self.table, self._used, points, normals)) < 0:
-            # The table is full. It grows fourfold, since all cells have to be copied.
+            # The table is full. It grows by a factor of four, since each growth copies
+            # all cells.
             self._rows *= 4
             shorter, self.table = self.table, _new_table(self._rows)
             engine.copy_table(shorter, self.table)
@@ -144,7 +145,7 @@ class Fit(NamedTuple):
 
     @property
     def evenness(self) -> float:
-        """Ratio of least to greatest information on a translation, over all directions.
+        """Ratio of least to greatest information on a translation in any direction.
 
         It is near 0 in a corridor, and 0 without points.
         """
@@ -176,5 +177,5 @@ def fit(
 
 
 def best_start(table: Packed, points: ScanPoints, starts: Floats) -> int:
-    """Return the row of (S, 3) poses at which a sample of the points fits best."""
+    """Return the row number of the (S, 3) pose that a sample of points fits best."""
     return int(engine.best_start(table, *points, starts))
