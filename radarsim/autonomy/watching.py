@@ -36,7 +36,7 @@ PATIENCE: Final = 2.0  # s without a line, after which the server is asked for t
 MOST_EARLY: Final = 200  # reports stored until the scanner is known
 _ECHOES: Final = questions.set_item(RANGE_SCANNER, None, "ECHOES", "true")
 
-Side: TypeAlias = Literal["client", "server"]  # the sender of data
+Side: TypeAlias = Literal["client", "server"]  # who sent the data
 DataCallback: TypeAlias = Callable[[Side, bytes], None]
 
 

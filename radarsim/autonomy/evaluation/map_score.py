@@ -37,8 +37,8 @@ from radarsim.simulation.map_warnings import Position, free_space
 
 Score: TypeAlias = dict[str, Any]  # values by name, see ``score_map``
 
-_SAMPLES: Final = 4  # along a line, for each cell
-TOLERANCE: Final = 2  # cells between a map cell and the true object
+_SAMPLES: Final = 4  # sample points on a line for each cell
+TOLERANCE: Final = 2  # cells that a map cell may be away from the true object
 BESIDE: Final = 0.5  # cells of tolerance, so that diagonal neighbours count
 MISPLACED: Final = 0.15  # m; obstacles farther from all true obstacles are misplaced
 

@@ -36,7 +36,7 @@ from radarsim.rng import generator_for
 from radarsim.server.host import Host
 
 INTERVAL: Final = 1.0  # s between two samples of the known area
-MOST_SAMPLES: Final = 200  # samples; beyond this every second one is dropped
+MOST_SAMPLES: Final = 200  # samples; if there are more, every second one is dropped
 SHARES: Final = (0.5, 0.9, 0.99)  # shares of the reachable floor to report
 MANY_SEEN_ONCE: Final = 0.3  # share of walls above which a doubt is reported
 
@@ -259,7 +259,7 @@ class MappingRun:
             "left_out": [[round(x, 3), round(y, 3)] for x, y in source.unreached],
             "safety_distance": rounded(source.safety_distance, 3),
             "scans": 0 if mapper is None else mapper.scans,
-            "scans_left_out": left_out | {"late": 0},  # dropped by servers
+            "scans_left_out": left_out | {"late": 0},  # dropped by the server
             "loop_closures": 0 if mapper is None else mapper.slam.closures,
             "cells": _cell_counts(mapper),
             "pose_errors": _pose_errors(mapper),

@@ -38,9 +38,9 @@ from radarsim.validation import check_number
 OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
 
 CONFIDENCE: Final = 0.95
-ALL: Final = "all"  # key for all maps together
+ALL: Final = "all"  # key of the estimate over all maps
 TIME_LIMIT: Final = 600.0  # s
-MOST_COMMANDS: Final = 20_000  # without a time step; more fail the run
+MOST_COMMANDS: Final = 20_000  # most commands without a time step
 
 
 @dataclass(frozen=True, slots=True)

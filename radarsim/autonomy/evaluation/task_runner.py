@@ -133,7 +133,7 @@ def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel
                 initargs=(os.getpid(), partial(_prepare, file)),
             ) as parallel:
                 yield parallel
-        finally:  # or processes would stay, or start after the file is removed
+        finally:  # ends processes before the file is removed
             get_reusable_executor(kill_workers=True).shutdown()
 
 

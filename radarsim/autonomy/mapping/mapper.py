@@ -40,11 +40,11 @@ from radarsim.protocol.reports import (
     Report,
 )
 
-MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion is unknown
+MAX_SCANS_WITHOUT_MOTION: Final = 50  # scans without a motion report
 TRUTH_INTERVAL: Final = 0.05  # s; ground truth poses in between are not stored
 
 SCANS_AT_ONCE: Final = 25  # old scans added to the new grid with each new scan
-STANDING: Final = 0.02, 0.01  # m and rad; smaller motion counts as standing
+STANDING: Final = 0.02, 0.01  # m and rad; a robot that moves less is standing
 SCANS_STANDING: Final = 20  # scans stored of a robot at one standing position
 PLACE: Final = 1.0  # m between two viewpoints
 SQUARE: Final = 0.25  # m; larger than a cell, since noise spreads beam ends over cells
@@ -77,7 +77,7 @@ class RebuildableGrid:
         self._last: Pose2 | None = None  # pose of the last scan while driving
         self._standing = 0
         self._next: OccupancyGrid | None = None
-        self._added = 0  # number of scans in the next grid
+        self._added = 0  # number of scans added to the next grid
 
     def add(self, scan: PlanarScan) -> None:
         """Add a scan at the last pose of the trajectory."""
@@ -237,7 +237,7 @@ class Mapper(ScanReader):
         if not isinstance(report, Ins | GroundTruth | Odometry):
             return
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
-        if not isinstance(report, Odometry):  # odometry starts at any pose
+        if not isinstance(report, Odometry):  # odometry starts at an arbitrary pose
             self._spawn_pose = self._spawn_pose or pose
         source = _MOTION_SOURCES.get(type(report))
         if source is not None:

@@ -136,8 +136,8 @@ class KeyframeGraph:
 
     def __init__(self) -> None:
         self.edges: list[Edge] = []
-        self._closures: list[int] = []  # indices of their edges
-        self._poses: list[Pose2] = []  # poses of keyframes, when they were added
+        self._closures: list[int] = []  # indices of the edges of closures
+        self._poses: list[Pose2] = []  # poses of all keyframes
         self._following: list[tuple[int, Pose2]] = []  # keyframe, and pose in its frame
         self._covariance: Floats = np.zeros((3, 3))
 

@@ -53,7 +53,7 @@ import numpy as np
 from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
-_ROWS: Final = 1 << 12  # of the table of an empty map; a power of two
+_ROWS: Final = 1 << 12  # rows of the table of an empty map; a power of two
 
 
 class PointMap:

@@ -49,7 +49,7 @@ from radarsim.geometry import Pose2, wrap_angle
 
 FIRST_KEYFRAMES: Final = 10  # scans that are always keyframes
 MIN_POINTS: Final = 3  # least number of points for a match
-SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s; between two reports
+SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s; change of speed between two reports
 # standard deviation of an echo's position across its beam, m; N / 300 for a radar with
 # side rays N units away
 BEAM_SPREAD: Final = 0.08
@@ -72,7 +72,7 @@ class MotionReports:
     def __init__(self) -> None:
         self._last: tuple[float, Pose2] | None = None  # time, s, and pose
         self._before: tuple[float, Pose2] | None = None
-        self._ahead = 0.0  # s; time of the last returned pose after its report
+        self._ahead = 0.0  # s from the report to the time of the returned pose
         self._is_new = False  # whether a report has arrived since then
 
     def add(self, time: float, pose: Pose2) -> None:

@@ -37,15 +37,15 @@ from radarsim.geometry import Point, Pose2, wrap_angle
 LEAST_CIRCUIT: Final = 1.5  # m; a shorter closed path is not a circuit
 LANDMARK_SPACING: Final = 2.0  # m between landmarks on a boundary
 LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within one obstacle
-NEARER: Final = 0.15  # m; an obstacle that is nearer by more is followed
+NEARER: Final = 0.15  # m; another obstacle nearer by this is followed instead
 _REACH: Final = 0.6  # m that the nearest point may jump between two scans
 NEAR = 0.6  # m from the hit point to the first points of its boundary
 FIRST = 4  # points that have to be near the hit point
 SPACING = 0.25  # m between two stored points
 MAX_DISTANCE = 10.0  # m; points farther away are not checked
-MARGIN = 0.4  # m by which a beam has to pass a point that has gone
+MARGIN = 0.4  # m beyond a point; longer beams show that it has gone
 DRIFT = 0.03  # rad; the yaw drifts by this times the root of the turned angle
-MOST_GONE: Final = 20  # obstacles that have gone, before the robot gives up
+MOST_GONE: Final = 20  # vanished obstacles before the robot gives up
 _BESIDE = 0.15  # m from a point to the beams that are compared with it
 
 
@@ -133,7 +133,7 @@ class FollowedBoundary:
         self.travelled = 0.0
         self.least = 0.0
         self.reached_at = -math.inf
-        self.goal_distance = -math.inf  # prevents leaving before it is reached
+        self.goal_distance = -math.inf  # prevents leaving an unreached boundary
         self.landmarks: list[tuple[float, Landmark]] = []
         self.circuit_start = 0.0
         self._nearest: Point | None = None  # nearest point of the boundary, map frame

@@ -47,8 +47,8 @@ LEAST_GAIN = 0.1  # m; smaller decreases of the goal distance do not count
 GRAZE = 0.1  # m beyond the safety distance, within which obstacles block the path
 NOISE = 0.1  # m by which noise may move a wall near the goal towards the robot
 MOST_OTHERS = 3  # circuits around obstacles that were not hit, before giving up
-_MOST_MISSES = 3  # leave points not found, after which the side stays the same
-_LOST = 1.5  # circles without a boundary in sight before the robot gives it up
+_MOST_MISSES = 3  # missed leave points after which the side is kept
+_LOST = 1.5  # circles without seeing the boundary before the robot leaves it
 _MOST_REVERSALS = 3  # changes of the turning direction before the alignment ends
 
 
@@ -274,8 +274,8 @@ class Bug(BoundaryController):
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._wall_on_left = settings.mission.side == "left"  # at the next boundary
-        self._policy: Bug1Policy | Bug2Policy  # for the boundary that the robot is at
-        self._starts: list[Pose2] = []  # start poses of the lines to leave at
+        self._policy: Bug1Policy | Bug2Policy  # policy for the current boundary
+        self._starts: list[Pose2] = []  # starts of the lines on which Bug2 leaves
         self._lost = 0.0  # m driven without a boundary in sight
         self._turn = 0.0  # rad/s; turn rate of the last alignment step
         self._reversals = 0  # changes of the turning direction while aligning

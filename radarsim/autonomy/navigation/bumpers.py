@@ -28,7 +28,7 @@ from radarsim.autonomy.plans import LEAST_SHARE, Rule
 from radarsim.geometry import Floats
 
 BAND = 0.5  # m beyond the safety distance in which bumpers are pressed
-MOST = 36  # bumpers; narrower sectors would hold too few beams
+MOST = 36  # bumpers; with more, sectors contain too few beams
 
 EIGHT = (
     *("front", "front_left", "left", "back_left"),

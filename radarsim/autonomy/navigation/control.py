@@ -21,7 +21,7 @@ STOP_AFTER = 0.5  # s without a scan before the robot is stopped
 STUCK_AFTER = 3.0  # m of commanded distance without motion
 STUCK_AFTER_TURN: Final = 2 * math.tau  # rad of commanded turn without turning
 STANDSTILL_LIMIT: Final = 60.0  # s without motion before an error is raised
-_LONGEST_STEP: Final = 1.0  # s; cap on the time between two scans
+_LONGEST_STEP: Final = 1.0  # s; upper limit of the time between two scans
 MOVED: Final = (0.1, 0.3)  # m and rad; a smaller change of the pose is noise
 
 
@@ -77,9 +77,9 @@ class StuckDetector:
 
     def __init__(self) -> None:
         self._last_time = 0.0
-        self._place: Pose2 | None = None  # at the start of the commanded distance
+        self._place: Pose2 | None = None  # pose at the start of the distance
         self._distance = 0.0  # commanded distance, m
-        self._heading: Pose2 | None = None  # at the start of the commanded turn
+        self._heading: Pose2 | None = None  # pose at the start of the turn
         self._turn = 0.0  # commanded turn, rad
 
     def check(self, observation: Observation, twist: Twist) -> None:
@@ -191,7 +191,7 @@ class ControlLoop:
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))
-            newest = None  # of several scans at once only the last counts
+            newest = None  # only the newest of several scans is used
             for report in reports:
                 newest = self._source.take(report) or newest
                 received.add(type(report).__name__)

@@ -34,7 +34,7 @@ class Activity(StrEnum):
     ALIGNING = "aligning"
     FOLLOWING = "following"
     RETURNING = "returning"
-    TURNING = "turning"  # at the last goal, to the requested heading
+    TURNING = "turning"  # to the requested heading at the last goal
     REACHED = "reached"
     NO_PATH = "no_path"
 

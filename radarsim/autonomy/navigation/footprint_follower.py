@@ -22,8 +22,8 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 LEAST_ROOM: Final = 0.01  # m of clearance between the footprint and seen points
 TOUCHING: Final = 0.001  # m of clearance, below which the footprint touches a point
 OFF: Final = 0.06  # m from the path, beyond which it is not followed
-OFF_TURN: Final = 0.3  # rad; the same for the heading
-SLOW: Final = 0.08  # m/s where there is hardly any clearance
+OFF_TURN: Final = 0.3  # rad off the path's heading, beyond which it is not followed
+SLOW: Final = 0.08  # m/s at the smallest clearance
 SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of clearance around the footprint
 SLOW_TURN: Final = 0.5  # rad/s; keeps the corners of the footprint slow
 AT_END: Final = 0.01  # m from the end of a straight motion, within which it is done
@@ -104,7 +104,7 @@ class FootprintFollower:
         left = sign * (c * dx + s * dy)
         if left < AT_END:
             return None
-        off = s * dx - c * dy  # the robot is that far on the left of the line
+        off = s * dx - c * dy  # m that the robot is left of the line
         towards = -sign * max(-_MOST, min(_MOST, LINE_GAIN * off))
         error = wrap_angle(end[2] + towards - here[2])
         speed = min(self._limits.speed, max(SLOW, SPEED_GAIN * room), 0.05 + left)

@@ -33,8 +33,8 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Point, Pose2, wrap_angle
 
 CELL: Final = 0.05  # m
-LEAST_MARGIN: Final = 0.02  # m around the footprint that have to be free
-MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; a step costs more within the wider ones
+LEAST_MARGIN: Final = 0.02  # m around the footprint that has to be free
+MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; the wider ones raise the cost
 MORE: Final = (3.0, 1.0)  # extra cost per metre within each wider margin
 REVERSE: Final = 2.0  # times the cost of driving forward
 TURN: Final = 0.1  # m; a turn to the next heading costs as much as this distance
@@ -158,7 +158,7 @@ class _PoseGrid:
     ) -> None:
         self._start = start
         c, s = math.cos(start.yaw), math.sin(start.yaw)
-        self._turned = np.array([[c, -s], [s, c]])  # rotates to the map frame, by rows
+        self._turned = np.array([[c, -s], [s, c]])  # rotates rows to the map frame
         places = np.vstack([points, [goal], [[start.x, start.y]]])
         places = (places - (start.x, start.y)) @ self._turned
         low = np.floor((places.min(axis=0) - AROUND) / CELL)

@@ -18,7 +18,7 @@ from radarsim.geometry import Floats
 
 COSTLY: Final = 0.4  # m beyond the safety distance in which a step costs more
 COSTLY_FACTOR: Final = 3.0  # extra cost of a step at the inner edge
-CHEAP: Final = 2.0  # highest cost of a step on a short cut
+CHEAP: Final = 2.0  # highest cost of a step on a straight short cut
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too close to an obstacle
 ESCAPE_COST: Final = 10.0
 

@@ -50,26 +50,26 @@ from radarsim.autonomy.navigation.open_directions import HORIZON
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
 DEPTH: Final = 0.1  # m; depth of a box, so that it is visible from its ends
-LEAST_WIDTH: Final = 0.2  # m; of a box, so that bumpers detect it
+LEAST_WIDTH: Final = 0.2  # m; width of a box, so that bumpers detect it
 STOOD: Final = 0.5  # s without a motion command, after which the robot stands
 HELD: Final = 8.0  # s without progress or waiting, after which an obstacle is assumed
-LONGEST_WAY_BACK: Final = 1.0  # m of the path that the robot drives back
+LONGEST_WAY_BACK: Final = 1.0  # m; greatest length of the path back
 LEAST_SPEED: Final = 0.02  # m/s; slower counts as standing
 LEAST_TURN: Final = 0.05  # rad/s; slower counts as standing
 _MOTIONS: Final = 200  # motions stored for driving back
 _POINTS: Final = 5  # points on each side of the footprint
-_LEADING: Final = 0.5  # of the highest outward speed; faster points are leading
+_LEADING: Final = 0.5  # share of the top outward speed; faster points are leading
 _CLOSE: Final = 0.02  # m from the footprint to a box that it may touch
-_SOON: Final = (0.15, 0.3)  # s ahead at which a decided motion is checked
-_AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s ahead; for a motion away from obstacles
-_GAIN: Final = 0.01  # m that such a motion has to lead away
+_SOON: Final = (0.15, 0.3)  # s; times at which a decided motion is checked
+_AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s; times at which a motion away is checked
+_GAIN: Final = 0.01  # m; least gain of distance by such a motion
 _SPEEDS: Final = (0.2, -0.2)  # m/s of motions away from obstacles
 _TURNS: Final = (0.0, 0.1, -0.1, 0.2, -0.2, 0.4, -0.4, 0.8, -0.8)  # rad/s
 _SAMPLE: Final = 0.05  # m between two points of a box
 _SAME: Final = 0.6  # m from a box to a second contact with the same obstacle
 _PART: Final = 0.15  # m around the contact point that the new box covers
 KEPT_FOR: Final = 3.0  # s for which a vanished point is stored
-REACH: Final = 0.65  # m; farther away, a pole may stay between two beams for long
+REACH: Final = 0.65  # m; farther poles may fit between two beams
 _SAME_PLACE: Final = 0.1  # m between vanished points that count as one
 _HALF: Final = 0.05  # m; half the side of the box of a vanished point
 

@@ -45,9 +45,9 @@ HORIZON: Final = 4.0  # s for which motion is predicted
 MORE: Final = 2.5  # m beyond the reach of the bumpers in which motion is detected
 LEAST_TRACK: Final = 0.5  # s of tracking before the velocity is known
 PAUSE: Final = 1.0  # s without motion before the robot drives on
-CONFIRMED_WITHIN: Final = 1.0  # s within which a second scan has to confirm the motion
+CONFIRMED_WITHIN: Final = 1.0  # s until a second scan has to confirm the motion
 PATIENCE: Final = 15.0  # s of waiting before the robot drives on anyway
-IMPATIENCE: Final = 5.0  # s after waiting in which the robot does not wait again
+IMPATIENCE: Final = 5.0  # s after waiting, before the robot may wait again
 SEEN_COMING: Final = 2.0  # m beyond ``MORE`` in which approaching objects are seen
 MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s; predicted times of a meeting
 KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s; predicted times that paths avoid
@@ -57,8 +57,8 @@ STRAIGHT_AT: Final = 0.1  # m off the robot's centre that counts as head-on
 ASIDE: Final = 0.3  # m beyond the safety distance, to pass an object
 REMEMBERED: Final = 0.5  # s for which an unseen object's motion is extrapolated
 ONE_THING: Final = 1.5  # m; a wider group of points is more than one object
-BACK_SPEED: Final = 0.3  # m/s away from an object that has driven into the robot
-RECENT: Final = 30.0  # s after a motion in which the robot backs off
+BACK_SPEED: Final = 0.3  # m/s; speed away from an object that hit the robot
+RECENT: Final = 30.0  # s; older motions do not make the robot back off
 MOVED_NEAR: Final = 0.5  # m between an earlier motion and the obstacle to back off from
 # m and rad between the compared scans of a standing robot
 STOOD: Final = (0.05, 0.05)
@@ -86,13 +86,13 @@ class Waiting:
         self._crossed = -math.inf  # s; when a scan last showed such an object
         # times, s, and positions, m, map frame, of moving objects while the robot stood
         self._motions: deque[tuple[float, complex]] = deque()
-        self._since = math.inf  # s; since when the robot waits
+        self._since = math.inf  # s; time at which the robot began to wait
         self._passing_distance = bumpers.safety_distance + ASIDE
         # time, s, of the last scan of a single moving object, the ends of beams on the
         # object, m, map frame, and its velocity, m/s
         self._thing: tuple[float, NDArray[np.complex128], complex] | None = None
         self._track: deque[tuple[float, complex]] = deque()  # times and positions
-        self._closed_side = -1j  # right or left of its track, to keep clear
+        self._closed_side = -1j  # side of the object that paths avoid
         self._meets = False  # whether the object approaches the robot
         self._impatient_until = -math.inf  # s
 

@@ -49,17 +49,17 @@ from radarsim.protocol.reports import (
     Touch,
 )
 
-ECHO_WAIT: Final = 0.5  # s without echoes, after which ranges are used alone
-BEHIND: Final = 0.25  # m; a beam that is longer by this passes a position
-_BESIDE: Final = 0.3  # m from a position to the beams that look at it
+ECHO_WAIT: Final = 0.5  # s without echoes, after which only ranges are used
+BEHIND: Final = 0.25  # m beyond a position; a longer beam passes the position
+_BESIDE: Final = 0.3  # m from a position, within which beams belong to it
 _LEAST_SPREAD: Final = math.radians(2.5)  # least angle from a position to such beams
 _AIR: Final = "rain"  # an echo kind that blocks no robot
 # The side rays of a radar beam see the end of a wall that is next to the beam, with a
 # different error from each side. So a scan match with few points has this error, and
 # where few points are seen, an INS is more accurate over a few metres.
-INS_DRIFT: Final = 0.03  # drift as a share of the motion
+INS_DRIFT: Final = 0.03  # share of the motion by which an INS drifts
 INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad; noise at rest
-JUMP: Final = (0.1, 0.03)  # m and rad; after smaller corrections stored scans still fit
+JUMP: Final = (0.1, 0.03)  # m and rad; smaller corrections are no jumps
 POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
     PoseSource.INS: Ins,
     PoseSource.ODOMETRY: Odometry,
@@ -82,7 +82,7 @@ class ScanClock:
         self._clock = clock
         self._stamp = math.nan
         self._last_read = math.nan
-        self._offset = 0.0  # s by the clock while the stamps did not advance
+        self._offset = 0.0  # s that passed while the stamps stood still
 
     def time_of(self, stamp: float) -> float:
         """Return the time of the next scan, s.
@@ -237,7 +237,7 @@ class ScanReader(ABC):
         self._scan_clock = ScanClock(clock)
         self._echoes = EchoCollector()
         self._echo_wait = echo_wait
-        self._echoes_due = math.nan  # s; until when scans wait for their echoes
+        self._echoes_due = math.nan  # s; end of the wait for echoes
 
     @property
     @abstractmethod

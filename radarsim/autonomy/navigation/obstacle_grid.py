@@ -42,11 +42,11 @@ _GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell: steps and limi
 _SHORT: Final = 0.15  # m before the end of a beam in which no cell is marked free
 _POINT: Final = 0.02  # m; side of a square in which only the newest point is stored
 _BESIDE: Final = 0.015  # m from a point, within which a beam passes through the point
-_NEAR: Final = 1.5  # m from the robot, within which no point is an image
+_NEAR: Final = 1.5  # m; nearer points cannot be images in mirrors
 _DRIFT: Final = 0.3  # m; drift of poses between two sightings of one obstacle
 _REOPENED: Final = 5.0  # s between two closings of a cell that are counted separately
 _STAYS_CLOSED: Final = 3  # closings after which a cell is not opened again
-_AROUND: Final = 3  # cells around such a cell that are not opened either
+_AROUND: Final = 3  # neighbouring cells that stay closed as well
 _MOST_CELLS: Final = 1 << 24
 
 

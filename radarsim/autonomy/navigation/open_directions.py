@@ -15,11 +15,11 @@ from radarsim.geometry import Floats, Point
 
 HORIZON: Final = 10.0  # m; points farther away are ignored
 MOST_DIRECTIONS: Final = 720  # directions computed; all beams still count as obstacles
-JUMP: Final = 0.5  # m between neighbouring directions, where an obstacle ends
+JUMP: Final = 0.5  # m; a larger jump of the free distance is an edge
 PAST: Final = 0.3  # m from the end of an obstacle to its edge point
-TOO_NEAR: Final = 0.1  # m less than the safety distance to keep free ahead
+TOO_NEAR: Final = 0.1  # m by which the space ahead may be too small
 _FACING: Final = math.cos(math.radians(60.0))  # towards a touched point
-_PLACES: Final = 20  # checked per direction by ``place_nearer_than``
+_PLACES: Final = 20  # positions checked in each direction
 _STEP: Final = 0.15  # m; length of the step in ``leads_too_near``
 
 
@@ -169,7 +169,7 @@ def _first_touches(
     first = lengths.argmin(axis=1)
     shortest = np.clip(lengths.min(axis=1), 0.0, HORIZON)
     ends = np.column_stack([x[first], y[first]])
-    ends[shortest >= HORIZON] = np.nan  # compares false, so that nothing is linked
+    ends[shortest >= HORIZON] = np.nan  # nan compares false, so no points are linked
     return shortest, ends
 
 

@@ -44,13 +44,13 @@ from radarsim.geometry import Floats, Point, Pose2
 
 INTERVAL: Final = 0.5  # s between two plans
 LOOKAHEAD: Final = 2.0  # m of a path that a straight line may cut short
-SURE_AFTER: Final = 5.0  # s without a path after which none exists
-NEARER: Final = 10.0  # times the cost, for cells nearer to an obstacle than the robot
+SURE_AFTER: Final = 5.0  # s; after this time without a path the robot gives up
+NEARER: Final = 10.0  # cost factor of cells nearer to an obstacle than the robot
 PAUSE: Final = 2.0  # s; after a longer gap the wait for a path restarts
 APART: Final = (0.3, 0.3)  # m and rad between two stored scans
-DOUBT: Final = 5.0  # times the cost of a step through a possible image
-MOST_DOUBTED: Final = 200.0  # s on such paths to a goal, so that each run ends
-_MOST_GROWN: Final = 10  # margins added to the first grid
+DOUBT: Final = 5.0  # cost factor of cells that may be mirror images
+MOST_DOUBTED: Final = 200.0  # s on paths through such cells, so that each run ends
+_MOST_GROWN: Final = 10  # times that a margin is added to the first grid
 
 
 class PathPlanning(Controller):
@@ -59,11 +59,11 @@ class PathPlanning(Controller):
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._grid: ObstacleGrid | None = None
-        self._scans: list[Observation] = []  # to rebuild the grid
+        self._scans: list[Observation] = []  # stored for a rebuild of the grid
         self._cost: Floats = np.zeros((0, 0))
         self._path: Floats = np.zeros((0, 2))
         self._planned = -math.inf  # s; time of the last plan
-        self._hopeless_since: float | None = None  # s; since when no path exists
+        self._hopeless_since: float | None = None  # s; start of the wait
         self._looked_at = -math.inf  # s; time of the last plan without a path
         # current and predicted positions of an approaching object, (M, 2) m, map frame
         self._moving: Floats = np.zeros((0, 2))

@@ -38,7 +38,7 @@ START_NOISE: Final = 0.05  # m; noise of the distance of obstacles at the start
 GOAL_NOISE: Final = 0.1  # m; noise of the distance of obstacles at the goal
 DRIFT: Final = 0.005  # m of goal position error for each m of path
 GOAL_IN_SIGHT: Final = 1.5  # m; goals within this distance are checked
-STANDING_AFTER: Final = 4.0  # s near the goal, after which an obstacle stands
+STANDING_AFTER: Final = 4.0  # s; an obstacle stands if it stays this long
 _PLACE: Final = 0.15  # m between two sightings of the same obstacle
 
 
@@ -251,7 +251,7 @@ class Navigator:
                 observation = self._decide(scan)
                 is_over = controller.is_done or trip.time > mission.time_limit
                 if not is_over:
-                    loop.drive(self._twist)  # before ``observe``, which may take long
+                    loop.drive(self._twist)  # first, since ``observe`` may be slow
                 pressed = pressed_names(bumpers.read(observation))
                 activity, goal = controller.activity, controller.goal
                 observe(

@@ -56,14 +56,14 @@ from radarsim.autonomy.navigation.wall_following import (
 )
 from radarsim.geometry import Floats, Point, Pose2
 
-MOST_PAIRS: Final = 1_000_000  # segment and wall pairs at once, to limit the memory
+MOST_PAIRS: Final = 1_000_000  # pairs of a segment and a wall, to limit memory
 LONGER: Final = 0.5  # m; a larger increase of the path means a dead end, not noise
 SHORTER: Final = 0.5  # m; least decrease of the path that counts as progress
-DRIVEN: Final = 2.0  # times the path length plus 1 m, for which progress may fail
-NEARER: Final = 0.2  # m closer to the goal than the boundary, to leave it
+DRIVEN: Final = 2.0  # times the path length plus 1 m without progress
+NEARER: Final = 0.2  # m; a leave target is this much closer to the goal
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
 ARRIVED: Final = 0.3  # m from a target position, within which it is reached
-AGAIN: Final = 0.5  # m from the last leave point; the boundary is followed again
+AGAIN: Final = 0.5  # m from a leave point, to follow the boundary again
 MOST_ALIGNING: Final = 8.0  # s; time for a full turn
 _SURE: Final = 3  # scans in a row before leaving; a single scan may miss a pane
 _SAME: Final = 0.7  # m between two sightings of the same edge
@@ -132,19 +132,19 @@ class TangentBug(BoundaryController):
         super().__init__(settings)
         # A gap that the robot enters has to be wide enough for a wall follower, too.
         self._radius = settings.bumpers.safety_distance + GRAZE
-        self._edge: Point | None = None  # that the robot heads for
+        self._edge: Point | None = None  # edge that the robot drives to
         self._shortest_way = math.inf  # m; shortest path over the best edge so far
         # path length that counts as progress if improved, m, and distance driven since
         # then
         self._way, self._driven = math.inf, 0.0
         self._place: Point | None = None  # target position after leaving a boundary
-        self._left_at = math.inf  # m; greatest goal distance of the next edges
+        self._left_at = math.inf  # m; new edges have to be closer to the goal
         self._open = 0  # scans in a row that allow leaving a boundary
         self._left: FollowedBoundary | None = None  # the boundary that was left last
         # number of times in the whole run that a boundary was followed again after
         # leaving; limited, since reflections in mirrors could restart circuits forever
         self._resumed = 0
-        self._last_hand: bool | None = None  # side of the last boundary, left or not
+        self._last_hand: bool | None = None  # whether the last boundary was on the left
 
     def _begin_goal(self, pose: Pose2) -> None:
         super()._begin_goal(pose)

@@ -57,14 +57,14 @@ from radarsim.geometry import Floats, Point, wrap_angle
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m beyond the target distance
 MAX_TURN = 0.8  # rad; largest correction of the heading
-HEADING_STEP = math.radians(5.0)  # between the tested directions
+HEADING_STEP = math.radians(5.0)  # between two tested directions
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
-CORNER_DEPTH = 0.15  # m beyond its nearest point that still belong to a boundary
+CORNER_DEPTH = 0.15  # m beyond the nearest point that belong to a boundary
 SIDE_ANGLE = math.radians(10.0)  # off the heading; the other side of a gap begins there
 # Directions at smaller angles to the boundary lead into it.
 FACING_ANGLE = math.radians(60.0)
-_LOST_MARGIN = 0.1  # m beyond the band; a farther boundary is lost
+_LOST_MARGIN = 0.1  # m beyond the band, after which a boundary is lost
 _STEP_TOLERANCE = 0.02  # m of tolerance when a step is checked
 _EQUAL_RANGE = 0.05  # m between ranges that count as equally near
 _AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; directions to keep free
@@ -329,7 +329,7 @@ class BumperWallFollower(WallFollower):
     _is_turning = False
     _is_in_corner = False  # whether the side was pressed when the turn began
     _turned = 0.0  # rad; angle turned since the turn began
-    _yaw = 0.0  # rad; of the last step
+    _yaw = 0.0  # rad; yaw at the last step
 
     def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
         """Turn until only the bumper on the boundary's side is pressed.
