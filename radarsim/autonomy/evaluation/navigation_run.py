@@ -27,7 +27,8 @@ INTERRUPTED: Final = "interrupted"
 class GroundTruthMonitor(HostObserver):
     """Records the true path and the collisions of the first robot at every tick.
 
-    As a host observer, it reads the state after each tick, when the next one begins.
+    As an observer of the host, the monitor reads the state after each tick, at the
+    beginning of the next tick.
 
     Attributes:
         collisions: Number of contacts with obstacles or robots.

@@ -213,8 +213,9 @@ def evaluate(
                 robot.drive(0.3)
                 robot.simulation.step(0.1)
 
-    The robot has reported before the call. A ``ClientError`` or ``NavigationError`` of
-    the controller fails the run; any other error ends the evaluation.
+    The robot has sent its first reports before the call. A ``ClientError`` or
+    ``NavigationError`` of the controller fails the run; any other error ends the
+    evaluation.
 
     Args:
         controller: The controller.

@@ -4,10 +4,10 @@ Theory of operation
 ===================
 A shortest path among obstacles is a chain of straight lines between corners of the
 obstacles that it bends around (the visibility graph). Here the obstacles are the solid
-objects grown by the disc's radius, with arcs made of chords. A* searches that graph. It
-computes edges only from the corners that it expands, and only lines that can be part of
-a shortest path: such a line passes both of its corners without cutting into the
-obstacle next to the corner.
+objects grown by the disc's radius, with arcs made of chords. A* searches this graph. It
+computes only edges from the corners that it expands, and only edges that can be part of
+a shortest path: such an edge touches the obstacles at both of its ends without entering
+them.
 """
 
 import heapq

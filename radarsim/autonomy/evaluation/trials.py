@@ -1,7 +1,8 @@
 """Simulated runs of plans and navigator trials, with results by the ground truth.
 
-The results contain values that the robot cannot measure: its true pose, its collisions,
-and the length of the shortest path. The client and the server run in lockstep.
+The results contain values that the robot cannot measure itself: its true pose, its
+collisions, and the length of the shortest path. The client and the server run in
+lockstep.
 """
 
 import math

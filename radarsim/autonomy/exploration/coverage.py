@@ -1,17 +1,17 @@
 """Exploration strategies: nearest target, contour, spiral, and random bounces.
 
 A frontier is the border between open floor and space that no beam has crossed. The
-coverage strategy drives until all floor has been seen at short range, since from afar
-and through foliage a radar's beams leave wide gaps. Both strategies drive to the
-nearest target until none is left.
+frontier strategy drives to the nearest frontier until none is left. The coverage
+strategy drives to the nearest floor not seen at short range until none is left, since
+the beams of a radar leave wide gaps far away and in foliage.
 
 The contour strategy follows the walls of a room once around, then covers its interior.
 
 The contour is the boundary of the floor that the robot can reach on the map; islands
 within it are followed only if no other wall is left. It is closed when the robot, by
-its own pose, passes the point where it began to follow. Around an island the robot's
-total turn has the opposite sign: the wall was not the room's, and another one is
-searched. Without a room wall, no interior is covered.
+its own pose, passes the point where it began to follow. Around an island, the robot's
+total turn has the opposite sign. Then the robot searches for another wall. If it finds
+no wall of the room, it covers no interior.
 """
 
 import math
@@ -221,7 +221,8 @@ class ContourStrategy(Strategy):
 class SpiralCoverage(Strategy):
     """Drives in a spiral around its start, and skips unreachable points.
 
-    It is done at its maximum radius, or if no point of a full turn is reachable.
+    The strategy is done at the maximum radius, or if no point of a full turn is
+    reachable.
     """
 
     activity = "spiral"
@@ -270,8 +271,8 @@ class SpiralCoverage(Strategy):
 class RandomBounce(Strategy):
     """Drives straight to a wall and turns by a random angle, like a vacuum robot.
 
-    It is done when all reachable floor has been seen at short range, or if the last
-    legs showed no new floor.
+    The strategy is done when all reachable floor has been seen at short range, or when
+    the robot has seen no new floor on the last straight legs.
     """
 
     min_scans = 0

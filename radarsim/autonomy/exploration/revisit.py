@@ -2,19 +2,19 @@
 
 Theory of operation
 ===================
-Reachable floor does not close by itself: an object has moved into a passage, and may
-leave again. It stands on cells that the robot has seen free, while a wall that narrows
-a passage stands on cells that were never seen before. So open and free floor is
-remembered. When a strategy is done and unexplored space remains behind floor that was
-open, the robot drives towards it as far as possible, stops at a distance so that the
-object has room to leave, and watches. Once the passage is free, it explores on. If
-nothing changes for a while, it gives up that passage, and the run ends as
-``incomplete``.
+If floor that was reachable becomes unreachable, an object has moved into a passage, and
+may leave it again. Such an object stands on cells that the robot has seen free, while a
+wall that narrows a passage stands on cells that were never seen before. So the strategy
+stores which floor was open and free. When another strategy is done and unexplored space
+remains behind a blocked passage, the robot drives towards the passage, stops at a
+distance that leaves the object room to leave, and waits. Once the passage is free, the
+robot explores on. If nothing changes for a while, it gives up the passage, and the run
+ends as ``incomplete``.
 
 At the end moved objects are removed from the map. Open floor keeps the safety distance
-from all obstacles seen so far, so an obstacle on it or that near to it came later: a
-standing obstacle looks larger from afar, not smaller. Small groups of cells are errors
-of poses and beams.
+from all obstacles seen so far. So an obstacle that appears within this distance has
+moved there: a standing obstacle looks larger from far away, not smaller. Small groups
+of cells are ignored, since they are errors of poses and beams.
 """
 
 import math
@@ -132,8 +132,8 @@ class Revisit(Strategy):
     def forget_moved(self, grid: OccupancyGrid) -> None:
         """Remove obstacles that moved onto open floor from the final map.
 
-        Without any watching, nothing is removed: no floor was closed off, and the few
-        such cells are errors of poses and beams.
+        If the robot never had to wait, nothing is removed: no passage was blocked, so
+        the few such cells are errors of poses and beams.
         """
         if not self._has_looked:
             return

@@ -1,10 +1,10 @@
 """Exploration strategies by name, and ``AutoStrategy``, which chooses among them.
 
-``auto`` chooses by the sensor readings. If less than half of all directions have a
-return, the area is open: the robot drives a spiral from the start, then to frontiers no
-farther from the start than the radius of the spiral. Otherwise it drives to frontiers.
-With walls all around and no reachable frontier, it follows the walls and covers the
-interior.
+``auto`` chooses a strategy by the sensor readings. If less than half of all directions
+have a return, the area is open: the robot drives a spiral from the start, then to
+frontiers no farther from the start than the radius of the spiral. Otherwise it drives
+to frontiers. With walls all around and no reachable frontier, it follows the walls and
+covers the interior.
 
 When a strategy is done, ``auto`` also explores the remaining areas.
 """

@@ -2,11 +2,11 @@
 
 Theory of operation
 ===================
-Cells of the map are joined to tiles of about 0.1 m. At a distance, cells between beams
-stay unknown. So a tile is unknown only if it is part of a small disc without any sensed
-tile, and all other tiles are sensed. Open tiles are sensed tiles that keep
-the safety distance from obstacles. Frontiers are open tiles next to unknown ones.
-Unvisited tiles are open tiles that no beam has passed at short range.
+Cells of the map are joined to tiles of about 0.1 m. Far from the robot, cells between
+beams stay unknown. So a tile is unknown only if it is part of a small disc without any
+sensed tile, and all other tiles are sensed. Open tiles are sensed tiles that keep the
+safety distance from obstacles. Frontiers are open tiles next to unknown ones. Unvisited
+tiles are open tiles that no beam has passed at short range.
 """
 
 import math
@@ -174,7 +174,7 @@ class TraversabilityMap:
     def find_path(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
         """Return the path to the nearest of given tiles, m; empty without a path.
 
-        A robot too close to an obstacle may leave if it comes no closer.
+        A path from a position too close to an obstacle may lead away from the obstacle.
         """
         start = self._tile(pose.x, pose.y)
         if not self._is_inside(start):

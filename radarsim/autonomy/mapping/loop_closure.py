@@ -3,28 +3,31 @@
 Theory of operation
 ===================
 Recently seen points are consistent with the robot's pose; points seen long ago may not
-be, since the pose has drifted in between. Keyframes therefore leave the local map when
-the robot is far away, and return only after a loop closure has aligned both. In a room
-that the scanner sees as a whole, no keyframe leaves the local map.
+be, since the pose has drifted in between. Keyframes are therefore removed from the
+local map when the robot is far away from them, and added again only after a loop
+closure has aligned them. In a room that the scanner sees as a whole, no keyframe leaves
+the local map.
 
 Loop closure: near keyframes that have left the local map, the latest points are matched
 with a map of these keyframes. The pose may have drifted in proportion to the path, so
 start poses all around the estimate are tried, and the best is refined. The match counts
-only if most points fit. It does not count in a corridor, which looks the same
-everywhere along it, nor if the points fit about as well at the estimated pose, far from
-the best one, as in a row of niches. The appearance of a wall depends on the viewpoint:
-a match from some metres off the old position can have a larger error than the whole
-loop, especially while many of the seen points are not on the old map yet. From there,
-almost all points must fit; otherwise the loop closes farther on.
+only if most points fit. It does not count in a corridor, since scans look the same all
+along it. It also does not count if the points fit about as well at the estimated pose,
+far away from the best pose, as in a row of niches. A wall looks different from
+different positions. So a match a few metres away from the old position can have a
+larger error than the whole loop, especially while many of the seen points are not on
+the old map yet. There almost all points have to fit. Otherwise the loop is closed
+later, farther along the path.
 
-Anchoring: a robot at rest sees everything from one position, and each wall by few
-beams. The next scans are matched with these few points, and later scans with those: the
-map is consistent, but rotated by some tenths of a degree. Later, after walls have been
-seen from many positions, the first scans, the only ones with the start pose, are
-matched with the map of all others. The result is the error of that map, and all
-keyframes except the first are corrected by it. This is repeated a few times while the
-map improves. A map stays in place if its error is below the accuracy of the first
-scans, or if keyframes have left the local map, since it may have bent since then.
+Anchoring: before a robot moves, it sees everything from one position, and each wall
+with few beams. The next scans are matched with these few points, and later scans with
+the next ones. So the map becomes consistent, but is rotated by some tenths of a degree.
+Only the first scans have the exact start pose. After walls have been seen from many
+positions, these scans are matched with the map of all other scans. The match gives the
+error of this map, and all keyframes except the first ones are corrected by it. This is
+repeated a few times while the map improves. A map stays in place if its error is below
+the accuracy of the first scans, or if keyframes have left the local map, since it may
+have bent since then.
 """
 
 import math

@@ -6,9 +6,9 @@ with missing echoes is used to find the pose but not for the map, since the rang
 radar alone does not distinguish foliage from a wall.
 
 When a loop closes, the poses of all scans change, and the grid is rebuilt from the
-scans. That takes seconds, in which a robot would drive on blindly. So with each new
-scan, which still goes to the old grid, some old scans are added to the new grid. The
-new grid replaces the old one when it holds all scans.
+scans. A rebuild takes seconds, in which a robot would drive on blindly. So it is done
+in steps: each new scan is added to the old grid, and with it some stored scans are
+added to the new grid. The new grid replaces the old grid once it contains all scans.
 """
 
 import math

@@ -3,10 +3,10 @@
 Theory of operation
 ===================
 Each pose is connected with the previous pose by the motion in between, and, where a
-loop closes, with an older pose by a scan match. Both are edges: a measured pose of one
-end in the frame of the other, with its information matrix. The poses with the least sum
-of squared errors are found by Gauss-Newton with sparse matrices; the first pose is
-fixed.
+loop closes, with an older pose by a scan match. Both are edges of the graph. An edge
+contains the measured pose of one end in the frame of the other end, with its
+information matrix. The poses with the least sum of squared errors are found by
+Gauss-Newton with sparse matrices; the first pose is fixed.
 
 Source: Grisetti, Kümmerle, Stachniss and Burgard, "A tutorial on graph-based SLAM"
 (2010).

@@ -9,13 +9,13 @@ is extrapolated, and its sigma grows by the possible change of speed. Without IN
 odometry, poses around the last pose and the extrapolated pose are tried, and the best
 is refined.
 
-A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
-since the last keyframe. The first scans also become keyframes while the robot stands:
-they have the start pose and make the map dense. A place that is seen again is matched
-with its first scans, unless the robot has been so far away in between that its pose may
-have drifted. In that case a loop closure is searched (``loop_closure``). It distributes
-the error over all poses since the first visit (``pose_graph``), including the poses of
-earlier scans.
+A scan becomes a keyframe, part of the map, when the robot has moved by 0.2 m or turned
+by 0.1 rad since the last keyframe. The first scans also become keyframes while the
+robot stands: they have the start pose and make the map dense. A place that is seen
+again is matched with its first scans, unless the robot has been so far away in between
+that its pose may have drifted. In that case a loop closure is searched
+(``loop_closure``). It distributes the error over all poses since the first visit
+(``pose_graph``), including the poses of earlier scans.
 
 Navigators may use the poses of their scans from this module: stored scans can be
 corrected when a loop closes, or when the map is rotated back to its start.

@@ -4,11 +4,12 @@ Points with a gap between them that is too narrow for the robot belong to one ob
 So a robot that circles one of two poles does not switch to the other pole when both are
 equally near.
 
-A moving robot looks like an obstacle, and a path around it closes like a circuit. So
-before a navigator concludes that no path exists, it checks the points of the followed
-boundary in the newest scan: points that beams pass through have gone. Beams also pass
-through panes and reflect off mirrors. So an obstacle that the robot meets again, where
-it seemed to have gone, is taken to stand.
+Another robot that moves looks like an obstacle, and a path around it looks like a
+circuit. So before a navigator concludes that no path exists, it checks the points of
+the followed boundary in the newest scan. If beams pass through a point, the obstacle
+there has moved away. Beams also pass through panes and reflect off mirrors. So an
+obstacle that seemed to have moved away, but that the robot meets again at the same
+position, counts as standing.
 
 The boundary also checks whether the followed obstacle is the obstacle that was hit: its
 first points have to be near the hit point, and a circuit has to pass there again.

@@ -12,9 +12,10 @@ obstacle there, no path exists. Bug2 leaves the boundary where it meets the line
 start to goal again, nearer to the goal than at the hit point, unless the line leads
 into the obstacle there.
 
-The user chooses when Bug2 gives up. By Choset and others, it gives up when it meets its
-hit point, or another point of its own path, again. By the thesis, it gives up as soon
-as it meets the line no nearer to the goal, even on some maps that have a path.
+The user chooses when Bug2 gives up. According to Choset and others, it gives up when it
+meets its hit point or another point of its path again. According to the thesis, it
+gives up as soon as it meets the line at a point that is no nearer to the goal than the
+hit point, even on some maps that have a path.
 
 Source: H. Choset et al., Principles of Robot Motion, MIT Press 2005, chapter 2; a
 thesis on navigation with a radar in USARSim, section 5.1.

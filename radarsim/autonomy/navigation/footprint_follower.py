@@ -1,9 +1,9 @@
 """Follow the path of a rectangular footprint, slowly in tight spaces.
 
 The robot is steered back to the line of each straight motion, and turns on the spot at
-the ends. A motion is not made if it would bring the footprint closer than a centimetre
-to a seen point, and a path that leads so close is no longer followed: the caller has to
-plan another.
+the ends of the line. It makes no motion that would bring the footprint closer than a
+centimetre to a seen point. It stops following a path that leads so close, and the
+caller has to plan another path.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Searches on grids, and the cost of driving near obstacles.
 
 The robot's centre keeps the safety distance from obstacles, so a passage has to be
-twice the safety distance wide, plus the blur of the sensor and the cells. Where there
-is space, paths keep farther away. All grid planners use the same costs, so they all
-reach the same cells.
+twice the safety distance wide, plus the errors of the sensor and of the cell size.
+Where there is space, paths keep farther away from obstacles. All grid planners use the
+same costs, so they all reach the same cells.
 """
 
 import math
@@ -88,8 +88,8 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
 def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
     """Return whether two cells both connect to the border, but not to each other.
 
-    Then a path between them may lead around the area of the grid. A closed end cell
-    cannot be reached, so the result is False.
+    If so, a path between the cells may lead around the area of the grid. A closed end
+    cell cannot be reached, so the result is False.
     """
     border = np.ones(passable.shape, np.bool_)
     border[1:-1, 1:-1] = False

@@ -4,9 +4,9 @@ Theory of operation
 ===================
 A mirror reflects a beam, so the beam ends at a point that appears behind the mirror.
 Points that appear in front of a mirror are real, and points that appear behind it may
-not be. A robot drives into an obstacle that it cannot see. Its touch sensors report the
-contact, but not its position. The contact is on the leading side of the footprint,
-whose points moved outward.
+not be. A robot may drive into an obstacle that it cannot see. Its touch sensors report
+the contact, but not the position of the contact. The contact is on the leading side of
+the footprint, which moved outward.
 
 A box as wide as the leading side is stored there in the map frame. From then on beams
 end at the box, and returns from behind it are dropped. If the gap between two boxes is
@@ -17,19 +17,19 @@ The robot backs up along the path it came, which was free, until everything seen
 touched is as far away as the safety distance. A robot that stood stores no box: another
 robot has driven into it, and will drive away. Along a mirror the path back also leads
 along the mirror. So at the end of that path, the robot chooses the motion that moves
-its centre away and its footprint past all seen and touched obstacles. It does the same
-instead of a motion that would press its footprint against an obstacle, such as a turn
-next to one, so it touches nothing twice. If it touches an obstacle on the way out, it
-backs up again.
+its centre away and its footprint past all seen and touched obstacles. The robot also
+chooses such a motion in place of a motion that would press its footprint against an
+obstacle, such as a turn next to the obstacle. So it touches no obstacle twice. If it
+touches an obstacle on the way out, it backs up again.
 
 A robot that faces a mirror sees its own image approach. It may stop in front of the
-image for good, and in a gap between mirrors it may turn to and fro. So a robot that
-makes no progress treats the obstacle ahead as touched.
+image forever, and in a gap between mirrors it may turn left and right again and again.
+So a robot that makes no progress treats the obstacle ahead as touched.
 
-The end of a plate is thin, and beams pass next to it: one scan shows the end, and the
-next scan does not. If the plate is a mirror, the beams show a far point instead. A
+The end of a plate is thin, so beams may miss it: one scan shows the end, and the next
+scan does not. If the plate is a mirror, the next scan shows a distant point instead. A
 robot that steers by single scans would turn away from the end in one scan and towards
-it in the next, until it touches it.
+it in the next scan, until the robot touches the end.
 
 So a point that one scan shows near the robot, and that the next scan looks through, is
 stored for a few seconds: beams end there as if they had hit it. A moving object is not

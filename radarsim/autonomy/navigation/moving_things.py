@@ -2,13 +2,13 @@
 
 Theory of operation
 ===================
-Each scan is compared with a scan from a moment before. A point in a region that an
-earlier beam passed through has moved there. A point in a region that was hidden behind
-a nearer obstacle may have stood there, and is ignored.
+Each scan is compared with a scan from a moment before. A point where an earlier beam
+passed through belongs to an object that has moved there. A point that was hidden behind
+a nearer obstacle may have been there before, and is ignored.
 
 The first and the current position of the object give its velocity after half a second,
-so objects are tracked from a few metres away. The robot stops if the two would come too
-close to each other within the next seconds, and stopping increases their distance.
+so objects are tracked from a few metres away. The robot stops if it would come too
+close to the object within the next seconds, and if stopping increases the distance.
 
 Stopping does not help against an object that approaches head-on without stopping. A
 robot that plans paths does not wait for such an object. Its paths avoid the current
@@ -21,9 +21,9 @@ object that has stopped is an obstacle like any other.
 
 An object that does not give way may drive into the robot. Then the robot neither turns
 nor drives on, since both would press it against the object: it backs off until it has
-room to turn. It backs off only from positions where an object has moved, since it would
-have no room among standing obstacles. In a mirror next to the robot, its image moves
-with it. So backing off only considers motion that the robot saw while it stood.
+room to turn. The robot backs off only near positions where an object has moved, since
+among standing obstacles there may be no room. In a mirror next to the robot, the image
+of the robot moves with it. So only motion counts that was seen while the robot stood.
 """
 
 import math

@@ -7,11 +7,11 @@ that blocks a robot.
 Theory of operation
 ===================
 The range of a radar beam is the distance where the beam ended, and thin foliage does
-not end it: a bush of 1 m and density .7 absorbs less than the power of a beam. The
-echoes still show where the beam entered the bush, which robots cannot pass. So the
-nearest echo of an obstacle counts in each beam, however thin the obstacle is. Materials
-that robots pass, such as smoke, count where a beam ends in them, since the beam saw
-nothing beyond.
+not end it: a bush of 1 m and density .7 absorbs less than the power of a beam. Robots
+cannot pass the bush, and the echoes show where the beam entered it. So in each beam the
+nearest echo of an obstacle counts, even if the obstacle is thin. Materials that robots
+can pass, such as smoke, count only if a beam ends in them, since the space beyond is
+unknown.
 
 Echo lines arrive before the scan that they belong to. Servers without echo support send
 none; then only ranges count.
@@ -140,9 +140,9 @@ class Observation:
     def looks_through(self, points: NDArray[np.complex128]) -> NDArray[np.bool_]:
         """Return whether beams passed through positions and none ended there, (N,).
 
-        Beams next to a position count as well: a pole may be between two of them, and a
-        radar with side beams sees it up to 0.2 m off its position. False is returned
-        for positions that no beam looks at.
+        Beams next to a position count as well: a pole may be between two beams, and a
+        radar with side rays sees the pole up to 0.2 m off its position. The result is
+        False for positions without any beam.
 
         Args:
             points: (N,) m, map frame, x + iy.

@@ -3,21 +3,21 @@
 Theory of operation
 ===================
 The evidence of a cell increases when a beam ends in it, and decreases when a beam
-passes through. So obstacles that have driven away are forgotten, and one stray echo
-does not close a cell for long. A beam that passes through a cell away from the point
-that was seen in it is ignored, since it may have passed next to a pole. Unseen cells
-are open. The grid covers start, goals and a margin around them; points outside are
-ignored until the grid grows.
+passes through. So obstacles that have driven away are removed, and a single stray echo
+does not close a cell for long. A beam that passes through a cell, but not near the
+point that was seen in the cell, is ignored, since it may have passed next to a pole.
+Unseen cells are open. The grid covers start, goals and a margin around them; points
+outside are ignored until the grid grows.
 
 Some beams pass a pane of glass and others end in it, so its cells close and open again.
 A cell that closes for the third time, with seconds in between and seen from nearby,
-therefore stays closed. Otherwise a robot would drive to and fro in front of the pane
-forever.
+therefore stays closed. Otherwise a robot would drive back and forth in front of the
+pane forever.
 
-A mirror shows an image of an obstacle behind it, where there is none. A robot that is
-near the image has driven past the mirror or has touched it. So a closed cell is certain
-once the robot has seen it from nearby, together with cells within the drift of poses.
-Before that, it may be an image.
+A mirror shows images of obstacles in the space behind the mirror, where there are no
+obstacles. A robot that is near such an image has driven past the mirror or has touched
+it. So a closed cell is certain once the robot has seen it from nearby, together with
+the cells within the drift of poses. Until then, the cell may be an image.
 
 A radar that sends its echoes also shows obstacles behind a first thin hedge, so a dead
 end is known before the robot has entered it.

@@ -99,7 +99,7 @@ class OpenDirections:
     def place_nearer_than(self, distance: float, goal: Point) -> Point | None:
         """Return a position closer to a goal that the disc reaches in a straight line.
 
-        Of all such positions, it has the shortest path over it to the goal.
+        Of all such positions, the one on the shortest path to the goal is returned.
 
         Args:
             distance: Greatest distance of the position from the goal, m.

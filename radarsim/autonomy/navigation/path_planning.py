@@ -1,16 +1,16 @@
 """Path planning: follow the cheapest path to the goal on a grid of seen obstacles.
 
 Unseen cells count as open, so paths are as short as possible, and are planned again
-while the robot drives. The planner gives up if neither the grid nor its surroundings
-have a path, after the robot has stood and looked for a moment.
+while the robot drives. The planner gives up if there is no path on the grid or around
+it, even after the robot has waited for a moment.
 
 Paths are planned for a disc, which keeps the safety distance. Once it is certain that
 no such path leads to the goal, the robot follows paths of its footprint from positions
 without a path for the disc.
 
-A point that was only seen from afar may be an image in a mirror. So before the robot
-gives up, it drives through uncertain cells on the shortest path, until it has seen them
-from nearby: no path exists if certain cells close all paths.
+A point that was only seen from far away may be an image in a mirror. So before the
+robot gives up, it drives through such uncertain cells on the shortest path, until it
+has seen them from nearby. No path exists if certain cells block all paths.
 """
 
 import math

@@ -3,9 +3,9 @@
 Theory of operation
 ===================
 A scan gives the free distance of the robot in each direction. Where that distance
-jumps, an obstacle ends: its edge is a possible target. The robot heads for the edge
-with the shortest path over it to the goal, around everything that the scan shows, or
-for the goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around
+jumps, an obstacle ends: its edge is a possible target. The robot heads for the edge on
+the shortest path to the goal around all obstacles in the scan, or for the goal itself
+if no obstacle is in between. So unlike Bug1 and Bug2, it starts to drive around
 obstacles before it reaches them.
 
 The robot is in a dead end if no edge leads to the goal, or if the path over the best
@@ -13,9 +13,9 @@ edge becomes longer while the robot drives and leads away from the goal. It is a
 dead end if the path becomes no shorter over twice its length, as in a circle around the
 goal. Then it drives to the obstacle that hides the goal and follows its boundary in the
 direction with the shorter path, and stores the least distance of that boundary from the
-goal. As soon as it can go straight to a position closer to the goal, it does, and never
-heads for a farther one again, so the algorithm ends. If it completes a circuit of the
-same boundary, no path exists.
+goal. As soon as it can drive straight to a position closer to the goal than this
+distance, it does so. It never heads for a position farther from the goal again, so the
+algorithm ends. If it completes a circuit of the same boundary, no path exists.
 
 Noise opens and closes gaps that are barely wide enough for the robot. So an edge is
 kept while the path to it is nearly open, and a robot that cannot go on where it has

@@ -17,14 +17,13 @@ robot keeps to the middle, if that is the safety distance from both sides.
 Rule 1: everything is computed for a boundary on the left and a robot that goes forward.
 For the other side the scan is mirrored, and for going backward it is rotated by pi.
 Rule 2: the boundary is where the nearest beam ends, not the nearest share of beams: the
-end of a thin wall reflects no more than one or two beams.
-Rule 3: obstacles ahead are judged in the direction of the next step, not in the
-direction that the robot faces: of all directions in which the next step is clear, the
-closest to the boundary's direction is chosen. So the robot does not oscillate in
-corners.
-Rule 4: a robot that heads for a goal must not enter a gap that a wall follower would
-not enter, or it might never pass its hit point again. So a wall follower drives through
-all gaps that are twice the safety distance wide, plus 0.4 m for turning and noise.
+end of a thin wall may reflect only one or two beams. Rule 3: obstacles ahead are judged
+in the direction of the next step, not in the direction that the robot faces: of all
+directions in which the next step is clear, the closest to the boundary's direction is
+chosen. So the robot does not oscillate in corners. Rule 4: a robot that heads for a
+goal must not enter a gap that a wall follower would not enter, or it might never pass
+its hit point again. So a wall follower drives through all gaps that are twice the
+safety distance wide, plus 0.4 m for turning and noise.
 
 The literal method of the thesis follows a boundary by the pressed bumpers alone.
 
@@ -33,8 +32,8 @@ Theory of operation of the literal method
 While only the bumper on the boundary's side is pressed, the robot drives straight on.
 When that bumper is released, the robot is too far from the boundary and turns towards
 it. When the front bumper is pressed as well, the robot turns away on the spot until the
-back bumper is pressed instead; after a press of the front bumper alone, until only the
-side bumper is pressed.
+back bumper is pressed instead. When the front bumper alone is pressed, the robot turns
+until only the side bumper is pressed.
 
 Three rules are added for obstacles that the thesis does not mention: the robot turns
 away from a side that is too near, stops to turn if an obstacle ahead is too near, and
