@@ -189,7 +189,7 @@ class WatchMapper:
         self._early = deque[Report](maxlen=MOST_EARLY)
 
     def watch(self, watcher: RobotWatcher) -> int:
-        """Map the reports of a robot until it leaves or a signal raises SystemExit.
+        """Map a robot's reports until it leaves, or until a signal raises SystemExit.
 
         Args:
             watcher: Watches the robot.

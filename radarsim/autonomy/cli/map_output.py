@@ -312,7 +312,7 @@ def _describe_status(run: MappingRun, activity: str) -> str:
 
 
 def print_result(run: MappingRun, *, as_json: bool) -> None:
-    """Print the result of a run; without a scan, print failures only as JSON."""
+    """Print the result of a run; if it has no scan, print failures only as JSON."""
     if as_json:
         print_lines([run.to_json()])
     elif run.source.trip.start is not None or not run.error:
@@ -349,7 +349,7 @@ def as_text(run: MappingRun) -> list[str]:
 
 
 def _files_text(files: Sequence[Path]) -> str:
-    """Return the names of the files, with the picture for people first."""
+    """Return the names of the files as text, with the plot of the map first."""
     view = next(file for file in files if file.stem.endswith("_view"))
     others = ", ".join(file.name for file in files if file != view)
     return f"{view.name} to look at; for programs {others}; in {view.parent}"

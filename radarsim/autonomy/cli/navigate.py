@@ -139,7 +139,7 @@ def navigate(
 
 
 def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
-    """Return the mission, completed by the trial of a map where values are missing.
+    """Return the mission, with missing values taken from the trial of the map.
 
     Args:
         mission: The mission as given.
@@ -170,7 +170,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
-    """Print the result of a run, also if interrupted; print failures only as JSON."""
+    """Print the result of a run, also after an interrupt; print failures only as JSON."""
     from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 

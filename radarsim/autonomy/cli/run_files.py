@@ -1,4 +1,4 @@
-"""Shared parts of ``navigate`` and ``map``: checks, films and recordings of runs."""
+"""Code shared by ``navigate`` and ``map``: checks, films and recordings of runs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DRAWN_ROBOT: Final = "P3AT"  # for an unknown robot class
 
 
 def drawn_robot(class_name: str | None) -> RobotModel:
-    """Return the robot model to draw: a P3AT if a class is unknown."""
+    """Return the robot model to draw for a class: a P3AT if the class is unknown."""
     from radarsim.presets.robots import load_robot
 
     try:

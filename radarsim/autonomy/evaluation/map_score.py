@@ -102,7 +102,7 @@ class Truth:
         return np.asarray(around & self.indoors)
 
     def faces(self, *, outdoors: bool) -> Mask:
-        """Return the cells with exposed obstacle surfaces, and with foliage, (R, C).
+        """Return the cells with foliage or an exposed surface of an obstacle, (R, C).
 
         Args:
             outdoors: Whether the outer surfaces of walls count, too.
@@ -151,8 +151,8 @@ def covered_cells(area: Any, frame: GridFrame) -> Mask:
 def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.hypot(*spans.T) / frame.resolution
-    # Points are set every quarter of a cell. A line may miss a cell whose corner it
-    # only grazes, which is far below the tolerance of scores.
+    # There is a point every quarter of a cell. A line that only touches the corner of a
+    # cell may miss the cell, which is far below the tolerance of scores.
     counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
     which = np.repeat(np.arange(len(segments)), counts)
     number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -185,7 +185,8 @@ def find_floor(
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
     pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
-    # The free space may begin next to the robot, if the robot starts at a wall.
+    # If the robot starts at a wall, its centre may be outside the free space, so the
+    # nearest piece is used.
     home = min(pieces, key=Point(start).distance, default=None)
     if home is not None and home.distance(Point(start)) > robot_radius:
         home = None

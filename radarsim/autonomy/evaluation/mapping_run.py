@@ -59,7 +59,7 @@ class Sample(NamedTuple):
 
 
 class AreaCurve:
-    """The known area over the time and the path of a run.
+    """The size of the known area over the time and the path length of a run.
 
     Attributes:
         samples: Samples in the order of time.

@@ -1,4 +1,4 @@
-"""Trials of a user's own controller, which drives a robot of a local simulation.
+"""Trials of a controller written by the user, which drives a simulated robot.
 
 Its runs are evaluated like those of the built-in navigators: with the ground truth, on
 the same maps. Shares have Wilson's score interval (Wilson 1927), which also holds for
@@ -145,7 +145,7 @@ class Evaluation:
 
     @property
     def success(self) -> Mapping[str, Estimate]:
-        """Share of correct runs without collisions, by map.
+        """Share of runs with the correct outcome and no collisions, by map.
 
         The key ``all`` holds the share over all maps. The intervals are Wilson's at 95
         %; for a single run, both ends are the value.
@@ -157,7 +157,7 @@ class Evaluation:
 
     @property
     def detour(self) -> Mapping[str, Estimate]:
-        """Path length divided by the shortest one, by map, for runs to the goal.
+        """Ratio of the path length to the shortest path, by map, for runs to the goal.
 
         Maps without such a run are missing. The intervals are Student's at 95 %.
         """

@@ -242,7 +242,7 @@ def prepare_workers(
 
 
 def count_threads(client: Any, address: str, report: Callable[[str], None]) -> int:
-    """Return the number of threads of the workers, as soon as there is a worker.
+    """Wait for a worker, and return the number of threads of all workers.
 
     Raises:
         SweepError: If there is no worker for too long, or the scheduler has stopped.
@@ -299,8 +299,8 @@ def run_batches(
                 # The cluster has stopped, or it has restarted and lost the batch.
                 threads = count_threads()
                 left = chain([batch], left)
-            # Errors of tasks are part of results. This error comes from the cluster,
-            # which has given up the batch because its workers died.
+            # Errors of tasks are part of the results, so this error comes from the
+            # cluster: it has given up the batch because the workers died.
             except Exception as error:  # noqa: BLE001
                 if len(batch) > 1:
                     left = chain(([one] for one in batch), left)

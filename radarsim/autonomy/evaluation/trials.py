@@ -1,4 +1,4 @@
-"""Simulated runs of plans and navigator trials, with results by the ground truth.
+"""Simulated runs of plans and navigator trials, evaluated with the ground truth.
 
 The results contain values that the robot cannot measure itself: its true pose, its
 collisions, and the length of the shortest path. The client and the server run in
@@ -47,7 +47,7 @@ TIME_LIMIT = 3600.0  # s of simulated time
 
 @dataclass(frozen=True, kw_only=True)
 class TrialResult:
-    """The result of a run by the ground truth, and the parameters of its trial.
+    """The result of a run according to the ground truth, and the trial's parameters.
 
     Attributes:
         outcome: For a drive, ``reached`` if the robot reports that and is at the goal,
@@ -111,7 +111,7 @@ def run_plan(
     *,
     seed: int = 0,
 ) -> TrialResult:
-    """Run a plan in lockstep with a server, and return its result by the ground truth.
+    """Run a plan in lockstep with a server; return its result by the ground truth.
 
     Args:
         plan: A drive to a goal, or an exploration, whose map is scored.

@@ -121,7 +121,7 @@ class Exploration:
             check_field_of_view(settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
-        # The disc of this radius is under the robot at any heading.
+        # The robot covers the disc of this radius at any heading.
         radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,
@@ -169,7 +169,8 @@ class Exploration:
                     strategy.forget_moved(self.mapper.grid)
                 return
             stuck.check(observation, twist)
-            # A waiting robot may stand still for a long time, so the detector is reset.
+            # While the robot waits, it may stand still for a long time, so the detector
+            # is reset.
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)

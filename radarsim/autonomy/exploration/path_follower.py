@@ -131,7 +131,8 @@ class PathFollower:
         bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
         bearing = settings.clear_bearing(observation, bearing)
         twist = settings.speed_limits.towards(bearing)
-        # The map may be wrong or outdated, so the current bumpers limit the twist.
+        # The map may be wrong or outdated, so bumpers limit the twist by the newest
+        # scan.
         return settings.limit_by_bumpers(observation, twist)
 
     def _next_point(self, pose: Pose2) -> Point:
@@ -194,7 +195,7 @@ class Strategy(ABC):
 
 
 class WaypointFollower(Strategy):
-    """Drives to waypoints in order, or as near to them as it can on sensed, open floor.
+    """Drives to waypoints in order, as close to each as sensed and open floor allows.
 
     Attributes:
         unreached: Waypoints that could not be reached, m.
@@ -235,7 +236,7 @@ class WaypointFollower(Strategy):
         return False
 
     def _plan(self, observation: Observation) -> bool:
-        """Plan a path towards the waypoint; return whether it leads nearer."""
+        """Plan a path to the waypoint; return whether the path leads nearer to it."""
         floor = self._path_follower.floor
         reachable = floor.reachable(observation.pose)
         tiles = floor.nearest(reachable, *self._waypoints[0])

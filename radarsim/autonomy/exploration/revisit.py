@@ -49,7 +49,7 @@ MARGIN: Final = 0.13  # m of tolerance for the safety distance, from whole tiles
 
 
 class Revisit(Strategy):
-    """Waits at obstacles that blocked the way of another strategy, then explores on.
+    """Waits at obstacles that block passages, after another strategy is done.
 
     Attributes:
         unreached: A point in each piece of floor that borders on unknown space and
@@ -113,7 +113,7 @@ class Revisit(Strategy):
     def find_unexplored(
         self, observation: Observation, grid: OccupancyGrid
     ) -> tuple[list[Point], list[Point]]:
-        """Find unexplored floor; in an open area, only within its radius.
+        """Find unexplored floor, in an open area only within the radius of the plan.
 
         Args:
             observation: The newest observation.
@@ -144,7 +144,7 @@ class Revisit(Strategy):
         grid.free(moved_things(grid, was_open[:rows, :columns], safety))
 
     def _remember(self, grid: OccupancyGrid) -> None:
-        """Store the floor where the robot may be."""
+        """Store the floor that has been open or free so far."""
         floor = self._path_follower.floor
         masks = [floor.open, floor.open, floor.free]
         # On a rebuilt map, seen cells have new positions, so old masks are not used.

@@ -1,4 +1,4 @@
-"""Traversability map: open floor for a robot on the map, and its unexplored edges.
+"""Traversability map: floor that a robot can drive on, and its unexplored edges.
 
 Theory of operation
 ===================
@@ -134,7 +134,7 @@ class TraversabilityMap:
         return np.asarray(np.hypot(columns - x, rows[:, None] - y) <= radius)
 
     def nearest(self, tiles: Mask, x: float, y: float) -> Mask:
-        """Return a mask of the one given tile that is nearest to a point, m."""
+        """Return a mask of only that given tile that is nearest to a point, m."""
         columns, rows = self.tile_centers()
         distance = np.hypot(columns - x, rows[:, None] - y)
         chosen = np.zeros_like(tiles)

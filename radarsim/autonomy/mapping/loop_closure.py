@@ -90,7 +90,7 @@ class Keyframe:
 
 
 class KeyframeMap:
-    """All keyframes, and a map of the points of the local ones.
+    """All keyframes, and a map of the points of the local keyframes.
 
     Attributes:
         keyframes: Keyframes in the order in which they were added.
@@ -161,8 +161,8 @@ class KeyframeMap:
         # The next attempt is delayed after a success as well, since the search is slow.
         self._next_attempt = last.station + RETRY
         old = self.keyframes[nearest]
-        # The error of a pose grows with the path since the old keyframe. It is limited,
-        # since the number of start poses grows with its third power.
+        # The possible error of the pose grows with the path since the old keyframe. The
+        # error is limited, since the number of start poses grows with its third power.
         gap = last.station - old.station
         drift = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
         turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
@@ -184,7 +184,7 @@ class KeyframeMap:
         return nearest, found.pose, found.information
 
     def _latest(self) -> Keyframe:
-        """Return the last keyframe, with points of the preceding ones added."""
+        """Return the last keyframe, joined with points of the preceding keyframes."""
         last = self.keyframes[-1]
         latest = takewhile(
             lambda each: each.station >= last.station - LATEST and each.is_local,

@@ -128,7 +128,7 @@ class RebuildableGrid:
         if self._next is None:
             return
         for number, scan in self._scans[self._added : self._added + count]:
-            # The engine expects the wider types.
+            # The engine expects 64-bit numbers.
             self._add(self._next, number, _converted(scan, np.int64, np.float64))
             self._added += 1
         if self._added == len(self._scans):
@@ -142,7 +142,7 @@ class RebuildableGrid:
 
 
 def _squares(points: Floats) -> NDArray[np.int64]:
-    """Return the unique numbers of the squares that contain points."""
+    """Return the numbers of the squares that contain points, without duplicates."""
     column, row = np.floor(points / SQUARE).astype(np.int64).T
     return np.unique((column << 32) + row)
 
@@ -213,7 +213,7 @@ class Mapper(ScanReader):
 
     @property
     def seen_from_one_place(self) -> float:
-        """The share of solid squares that were seen from only one viewpoint."""
+        """The share of solid squares that were seen from only one position."""
         return self._grid.seen_from_one_place()
 
     @property
@@ -275,8 +275,7 @@ class Mapper(ScanReader):
         # A loop closure or a rotation of the map has changed the poses of all scans.
         if self.slam.revision > revision:
             self._grid.rebuild()
-        # A scan without echoes is not mapped, but its pose is a start for the next
-        # scan.
+        # A scan without echoes is not mapped, but its pose helps to find the next pose.
         if lacks_echoes:
             self.missing = f"echoes of {self.scanner.name!r}"
             self.left_out["no_echoes"] += 1
@@ -287,7 +286,8 @@ class Mapper(ScanReader):
         return self._observation(pose, scan)
 
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
-        # Only the nearest hit of each beam counts that blocks robots. Smoke does not.
+        # For each beam, only the nearest hit that blocks robots counts, so smoke is
+        # ignored.
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
         blocks = hits.layer != Layer.SMOKE

@@ -116,7 +116,7 @@ class GridFrame:
     def extended_to(
         self, low: tuple[float, float], high: tuple[float, float]
     ) -> "GridFrame":
-        """Return a frame extended to contain a box, in steps of many cells.
+        """Return a frame that is extended by large steps until it contains a box.
 
         Args:
             low: South-west corner, m.
@@ -247,7 +247,7 @@ class OccupancyGrid:
             evidence[cells] = np.minimum(evidence[cells], -LOG_ODDS_FREE)
 
     def sensed(self, x: float, y: float) -> bool:
-        """Return whether any beam was in the cell of a point, m."""
+        """Return whether any beam has reached the cell of a point, m."""
         cell = self.frame.cell(x, y)
         return cell is not None and bool(self._flags[cell] & SENSED)
 

@@ -128,7 +128,7 @@ class PlanarScan:
         if not is_cut.any():
             return self
         ends, hits = self.ends.copy(), self.hits.chosen(self.hits.near <= distance)
-        # A beam that is cut hits nothing, but the space in front of the cut is free.
+        # A beam that is cut has no known end, but the space up to the cut is free.
         ends[is_cut] = BeamEnd.NOTHING
         return replace(
             self,

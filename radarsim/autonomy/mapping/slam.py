@@ -120,7 +120,7 @@ class MotionReports:
 
 
 class Slam:
-    """Localization by scan matching, with the point map that scans are matched with.
+    """Localization: matches scans with a point map, and extends the map by them.
 
     Attributes:
         motion_source: Source of the robot's motion between scans.
@@ -210,8 +210,7 @@ class Slam:
         if is_keyframe:
             self.map.add(Keyframe(self.pose, points, self._length))
             self._graph.add(self.pose)
-        # This follows after the keyframe is added, so that the pose of its scan moves
-        # with it.
+        # The keyframe is added first, so that the pose of its scan moves with it.
         self._graph.follow(self.pose)
         # This is the last step, since ``_move`` takes all poses from the graph,
         # including the newest one.
@@ -265,7 +264,7 @@ class Slam:
         return self._fit.pose
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
-        """Return a pose after the motion from one reported pose to another."""
+        """Apply the motion between two reported poses to a pose."""
         # Odometry measures motions along the axes of the robot. An INS knows its
         # heading, and measures motions along the axes of the map.
         if self.motion_source != "ins":

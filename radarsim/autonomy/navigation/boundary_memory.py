@@ -85,8 +85,8 @@ class Landmark:
         c, s = math.cos(self.direction), math.sin(self.direction)
         before, self._progress = self._progress, c * dx + s * dy
         offset = abs(c * dy - s * dx)
-        # Progress is stored even for distant poses; otherwise a later step could look
-        # like a pass of the point.
+        # Progress is stored for distant poses as well, since a later step could
+        # otherwise look like a pass of the point.
         if offset > self.max_offset:
             return False
         return before < 0 <= self._progress if onward else before > 0 >= self._progress
@@ -159,7 +159,7 @@ class FollowedBoundary:
         self.hit_place, along = self.follower.hit(observation, bearing)
         self._nearest = self.hit_place
         self.reached_at = observation.time
-        # ``look`` can only reduce this distance, so it starts at the hit point.
+        # ``look`` only ever reduces this distance, so its first value is set here.
         self.goal_distance = math.dist(self.hit_place, goal)
         return along
 
@@ -230,7 +230,7 @@ class FollowedBoundary:
         return True
 
     def _stands(self, observation: Observation) -> bool:
-        """Return whether the obstacle is still there, by most of its visible points.
+        """Return whether at least half of the visible points are still there.
 
         A boundary without any visible point has gone as well, since a robot that
         follows a standing boundary sees some of its points.
@@ -259,7 +259,7 @@ class FollowedBoundary:
         return bool(gone.sum() <= standing.sum() and standing.any())
 
     def _passes(self, point: Point, station: float) -> bool:
-        """Return whether the boundary after a distance, m, comes near a point, m.
+        """Return whether a boundary point after a length, m, is near a given point, m.
 
         Without stored points the answer is unknown, and True is returned.
         """

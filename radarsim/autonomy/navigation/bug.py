@@ -148,7 +148,7 @@ class Bug1Policy:
 
 
 class Bug2Policy:
-    """Bug2 at one boundary: leave where the line to the goal is met nearer to the goal.
+    """Bug2 at one boundary: leave it at the line to the goal, if the robot is nearer.
 
     The attributes are those of ``Bug1Policy``.
     """
@@ -230,7 +230,7 @@ class BoundaryController(Controller):
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._boundary: FollowedBoundary  # the current boundary; unset while going
-        # hit points of obstacles that later turned out to have gone, m, map frame
+        # hit points of obstacles that have moved away since, m, map frame
         self._gone: list[Point] = []
         self._others = 0  # number of circuits around obstacles that were not hit
 

@@ -110,7 +110,7 @@ class Bumpers:
         )
 
     def towards(self, observation: Observation, bearing: float) -> Bumper:
-        """Return the state of a front bumper turned to a bearing, rad."""
+        """Return the state of a bumper that is centred on a bearing, rad."""
         offsets = wrap_angles(observation.bearings - bearing)
         within = np.abs(offsets) <= self.width / 2
         return self._state("front", observation.ranges[within])
@@ -142,7 +142,7 @@ class Bumpers:
 
 
 def nearest_share(ranges: Floats, share: float) -> float:
-    """Return the longest of the shortest ranges that make up a share of all, m.
+    """Return the largest value among the given share of the shortest ranges, m.
 
     Args:
         ranges: (N,) m, at least one.

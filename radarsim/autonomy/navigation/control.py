@@ -49,7 +49,7 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Return a twist that turns towards a bearing, faster forward when facing it.
+        """Return a twist that turns to a bearing, and drives once the robot faces it.
 
         Args:
             bearing: Bearing in rad from the robot's front.
@@ -57,8 +57,8 @@ class SpeedLimits:
         """
         turn = max(-self.turn, min(self.turn, HEADING_GAIN * bearing))
         facing = max(0.0, math.cos(bearing))
-        # The fourth power leaves a quarter of the speed at 45 degrees off, so that the
-        # robot turns before it drives.
+        # With the fourth power, the robot drives at a quarter of its speed when it is
+        # 45 degrees off, so it turns before it drives.
         return Twist(min(self.speed, most) * facing**4, turn)
 
 

@@ -1,4 +1,4 @@
-"""Follow the path of a rectangular footprint, slowly in tight spaces.
+"""Path follower for a rectangular footprint, which drives slowly in tight spaces.
 
 The robot is steered back to the line of each straight motion, and turns on the spot at
 the ends of the line. It makes no motion that would bring the footprint closer than a
@@ -55,7 +55,7 @@ class FootprintFollower:
         return self._path[self._next - 1 :]
 
     def is_blocked(self, points: Floats) -> bool:
-        """Return whether the path leads too close to one of some points, (N, 2) m."""
+        """Return whether the path leads too close to any of the points, (N, 2) m."""
         least = _least(self._footprint.clearance(points, self.path[0]))
         return bool((self._footprint.clearances(points, self.path) < least).any())
 

@@ -58,7 +58,7 @@ _BITS: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A rectangle about the robot's centre, with its clearance from points.
+    """A rectangle centred on the robot; computes its clearance from points.
 
     Attributes:
         length: Length along the robot's axis, m.
@@ -210,14 +210,13 @@ class _PoseGrid:
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
-            # This cost is added where the margin is violated at every heading.
+            # This cost is added where a point is within the margin at every heading.
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
         if not math.isfinite(guide.flat[start]):
             return None
-        # The number of a state is 16 times the number
-        # of the cell plus that of the heading.
+        # The number of a state is 16 times its cell number plus its heading number.
         parents = np.zeros((rows * columns, len(_HEADINGS)), np.int32)
         state = engine.search_states(
             self._masks, _HEADINGS, _COSTS, *MORE, guide, start, self._goal, parents

@@ -78,7 +78,7 @@ def path_costs(cost: Floats, start: Cell) -> Floats:
 
 
 def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
-    """Return a mask of all cells connected with the start, and the start, (R, C)."""
+    """Return a mask of the start and of all cells connected with it, (R, C)."""
     cells = passable.copy()
     cells[start] = True
     labels, _ = ndimage.label(cells, _EIGHT_NEIGHBORS)

@@ -1,4 +1,4 @@
-"""Obstacles that the newest scan does not show: touched ones and vanished ones.
+"""Obstacles that were touched, or that only earlier scans show.
 
 Theory of operation
 ===================
@@ -146,7 +146,7 @@ class TouchedPlaces:
 
 
 class TransientObstacles:
-    """Keeps obstacles for a few seconds that one scan shows and the next one misses."""
+    """Keeps obstacles for some seconds if one scan shows and the next misses them."""
 
     def __init__(self) -> None:
         self._last: Observation | None = None
@@ -299,8 +299,8 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # Planned paths lead close to seen points, so the footprint may come close to
-        # them.
+        # Planned paths lead close to seen points, so no distance from these is
+        # required.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -308,7 +308,7 @@ class TouchMemory:
         return self.retreat(observation) or twist
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
-        """Return whether a motion keeps the footprint a distance, m, from points."""
+        """Return whether the footprint keeps a distance, m, from points in a motion."""
         now = self._distance_at(points, STOP, 0.0)
         # Points that seem to be inside the footprint are close to it: a turning corner
         # may graze them.

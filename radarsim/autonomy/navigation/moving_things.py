@@ -60,7 +60,7 @@ ONE_THING: Final = 1.5  # m; a wider group of points is more than one object
 BACK_SPEED: Final = 0.3  # m/s; speed away from an object that hit the robot
 RECENT: Final = 30.0  # s; older motions do not make the robot back off
 MOVED_NEAR: Final = 0.5  # m between an earlier motion and the obstacle to back off from
-# m and rad between the compared scans of a standing robot
+# largest change of pose between two scans of a standing robot, m and rad
 STOOD: Final = (0.05, 0.05)
 
 
@@ -76,8 +76,8 @@ class Waiting:
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        # The first scan is compared with the newest scan once it is old enough. All
-        # later scans follow.
+        # The first of these scans is compared with the newest one, once it is old
+        # enough.
         self._earlier: deque[Observation] = deque()
         # times, s, and positions, m, map frame, of moving objects
         self._seen: deque[tuple[float, complex]] = deque()
@@ -165,7 +165,8 @@ class Waiting:
         off = np.abs(to_robot[:, None] - velocity * MET_WITHIN).min()
         heading = complex(math.cos(pose.yaw), math.sin(pose.yaw))
         against = (velocity * heading.conjugate()).real < -HEAD_ON * abs(velocity)
-        # While the robot turns aside, the same object still counts as approaching.
+        # While the robot turns aside, an object that was approaching still counts as
+        # such.
         met_before = self._meets
         least = self._passing_distance * (1.5 if met_before else 1.0)
         self._meets = bool(off < least and (met_before or against))

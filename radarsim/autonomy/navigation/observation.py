@@ -128,7 +128,7 @@ class Observation:
         return self._points(self.bearings[returned], self.ranges[returned])
 
     def blocking_points(self) -> Floats:
-        """Return ``points()`` and the points of ``farther``, (M, 2) m, map frame."""
+        """Return the points of ``points()`` and ``farther``, (M, 2) m, map frame."""
         return np.vstack([self.points(), self._points(*self.farther.T)])
 
     def offsets(self, beams: NDArray[np.generic]) -> NDArray[np.complex128]:
@@ -190,7 +190,7 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
 def blocking_echoes(
     beam_count: int, echoes: Sequence[TargetEchoes]
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Return the echoes of obstacles that robots cannot pass, near and far.
+    """Return the echoes of all obstacles that robots cannot pass.
 
     Args:
         beam_count: Number of beams of the scan; other beam numbers are ignored.
@@ -311,7 +311,7 @@ class ObservationBuilder(ScanReader):
 
     @property
     def hint(self) -> str:
-        """Other sources that sent poses, if the requested source sent none."""
+        """Names of other sources that sent poses, if the requested source sent none."""
         names = [source.value for source in PoseSource if source in self._others]
         if self._pose is not None or not names:
             return ""

@@ -75,9 +75,9 @@ class ObstacleGrid:
             )
         columns, rows = math.ceil(width / CELL), math.ceil(height / CELL)
         self._evidence = np.zeros((rows, columns), np.int16)
-        # the last point seen in each cell, m, map frame
+        # newest point seen in each cell, m, map frame
         self._places = np.zeros((rows, columns, 2))
-        # cells with a point that was seen from nearby
+        # whether a point in each cell was seen from nearby
         self._seen_near = np.zeros((rows, columns), np.bool_)
         # time, s, at which each cell was last closed, and how often it was closed
         self._closed_at = np.full((rows, columns), -np.inf)

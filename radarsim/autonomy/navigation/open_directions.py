@@ -41,7 +41,7 @@ class OpenDirections:
         """
         self._pose = observation.pose
         step = 1 + (len(observation.bearings) - 1) // MOST_DIRECTIONS
-        # Bearings of a scan may wrap around, so they are sorted by value.
+        # Bearings of a scan may jump from pi to -pi, so they are sorted.
         self.bearings = np.sort(observation.bearings)[::step]
         self.lengths, ends = _first_touches(observation, self.bearings, radius)
         self._ends = ends

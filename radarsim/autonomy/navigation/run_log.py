@@ -51,14 +51,14 @@ class Row:
 
     @property
     def goal_distance(self) -> float:
-        """Distance to the next goal, m; 0 once there is none."""
+        """Distance to the next goal, m; 0 after the last goal."""
         goal = self.goal
         return 0.0 if goal is None else math.hypot(goal[0] - self.x, goal[1] - self.y)
 
 
 @dataclass(slots=True)
 class Leg:
-    """The part of a run that leads to one of the goals.
+    """The part of a run on the way to one goal.
 
     Attributes:
         start: Position where the robot first headed for the goal, m, map frame.

@@ -49,8 +49,7 @@ def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
         safety_distance: m.
         travelled: Length of the path to the goal so far, m.
     """
-    # Noise of distant points and a drifting pose make the clearance at the goal
-    # uncertain.
+    # Noise and the drift of the pose make the clearance at the goal uncertain.
     unsure = min(GOAL_NOISE + DRIFT * travelled, safety_distance / 2)
     return safety_distance - unsure
 

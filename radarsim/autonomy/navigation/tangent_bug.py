@@ -119,7 +119,7 @@ def crosses_any(
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    # the sign of the cross product
+    # The sign of the cross product tells on which side the point is.
     along, to = end - begin, point - begin
     cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
     return cross
@@ -134,15 +134,14 @@ class TangentBug(BoundaryController):
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # edge that the robot drives to
         self._shortest_way = math.inf  # m; shortest path over the best edge so far
-        # path length that counts as progress if improved, m, and distance driven since
-        # then
+        # shortest path length so far, m, and distance driven since it was found, m
         self._way, self._driven = math.inf, 0.0
         self._place: Point | None = None  # target position after leaving a boundary
         self._left_at = math.inf  # m; new edges have to be closer to the goal
         self._open = 0  # scans in a row that allow leaving a boundary
         self._left: FollowedBoundary | None = None  # the boundary that was left last
-        # number of times in the whole run that a boundary was followed again after
-        # leaving; limited, since reflections in mirrors could restart circuits forever
+        # how often a boundary was followed again after the robot left it, in the whole
+        # run; limited, since reflections in mirrors could restart circuits forever
         self._resumed = 0
         self._last_hand: bool | None = None  # whether the last boundary was on the left
 
@@ -188,8 +187,7 @@ class TangentBug(BoundaryController):
         # nearly reachable.
         if self._edge is not None and self._is_open(observation, self._edge):
             edges = np.vstack([edges, self._edge])
-        # Only edges closer to the goal than the last limit are used, so the algorithm
-        # ends.
+        # New edges have to be closer to the goal than the limit, so the algorithm ends.
         edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
         edge, way = self._best_edge(edges, directions, observation.pose)
         if edge is None or not self._accept_way(edge, way, observation.pose):
@@ -218,7 +216,7 @@ class TangentBug(BoundaryController):
         return (float(edges[best, 0]), float(edges[best, 1])), float(ways[best])
 
     def _accept_way(self, edge: Point, way: float, pose: Pose2) -> bool:
-        """Return whether the path over an edge is as short as before, or a new best.
+        """Return whether to accept the path over an edge, given its length, m.
 
         A path may become longer when more of an obstacle comes into view. Then the
         robot goes on only if it is closer to the goal than at all earlier such events,
@@ -275,7 +273,8 @@ class TangentBug(BoundaryController):
             # position.
             boundary.least = boundary.travelled + AGAIN
             if self._resumed < _MOST_RESUMED:
-                # The robot was away in between, so a new circuit begins here.
+                # The robot has been away from the boundary, so a new circuit begins
+                # here.
                 boundary.landmarks = []
             self._boundary, self._resumed = boundary, self._resumed + 1
             return STOP
@@ -334,7 +333,7 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, self.goals[0])
 
     def _leave(self, observation: Observation, place: Point) -> Twist:
-        """Leave the boundary for a position; store the boundary for another hit."""
+        """Leave the boundary for a position, and store the boundary for another hit."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self._left = self._boundary if self._boundary.is_reached else None
         self._restart()

@@ -151,9 +151,9 @@ class WallFollower:
         is_too_near = self.bumpers.towards(view, 0.0).too_near
         if abs(heading) < ALIGNED and is_too_near:
             heading = self._way_out(view, heading)
-        # The heading is limited, not wrapped: a full turn would otherwise look like 0.
+        # The heading is limited instead of wrapped, since a full turn would wrap to 0.
         twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
-        # The robot does not drive nearer to an obstacle while it turns away from it.
+        # The robot does not drive nearer to an obstacle that it turns away from.
         leads_there = leads_too_near(view, self.bumpers.safety_distance)
         speed = 0.0 if is_too_near or leads_there else twist.speed
         return self._twist(speed, twist.turn), True
@@ -233,9 +233,10 @@ class WallFollower:
         return left | (view.bearings < self.bumpers.width / 2 - math.pi)
 
     def _abeam_heading(self, view: Observation, obstacle: float) -> float:
-        """Return the heading, rad, with an obstacle's nearest part at the side."""
+        """Return the heading, rad, at which an obstacle is at the robot's side."""
         centre = self._bearing(obstacle)
-        # A hit obstacle is ahead of the robot; any other one is next to its path.
+        # An obstacle that the robot has hit is ahead. Any other obstacle is next to the
+        # path.
         ahead = self.bumpers.towards(view, centre).blocked
         half_width = (0.5 if ahead else 1.5) * self.bumpers.width
         within = np.abs(wrap_angles(view.bearings - centre)) <= half_width
@@ -318,7 +319,7 @@ def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
 def _mean_bearing(bearings: Floats) -> float:
     x, y = float(np.cos(bearings).sum()), float(np.sin(bearings).sum())
     mean = math.atan2(y, x)
-    # The mean is continuous on the left and behind the robot, where a boundary may be.
+    # The mean bearing is continuous to the left and behind, where a boundary may be.
     return mean + 2 * math.pi if mean < -ABEAM else mean
 
 

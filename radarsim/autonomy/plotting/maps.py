@@ -287,14 +287,13 @@ class MapFrames:
 
 
 def draw_area_curve(curve: AreaCurve, name: str, title: str, form: str) -> bytes:
-    """Draw how much is known over time, as a file.
+    """Return a file with a plot of the known area or share over time.
 
-    The share of the floor that the robot can get to if it is known, else the area that
-    is sensed.
+    The share of the reachable floor is drawn if it is known, otherwise the sensed area.
 
     Args:
         curve: The curve; it has a sample.
-        name: What it is called in the legend.
+        name: Name of the curve in the legend.
         title: What is explored.
         form: One of ``radarsim.plotting.style.FORMS``.
     """

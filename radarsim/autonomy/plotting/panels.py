@@ -247,7 +247,7 @@ class Panels:
             left += across + gap
 
     def _pixels(self, lines: float) -> int:
-        """Convert a length in text heights to pixels."""
+        """Convert a length, given in multiples of the text height, to pixels."""
         return round(lines * self._text * DPI / 72)
 
 
