@@ -106,8 +106,8 @@ class RobotWatcher:
             if not self._is_watching:
                 text = "no answer to WATCH, expected a server of radarsim"
                 raise ClientError(text) from None
-            # The server does not report that a robot leaves, but it rejects GEO
-            # afterwards.
+            # The server does not report that a robot
+            # leaves, but it rejects GEO afterwards.
             transport.send(self._question(questions.geometry, ROBOT))
             return False
         for report in self._session.receive(data):
@@ -141,8 +141,8 @@ class RobotWatcher:
             return
         self._has_seen = True
         self.robot = copy.robot
-        # The client that drives the robot may never request the mount and limits of its
-        # scanners.
+        # The client that drives the robot may never
+        # request the mount and limits of its scanners.
         for ask in (questions.geometry, questions.configuration):
             transport.send(self._question(ask, RANGE_SCANNER))
 
@@ -184,8 +184,8 @@ class WatchMapper:
         self._plan = plan
         self._descriptions = ScannerDescriptions()
         self._first_scan: RangeScan | None = None
-        # Reports before the first scan are kept, since the map needs the pose of that
-        # scan.
+        # Reports before the first scan are kept,
+        # since the map needs the pose of that scan.
         self._early = deque[Report](maxlen=MOST_EARLY)
 
     def watch(self, watcher: RobotWatcher) -> int:
@@ -214,8 +214,8 @@ class WatchMapper:
         echoes = self._plan.echoes
         with closing(watcher.copies()) as batches:
             for copies in batches:
-                # The recording contains the request for echoes, as if the robot's
-                # client had sent it.
+                # The recording contains the request for
+                # echoes, as if the robot's client had sent it.
                 if copies and echoes:
                     self.on_data("client", _ECHOES)
                     echoes = False

@@ -82,8 +82,8 @@ def map_(
     """
     _check_combination(where, plan, files)
 
-    # Importing numpy and the plots is slow, so it happens only after invalid options
-    # have been reported.
+    # Importing numpy and the plots is slow, so it happens
+    # only after invalid options have been reported.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 

@@ -160,8 +160,8 @@ class MapFiles:
             render(figure, software=MARK),
         )
         try:
-            # All files are replaced together, so that old and new files are never
-            # mixed.
+            # All files are replaced together, so
+            # that old and new files are never mixed.
             write_atomically(dict(zip(paths, contents, strict=True)))
             run.files = paths
         except OSError as error:
@@ -393,8 +393,8 @@ def explore(
             with map_progress(run, recording, update_film) as note:
                 run.run(note, partial(recording.connect, *address))
         finally:
-            # Scoring takes seconds. If it is interrupted, the map is written all the
-            # same.
+            # Scoring takes seconds. If it is interrupted,
+            # the map is written all the same.
             try:
                 run.judge()
             finally:

@@ -170,7 +170,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
-    """Print the result of a run, also after an interrupt; print failures only as JSON."""
+    """Print the result of a run, even if interrupted; print failures only as JSON."""
     from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 

@@ -75,8 +75,8 @@ def run_progress(
             if row.activity is Activity.GOING and row.goal is not None:
                 x, y = row.goal
                 change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
-            # Hit and leave points of the whole log are counted, so earlier goals are
-            # included.
+            # Hit and leave points of the whole log are
+            # counted, so earlier goals are included.
             if len(run_log.leave_points) > leaves:
                 leaves = len(run_log.leave_points)
                 change = f"leave point {leaves} at {position}, {change}"

@@ -123,8 +123,8 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
     """Return the cells inside a part; a part around a start is a hollow room."""
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
-    # Points are rounded to a micrometre, since the ends of lines in a polygon have to
-    # be exactly equal.
+    # Points are rounded to a micrometre, since the ends
+    # of lines in a polygon have to be exactly equal.
     lines = shapely.linestrings(np.round(segments, 6))
     # A mesh may intersect itself, so lines are split where they cross.
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
@@ -185,8 +185,8 @@ def find_floor(
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
     pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
-    # If the robot starts at a wall, its centre may be outside the free space, so the
-    # nearest piece is used.
+    # If the robot starts at a wall, its centre may be
+    # outside the free space, so the nearest piece is used.
     home = min(pieces, key=Point(start).distance, default=None)
     if home is not None and home.distance(Point(start)) > robot_radius:
         home = None
@@ -284,8 +284,8 @@ def score_map(
         told_apart: Share of the obstacle and foliage cells near an object of their own
             class; cells near neither class are skipped. None if no cell is left.
     """
-    # The frame covers the whole scene, since floor that was never sensed lowers the
-    # score.
+    # The frame covers the whole scene, since floor
+    # that was never sensed lowers the score.
     frame = _with_scene(grid.frame, scene)
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)

@@ -135,8 +135,8 @@ class NavigationRun:
         """Number of goals that the robot has not reached."""
         if self.result is not None:
             return self.result.goals_left
-        # Each goal starts a leg, so all goals except the goal of the last leg are
-        # reached.
+        # Each goal starts a leg, so all goals except
+        # the goal of the last leg are reached.
         goals = len(self.mission.goals) + self.mission.return_to_start
         return goals - max(len(self.run_log.legs) - 1, 0)
 

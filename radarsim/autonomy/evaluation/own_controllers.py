@@ -88,8 +88,8 @@ def mean(values: Sequence[float]) -> Estimate:
     """
     count, value = len(values), float(np.mean(values))
     if min(values) == max(values):
-        # The mean of equal values can differ from the values in the last digit, so the
-        # first value is returned.
+        # The mean of equal values can differ from the values
+        # in the last digit, so the first value is returned.
         return Estimate(values[0], values[0], values[0], count)
     low, high = stats.t.interval(CONFIDENCE, count - 1, value, stats.sem(values))
     return Estimate(value, float(low), float(high), count)

@@ -71,8 +71,8 @@ class _Search:
         self._points, self._before, self._behind = map(
             np.concatenate, zip(*rows, strict=True)
         )
-        # Rounding may put lines along an edge slightly outside, so the area is
-        # enlarged.
+        # Rounding may put lines along an edge
+        # slightly outside, so the area is enlarged.
         self._visible = piece.buffer(_TOLERANCE, join_style="mitre")
         shapely.prepare(self._visible)
         self._to_goal = np.hypot(*(self._points - self._points[1]).T)

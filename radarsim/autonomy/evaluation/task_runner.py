@@ -107,8 +107,8 @@ def _run_together(
 
     with starting_workers():
         results = parallel(calls())
-        # Without a pause, joblib may end before its thread has sent all tasks, and the
-        # thread fails.
+        # Without a pause, joblib may end before its
+        # thread has sent all tasks, and the thread fails.
         time.sleep(0.1)
     yield from results
 
@@ -120,8 +120,8 @@ def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel
     # because of high memory use.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
     with TemporaryDirectory(prefix="radarsim-") as folder:
-        # The preparation is passed in a file: with a pipe, workers would start one by
-        # one.
+        # The preparation is passed in a file: with
+        # a pipe, workers would start one by one.
         file = Path(folder) / "prepare.joblib"
         joblib.dump(prepare, file)
         try:
@@ -200,8 +200,8 @@ def run_on_cluster(
         raise SweepError(f"--scheduler {address}: {error}") from error
     with client:
         prepare_workers(distributed, client, prepare)
-        # ``pure=False`` makes dask run equal tasks again instead of returning old
-        # results.
+        # ``pure=False`` makes dask run equal tasks
+        # again instead of returning old results.
         executor = client.get_executor(pure=False)
         yield from run_batches(
             executor,

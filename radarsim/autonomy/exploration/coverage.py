@@ -89,9 +89,9 @@ class NearestTargetStrategy(Strategy):
         if follower.update_map(observation, grid):
             floor = follower.floor
             targets = self._select_targets(floor)
-            # Targets near the last target come first. Otherwise the robot could
-            # oscillate between two sides of a room: after it has seen part of one side,
-            # the other side is nearer.
+            # Targets near the last target come first. Otherwise the
+            # robot could oscillate between two sides of a room: after
+            # it has seen part of one side, the other side is nearer.
             if follower.end is not None:
                 near = targets & floor.disc(*follower.end, NEIGHBORHOOD)
                 targets = near if near.any() else targets
@@ -136,8 +136,8 @@ class ContourStrategy(Strategy):
         # start of the current circuit along a wall, and its latest pose
         self._begin: Landmark
         self._last: Pose2
-        # length of the circuit, m, distance driven without a wall in sight, m, and
-        # total turn, rad
+        # length of the circuit, m, distance driven
+        # without a wall in sight, m, and total turn, rad
         self._length = self._lost = self._turn = 0.0
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
@@ -162,8 +162,8 @@ class ContourStrategy(Strategy):
                 targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
             self._has_no_wall = not path_follower.plan(observation, targets)
         if self._has_no_wall and not self.contours:
-            # The map does not contain a wall yet, so the robot drives ahead to find
-            # one.
+            # The map does not contain a wall yet,
+            # so the robot drives ahead to find one.
             if self._settings.bumpers.towards(observation, 0.0).blocked:
                 return self._arrive(observation)
             return Twist(self._settings.speed_limits.speed, 0.0)
@@ -176,8 +176,8 @@ class ContourStrategy(Strategy):
 
     def _arrive(self, observation: Observation) -> Twist:
         self.activity = "aligning"
-        # The wall is stored as a point on the map, since during a turn another beam may
-        # become the shortest.
+        # The wall is stored as a point on the map, since
+        # during a turn another beam may become the shortest.
         nearest = int(observation.ranges.argmin())
         bearing = float(observation.bearings[nearest])
         self._wall = observation.pose.point(bearing, float(observation.ranges[nearest]))
@@ -205,8 +205,8 @@ class ContourStrategy(Strategy):
         self._turn += wrap_angle(pose.yaw - last.yaw)
         if distance(pose, *self._track[-1]) > TRACK_STEP:
             self._track.append((pose.x, pose.y))
-        # At first, noise alone may look like a pass of the start, so a least length is
-        # required.
+        # At first, noise alone may look like a pass
+        # of the start, so a least length is required.
         if self._begin.observe(pose) and self._length > MIN_LENGTH:
             self.contours += 1
             # In total, a circuit inside a room turns the robot to one side, and a
@@ -244,8 +244,8 @@ class SpiralCoverage(Strategy):
         if has_arrived:
             self._skipped_angle = 0.0
             self._advance()
-        # Unreachable points are skipped. If a full turn of the spiral is skipped, the
-        # robot is enclosed.
+        # Unreachable points are skipped. If a full turn
+        # of the spiral is skipped, the robot is enclosed.
         while not self.is_done:
             targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
             if self._path_follower.plan(observation, targets):
@@ -260,8 +260,8 @@ class SpiralCoverage(Strategy):
     def _advance(self) -> float:
         """Advance to the next point of the spiral; return the angle advanced, rad."""
         radius = SPACING * self._angle / (2 * math.pi)
-        # The radius is limited from below, since near the centre the step would be more
-        # than a full turn.
+        # The radius is limited from below, since near the
+        # centre the step would be more than a full turn.
         step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
         self.is_done = radius > self._settings.plan.radius
@@ -293,8 +293,8 @@ class RandomBounce(Strategy):
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            # A straight leg has ended. It was useful if the robot has seen new floor on
-            # it.
+            # A straight leg has ended. It was useful
+            # if the robot has seen new floor on it.
             floor = settings.traversability(grid)
             remaining = floor.area(floor.unvisited & floor.reachable(observation.pose))
             self._idle_legs += 1

@@ -169,8 +169,8 @@ class Exploration:
                     strategy.forget_moved(self.mapper.grid)
                 return
             stuck.check(observation, twist)
-            # While the robot waits, it may stand still for a long time, so the detector
-            # is reset.
+            # While the robot waits, it may stand still
+            # for a long time, so the detector is reset.
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)

@@ -65,8 +65,8 @@ class ExplorationSettings:
 
     def clear_bearing(self, observation: Observation, bearing: float) -> float:
         """Return the free bearing nearest to a given bearing, rad."""
-        # Bearings are tried alternately on both sides, so the first free one is the
-        # nearest.
+        # Bearings are tried alternately on both
+        # sides, so the first free one is the nearest.
         for k in range(int(math.pi / _BEARING_STEP) + 1):
             for each in (bearing + k * _BEARING_STEP, bearing - k * _BEARING_STEP):
                 if not self.bumpers.towards(observation, each).too_near:
@@ -131,16 +131,16 @@ class PathFollower:
         bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
         bearing = settings.clear_bearing(observation, bearing)
         twist = settings.speed_limits.towards(bearing)
-        # The map may be wrong or outdated, so bumpers limit the twist by the newest
-        # scan.
+        # The map may be wrong or outdated, so
+        # bumpers limit the twist by the newest scan.
         return settings.limit_by_bumpers(observation, twist)
 
     def _next_point(self, pose: Pose2) -> Point:
         """Return the farthest point of the path in a straight open line."""
         path = self._path
         nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
-        # The two nearest points are skipped: a robot that heads for its own position
-        # would turn forever.
+        # The two nearest points are skipped: a robot that
+        # heads for its own position would turn forever.
         ahead = min(nearest + 2, len(path) - 1)
         chosen = path[ahead]
         for point in path[ahead:]:
@@ -157,8 +157,8 @@ class PathFollower:
         if observation.pose.distance(pose) > _PROGRESS:
             self._last_progress = observation.time, observation.pose
         elif observation.time > time + PATIENCE:
-            # The floor around the target is excluded as well, since it is just as hard
-            # to reach.
+            # The floor around the target is excluded as
+            # well, since it is just as hard to reach.
             self._given_up.append(self._path[-1])
             self._last_progress = observation.time, observation.pose
             self._updated = -math.inf  # plan again at once

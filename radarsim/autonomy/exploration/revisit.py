@@ -95,8 +95,8 @@ class Revisit(Strategy):
             twist = self._strategy.step(observation, grid)
             if not self._strategy.is_done:
                 return twist
-            # The map is evaluated for this scan, since a passage may have closed just
-            # now.
+            # The map is evaluated for this scan, since
+            # a passage may have closed just now.
             self._path_follower = PathFollower(self._settings)
             self._path_follower.update_map(observation, grid)
             self._remember(grid)
@@ -190,8 +190,8 @@ class Revisit(Strategy):
             self._since = None
             self._strategy = self._create(self._settings)
         elif observation.time > self._since + LOOK_TIME:
-            # The robot has waited long enough, so the passage is ignored until it is
-            # open.
+            # The robot has waited long enough, so the
+            # passage is ignored until it is open.
             shut = self._may_open & ~floor.open
             labels, _ = ndimage.label(shut, np.ones((3, 3)))
             number = labels[floor.nearest(shut, *path[at])]

@@ -166,8 +166,8 @@ class TraversabilityMap:
         rows, columns = tiles.T
         if not inside.all() or self.unknown[rows, columns].any():
             return False
-        # The first tile is excluded, so that a robot too close to an obstacle can drive
-        # away.
+        # The first tile is excluded, so that a robot
+        # too close to an obstacle can drive away.
         costs = self._step_cost[rows, columns]
         return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
 
@@ -213,8 +213,8 @@ class TraversabilityMap:
 
         Edges around islands within the region are excluded.
         """
-        # The map has a border of padding, so a fill from one corner reaches all tiles
-        # outside the region.
+        # The map has a border of padding, so a fill from
+        # one corner reaches all tiles outside the region.
         outside = flood_fill(~region, (0, 0))
         is_walled = self._clearance <= self.safety + 2 * self.size
         return np.asarray(region & self._dilated(outside) & is_walled)
@@ -239,11 +239,11 @@ class TraversabilityMap:
         return bool(is_inside.all())
 
     def _tiles(self, cells: Mask) -> Mask:
-        # A single sensed cell is enough, since gaps between beams leave cells of a tile
-        # unknown.
+        # A single sensed cell is enough, since gaps
+        # between beams leave cells of a tile unknown.
         tiles = _blocks(cells, self._factor).any(axis=(1, 3))
-        # A border of unknown tiles is added, so that floor at the edge of the map is a
-        # frontier.
+        # A border of unknown tiles is added, so that
+        # floor at the edge of the map is a frontier.
         return np.pad(tiles, _PADDING)
 
     def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
@@ -260,13 +260,13 @@ class TraversabilityMap:
         return distance_field(tiles, max_distance / self.size) * self.size
 
     def _dilated(self, tiles: Mask) -> Mask:
-        # A limit of 1.5 tiles includes diagonal neighbours, which are 1.41 tiles away,
-        # and no others.
+        # A limit of 1.5 tiles includes diagonal neighbours,
+        # which are 1.41 tiles away, and no others.
         return np.isfinite(self._distances(tiles, 1.5 * self.size))
 
     def _opening(self, tiles: Mask, radius: float) -> Mask:
-        # An opening (erosion, then dilation) keeps tiles where a disc of the radius
-        # fits.
+        # An opening (erosion, then dilation) keeps
+        # tiles where a disc of the radius fits.
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
 

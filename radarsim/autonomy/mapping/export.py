@@ -31,8 +31,8 @@ MARGIN: Final = 0.5  # m of unknown cells around the sensed cells
 OPEN_SPACE: Final = 5.0  # m of open floor around other known cells
 OCCUPIED_LEVEL, UNKNOWN_LEVEL, FREE_LEVEL = 0, 205, 254
 OCCUPIED_FROM: Final = 0.65
-# Unknown cells have an occupancy of 50/255 = 0.19608. With the common threshold 0.25
-# they would count as free.
+# Unknown cells have an occupancy of 50/255 = 0.19608.
+# With the common threshold 0.25 they would count as free.
 FREE_BELOW: Final = 0.196
 
 _LAST_BMP: Final = 0xFFFF  # JSON escapes later characters as surrogate pairs
@@ -80,8 +80,8 @@ def nav_map(
     """
     rows, columns = sensed_window(grid)
     if mode == "trinary":
-        # All other classes are free. Smoke is free as well, since robots can drive
-        # through it.
+        # All other classes are free. Smoke is free
+        # as well, since robots can drive through it.
         levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
         levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
         levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
@@ -125,8 +125,8 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
     data, info = io.BytesIO(), PngInfo()
     info.add_text("Software", MARK)
     Image.fromarray(np.flip(pixels, axis=0)).save(data, image_format, pnginfo=info)
-    # Unlike PNG files, PGM files have no text chunks, so the mark is written as a
-    # comment.
+    # Unlike PNG files, PGM files have no text
+    # chunks, so the mark is written as a comment.
     if image_format == "png":
         return data.getvalue()
     magic, rest = data.getvalue().split(b"\n", 1)

@@ -112,8 +112,8 @@ class KeyframeMap:
         # The extent of keyframes limits the distance at which two of them overlap.
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
-        # Keyframes are checked only at intervals, since the map is rebuilt when some
-        # are dropped.
+        # Keyframes are checked only at intervals, since
+        # the map is rebuilt when some are dropped.
         if keyframe.station > self._swept + STRIDE:
             self._swept, far = keyframe.station, False
             for each in self.keyframes:
@@ -259,17 +259,17 @@ def find_pose(
     """
     points, pose = keyframe.points, keyframe.pose
     starts = _starts_around(pose, limit, turn)
-    # The fit finds only the optimum nearest to its start, so the best start is searched
-    # first.
+    # The fit finds only the optimum nearest to its
+    # start, so the best start is searched first.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
     # The estimated pose constrains the fit only weakly, by its possible error.
     sigma = np.array([limit, limit, turn])
     found = fit(table, points, start, pose, sigma)
     if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
         return None
-    # Niches, doors or pillars in a row look alike from many poses. If only half of a
-    # row is known, the best fit may be at a wrong pose, but the fit at the estimated
-    # pose is about as good.
+    # Niches, doors or pillars in a row look alike from many poses.
+    # If only half of a row is known, the best fit may be at a wrong
+    # pose, but the fit at the estimated pose is about as good.
     rival = fit(table, points, pose, pose, sigma)
     is_apart = rival.pose.distance(found.pose) > APART
     return None if is_apart and rival.score > MAX_RIVAL * found.score else found
@@ -299,8 +299,8 @@ def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:
         keyframes do not determine it.
     """
     keyframes = known.keyframes
-    # Once keyframes have been dropped, the map may be bent, so only a loop closure can
-    # correct it.
+    # Once keyframes have been dropped, the map may
+    # be bent, so only a loop closure can correct it.
     if not all(each.is_local for each in keyframes):
         return None
     start = keyframes[0].pose

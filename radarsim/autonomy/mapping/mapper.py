@@ -89,8 +89,8 @@ class RebuildableGrid:
             self._last, self._standing = pose, 0
         self._standing += 1
         if self._standing <= SCANS_STANDING:
-            # All scans of a run are kept, so their numbers are stored in half the
-            # memory.
+            # All scans of a run are kept, so their
+            # numbers are stored in half the memory.
             self._scans.append((number, _converted(scan, np.int32, np.float32)))
         self._continue(SCANS_AT_ONCE)
 
@@ -286,8 +286,8 @@ class Mapper(ScanReader):
         return self._observation(pose, scan)
 
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
-        # For each beam, only the nearest hit that blocks robots counts, so smoke is
-        # ignored.
+        # For each beam, only the nearest hit that
+        # blocks robots counts, so smoke is ignored.
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
         blocks = hits.layer != Layer.SMOKE

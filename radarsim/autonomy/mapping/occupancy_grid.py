@@ -193,8 +193,8 @@ class OccupancyGrid:
         angles = scan.angles + (pose.yaw + scan.mount.yaw)
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         ends = directions * scan.known_range[:, None]
-        # Infinite numbers and nan would give arbitrary cells, and the map would grow to
-        # contain them.
+        # Infinite numbers and nan would give arbitrary
+        # cells, and the map would grow to contain them.
         if not np.isfinite(ends).all():
             raise ValueError("beams with angles or ranges that are no finite numbers")
         self._extend(sensor.x, sensor.y, ends)
@@ -228,15 +228,15 @@ class OccupancyGrid:
         corner = np.array([radius, radius])
         self._extend(pose.x, pose.y, np.array([-corner, corner]))
         x, y = self.frame.cell_centers()
-        # Only cells around the robot are computed, so the cost does not depend on the
-        # map size.
+        # Only cells around the robot are computed, so
+        # the cost does not depend on the map size.
         columns = slice(*np.searchsorted(x, (pose.x - radius, pose.x + radius)))
         rows = slice(*np.searchsorted(y, (pose.y - radius, pose.y + radius)))
         x, y = x[columns], y[rows]
         disc = np.hypot(x - pose.x, y[:, None] - pose.y) <= radius
         self._flags[rows, columns][disc] |= SENSED | NEAR
-        # The robot stands there, so the cells contain nothing solid. They may contain
-        # smoke.
+        # The robot stands there, so the cells contain
+        # nothing solid. They may contain smoke.
         for layer in (Layer.SOLID, Layer.FOLIAGE):
             self._evidence[layer, rows, columns][disc] = -LOG_ODDS_LIMIT
 
@@ -292,8 +292,8 @@ class OccupancyGrid:
         """Return the ``CellClass`` of each cell, (R, C)."""
         sensed = self.sensed_cells()
         classes = np.where(sensed, CellClass.FREE, CellClass.UNKNOWN).astype(np.uint8)
-        # If a cell has several classes, the one that blocks robots most is written
-        # last.
+        # If a cell has several classes, the one
+        # that blocks robots most is written last.
         classes[self._evidence[Layer.SMOKE] > 0] = CellClass.SMOKE
         classes[self._evidence[Layer.FOLIAGE] > 0] = CellClass.FOLIAGE
         classes[self._evidence[Layer.SOLID] > 0] = CellClass.OBSTACLE
@@ -302,8 +302,8 @@ class OccupancyGrid:
     def occupancy_probability(self) -> Floats:
         """Return the probability that a cell is blocked, (R, C); nan where unknown."""
         solid, foliage = self._evidence[Layer.SOLID], self._evidence[Layer.FOLIAGE]
-        # Solid objects and foliage both block robots. Evidence is in tenths of
-        # log-odds.
+        # Solid objects and foliage both block
+        # robots. Evidence is in tenths of log-odds.
         log_odds = np.maximum(solid, foliage) / 10
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-log_odds)), np.nan)
 
@@ -320,6 +320,6 @@ class OccupancyGrid:
         if larger != self.frame:
             layers = [self.frame.copy_into(layer, larger) for layer in self._evidence]
             flags = self.frame.copy_into(self._flags, larger)
-            # All three are assigned at once, so that an interrupt leaves the map
-            # consistent.
+            # All three are assigned at once, so that
+            # an interrupt leaves the map consistent.
             self._evidence, self._flags, self.frame = np.stack(layers), flags, larger

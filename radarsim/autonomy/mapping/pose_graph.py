@@ -77,8 +77,8 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
         weighted = jacobians.transpose(0, 2, 1) @ information
         gradient = np.zeros(size)
         forces = (weighted @ errors[:, :, None])[:, :, 0]
-        # ``gradient[unknowns] += forces`` would add only one of the edges that share a
-        # pose.
+        # ``gradient[unknowns] += forces`` would add
+        # only one of the edges that share a pose.
         np.add.at(gradient, unknowns, forces)
         # ``csc_array`` sums duplicate entries, so edges that share a pose add up.
         normal = csc_array(
@@ -149,9 +149,9 @@ class KeyframeGraph:
             information: (3, 3) information matrix of the next pose from the scan.
         """
         moved = np.linalg.inv(self._covariance + np.diag(np.square(sigma)))
-        # The motion source and the scan measure the same motion, so their information
-        # adds up. In a corridor, the scan does not reduce the variance along the
-        # corridor.
+        # The motion source and the scan measure the same motion,
+        # so their information adds up. In a corridor, the scan
+        # does not reduce the variance along the corridor.
         self._covariance = _inverse(moved + information / POINTS_PER_ERROR)
 
     def add(self, pose: Pose2) -> None:
@@ -163,8 +163,8 @@ class KeyframeGraph:
             motion = pose.relative_to(last)
             self.edges.append(Edge(number - 1, number, motion, information))
         self._poses.append(pose)
-        # The error of this motion is stored in its edge, and the next motion starts
-        # without error.
+        # The error of this motion is stored in its edge,
+        # and the next motion starts without error.
         self._covariance = np.zeros((3, 3))
 
     def follow(self, pose: Pose2) -> None:
@@ -213,8 +213,8 @@ class KeyframeGraph:
         """
         moved = [frame.compose(pose) for pose in self._poses[first:]]
         self._poses = [*self._poses[:first], *moved]
-        # Only this motion changes: it links the last fixed keyframe and the first moved
-        # one.
+        # Only this motion changes: it links the last
+        # fixed keyframe and the first moved one.
         motion = self._poses[first].relative_to(self._poses[first - 1])
         self.edges[first - 1] = self.edges[first - 1]._replace(motion=motion)
         return self._poses

@@ -157,8 +157,8 @@ def read_scan(
     """
     ranges = np.asarray(report.ranges, np.float64)
     angles: Floats = np.linspace(-report.fov / 2, report.fov / 2, len(ranges))
-    # Ranges are rounded in messages, so a beam without a return may read slightly less
-    # than the maximum range.
+    # Ranges are rounded in messages, so a beam without a
+    # return may read slightly less than the maximum range.
     returned = ranges < no_return(max_range)
     ends = np.where(returned, BeamEnd.UNSURE, BeamEnd.NOTHING).astype(np.int8)
     known_range = np.where(returned, ranges, max_range)
@@ -211,8 +211,8 @@ def _sorted_echoes(
         Beam, target number, range, kind, and whether robots pass, of each echo, sorted
         by beam, then by target, then by range.
     """
-    # Names are sorted, since the iteration order of a set of strings differs between
-    # processes.
+    # Names are sorted, since the iteration order of
+    # a set of strings differs between processes.
     names = sorted({(each.object, each.material) for each in echoes})
     number = {name: i for i, name in enumerate(names)}
     counts = [len(each.beams) for each in echoes]
@@ -244,8 +244,8 @@ def _read_echoes(
     """
     beams, targets, ranges, kinds, passes = _sorted_echoes(echoes, len(ends), max_range)
     ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
-    # If a beam has several ends, the farthest is written last and overwrites the
-    # others.
+    # If a beam has several ends, the farthest
+    # is written last and overwrites the others.
     last = np.flatnonzero(kinds >= _HIT)
     last = last[np.argsort(ranges[last], kind="stable")]
     known_range[beams[last]] = ranges[last]

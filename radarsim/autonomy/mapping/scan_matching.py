@@ -84,8 +84,8 @@ class PointMap:
         if normals is None:
             normals = np.zeros_like(points)
         while (new := engine.add_points(self.table, self._used, points, normals)) < 0:
-            # The table is full. It grows by a factor of four, since each growth copies
-            # all cells.
+            # The table is full. It grows by a factor of
+            # four, since each growth copies all cells.
             self._rows *= 4
             shorter, self.table = self.table, _new_table(self._rows)
             engine.copy_table(shorter, self.table)

@@ -50,8 +50,8 @@ from radarsim.geometry import Pose2, wrap_angle
 FIRST_KEYFRAMES: Final = 10  # scans that are always keyframes
 MIN_POINTS: Final = 3  # least number of points for a match
 SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s; change of speed between two reports
-# standard deviation of an echo's position across its beam, m; N / 300 for a radar with
-# side rays N units away
+# standard deviation of an echo's position across its
+# beam, m; N / 300 for a radar with side rays N units away
 BEAM_SPREAD: Final = 0.08
 # standard deviation of the turn that odometry does not measure, rad/m, for wheels half
 # a metre apart whose sizes differ by 0.75 %
@@ -103,16 +103,16 @@ class MotionReports:
         before_time, before = self._before or self._last
         interval = last_time - before_time
         ahead = time - last_time
-        # Missing or constant time stamps give no time difference. Comparisons with nan
-        # are false.
+        # Missing or constant time stamps give no time
+        # difference. Comparisons with nan are false.
         if not (interval > 0 and math.isfinite(ahead)):
             ahead, interval = 0.0, math.inf
         guessed = abs(self._ahead) + abs(ahead) if self._is_new else ahead - self._ahead
         self._ahead, self._is_new = ahead, False
         if ahead == 0:
             return pose, guessed
-        # If the source becomes silent, its motion is extrapolated by at most one
-        # interval.
+        # If the source becomes silent, its motion
+        # is extrapolated by at most one interval.
         share = max(-1.0, min(ahead / interval, 1.0))
         motion = pose.relative_to(before)
         further = Pose2(share * motion.x, share * motion.y, share * motion.yaw)
@@ -182,9 +182,9 @@ class Slam:
             The robot's pose, map frame.
         """
         has_source = self.motion_source != "none"
-        # Without a motion source all points are needed, even where beams end because
-        # their power is used up. In foliage such points move with the robot, so single
-        # spots are not reliable.
+        # Without a motion source all points are needed, even where
+        # beams end because their power is used up. In foliage such
+        # points move with the robot, so single spots are not reliable.
         places, along = scan.points(sure=has_source)
         uses_spots = scan.sees_through and has_source
         normals = inward_normals(places, along)
@@ -204,16 +204,16 @@ class Slam:
             self.dead_reckoning.add(scan.time, reckoned)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
-        # The first scans are always keyframes, since only these have the exact start
-        # pose.
+        # The first scans are always keyframes, since
+        # only these have the exact start pose.
         is_keyframe = len(places) > 0 and self._is_keyframe()
         if is_keyframe:
             self.map.add(Keyframe(self.pose, points, self._length))
             self._graph.add(self.pose)
         # The keyframe is added first, so that the pose of its scan moves with it.
         self._graph.follow(self.pose)
-        # This is the last step, since ``_move`` takes all poses from the graph,
-        # including the newest one.
+        # This is the last step, since ``_move`` takes all
+        # poses from the graph, including the newest one.
         if is_keyframe:
             self._close_loop()
             self._anchor()
@@ -234,21 +234,21 @@ class Slam:
     ) -> Pose2:
         can_match = len(points.places) >= MIN_POINTS and len(self.map.keyframes) > 0
         has_source = self.motion_source != "none"
-        # A motion requires reported poses at two scans. Without them the pose is
-        # searched.
+        # A motion requires reported poses at two
+        # scans. Without them the pose is searched.
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
-        # The error of a reported motion is a share of the motion, plus a small
-        # constant.
+        # The error of a reported motion is a share
+        # of the motion, plus a small constant.
         before, drift = self._prior, self._drift
         predicted = self._moved(self.pose, before, prior)
         length = math.hypot(prior.x - before.x, prior.y - before.y)
         sigma_distance, sigma_turn = self._rest_sigma
         sigma_distance += drift * length
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
-        # Wheels of different sizes turn a robot that drives straight, always to the
-        # same side. A smaller sigma would bend the map. An INS does not have this
-        # error.
+        # Wheels of different sizes turn a robot that drives
+        # straight, always to the same side. A smaller sigma
+        # would bend the map. An INS does not have this error.
         if self.motion_source == "odometry":
             sigma_turn += WHEEL_DRIFT * length
         sigma_distance += guessed * SPEED_CHANGE[0]
@@ -285,8 +285,8 @@ class Slam:
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
         table = self.map.points.table
         best = candidates[best_start(table, points, starts)]
-        # The best start may lead to a local optimum, so the extrapolated pose is tried
-        # as a start, too.
+        # The best start may lead to a local optimum, so
+        # the extrapolated pose is tried as a start, too.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
@@ -320,6 +320,6 @@ class Slam:
         self.revision += 1
         self.map.move(poses)
         self.pose = poses[-1]
-        # The trajectory object is kept, since stored scans refer to poses by their
-        # numbers.
+        # The trajectory object is kept, since stored
+        # scans refer to poses by their numbers.
         self.trajectory.poses = self._graph.trajectory()

@@ -240,9 +240,9 @@ class FollowedBoundary:
         x, y = (points - (pose.x, pose.y)).T
         distances = np.hypot(x, y)
         bearings = np.arctan2(y, x) - pose.yaw
-        # The yaw error is a random walk: it grows with the square root of the angle
-        # turned since a point was seen. So beams at all possible bearings of the point
-        # are checked.
+        # The yaw error is a random walk: it grows with the square
+        # root of the angle turned since a point was seen. So
+        # beams at all possible bearings of the point are checked.
         turned_at = np.array([at for *_, at in self._points])
         turned = self._turned_until(pose.yaw) - turned_at
         spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
@@ -253,8 +253,8 @@ class FollowedBoundary:
         is_beam = np.abs(offsets) <= spread[is_near, None]
         beams = np.where(is_beam, observation.ranges, math.inf)
         beyond = beams.min(axis=1, initial=math.inf) - distances
-        # A point hidden behind a nearer obstacle counts neither as gone nor as
-        # standing.
+        # A point hidden behind a nearer obstacle
+        # counts neither as gone nor as standing.
         gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
         return bool(gone.sum() <= standing.sum() and standing.any())
 
@@ -295,8 +295,8 @@ class FollowedBoundary:
         passed = [at for at, mark in self.landmarks if mark.observe(pose)]
         if self.travelled - self.landmarks[-1][0] >= LANDMARK_SPACING:
             self.add_landmark(pose, direction, self.travelled)
-        # Noise may look like a pass of a new landmark, so recent landmarks do not
-        # count.
+        # Noise may look like a pass of a new
+        # landmark, so recent landmarks do not count.
         closing = [at for at in passed if self.travelled - at >= LEAST_CIRCUIT]
         self.circuit_start = closing[0] if closing else self.circuit_start
         return bool(closing)

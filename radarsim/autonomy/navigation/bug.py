@@ -105,8 +105,8 @@ class Bug1Policy:
         if not self.boundary.closes_circuit(pose, direction):
             return Decision.ONWARD
         self.circuits, began = 1, self.boundary.circuit_start
-        # Steps before the circuit began are ignored, since they may not be next to the
-        # boundary.
+        # Steps before the circuit began are ignored,
+        # since they may not be next to the boundary.
         _, at, nearest, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
@@ -126,12 +126,12 @@ class Bug1Policy:
         # Poses drift, so the measured lengths of the paths out and back may differ.
         slack = max(1.0, 0.2 * self._return_length)
         close = distance(pose, self._leave.x, self._leave.y) < LEAST_GAIN
-        # Before this length, the robot may pass the landmark on another side of the
-        # obstacle.
+        # Before this length, the robot may pass the
+        # landmark on another side of the obstacle.
         due = self._turned_back or returned >= self._return_length - slack
         if due and (passed or close):
-            # A robot that missed its leave point cannot tell which obstacle hides the
-            # goal.
+            # A robot that missed its leave point cannot
+            # tell which obstacle hides the goal.
             if self._turned_back:
                 return Decision.LEAVE_UNSURE
             return Decision.LEAVE if free else Decision.NO_PATH
@@ -177,8 +177,8 @@ class Bug2Policy:
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
         """Return the next action. The arguments are those of ``Bug1Policy.step``."""
-        # Every line has to process every pose, since it stores on which side the robot
-        # was.
+        # Every line has to process every pose, since
+        # it stores on which side the robot was.
         met = [line.meets(pose) for line in self._lines]
         at_line, crossed = any(at for at, _ in met), met[-1][1]
         hit_distance = distance(self._hit, *self._goal)
@@ -190,8 +190,8 @@ class Bug2Policy:
         if closes_circuit:
             self.circuits += 1
             return Decision.NO_PATH
-        # The robot is also on the line at its hit point, so crossings near it do not
-        # count.
+        # The robot is also on the line at its hit
+        # point, so crossings near it do not count.
         is_away = pose.distance(self._hit) > LEAST_CIRCUIT / 2
         gives_up = crossed and not nearer and self._give_up == GiveUp.LINE
         return Decision.NO_PATH if gives_up and is_away else Decision.ONWARD
@@ -214,8 +214,8 @@ class _Line:
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
         length = math.hypot(dx, dy)
         x, y = pose.x - self._start.x, pose.y - self._start.y
-        # Both values are scaled by the length of the line. A division is avoided, since
-        # the length may be 0.
+        # Both values are scaled by the length of the line.
+        # A division is avoided, since the length may be 0.
         side, along = dx * y - dy * x, dx * x + dy * y
         before, self._side = self._side, side
         crossed = before is not None and before * side <= 0
@@ -320,8 +320,8 @@ class Bug(BoundaryController):
         ahead = bumpers.towards(observation, bearing)
         if ahead.blocked and not self._is_beyond(observation, ahead.distance):
             return False
-        # A robot that has followed a boundary into a narrow gap may drive on in the
-        # gap.
+        # A robot that has followed a boundary into
+        # a narrow gap may drive on in the gap.
         graze = 0.0 if self._leaving else GRAZE
         return self._side_distance(observation) >= bumpers.safety_distance + graze
 
@@ -379,8 +379,8 @@ class Bug(BoundaryController):
             return self._leave_or_conclude(observation)
         if decision is Decision.LEAVE_UNSURE:
             if self._misses < _MOST_MISSES:
-                # The robot may have circled the next obstacle already, so it changes
-                # the side.
+                # The robot may have circled the next
+                # obstacle already, so it changes the side.
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
@@ -412,9 +412,9 @@ class Bug(BoundaryController):
             # side, the robot would return to that obstacle.
             self._change_hand()
         self._best_leave = math.inf
-        # In a gap, the robot may circle an obstacle that never meets the first line, as
-        # on the random maps 108, 357 and 458. So the line from this pose counts as
-        # well.
+        # In a gap, the robot may circle an obstacle that never
+        # meets the first line, as on the random maps 108, 357
+        # and 458. So the line from this pose counts as well.
         self._starts.append(observation.pose)
         return self._leave(observation)
 

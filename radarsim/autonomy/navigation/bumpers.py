@@ -121,8 +121,8 @@ class Bumpers:
         return tuple(name for k, name in enumerate(self.names) if k not in covered)
 
     def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
-        # Bearings are shifted by half a sector, since the first one is centred on the
-        # front.
+        # Bearings are shifted by half a sector, since
+        # the first one is centred on the front.
         turns = (bearings + self.width / 2) / self.width
         return np.floor(turns).astype(np.int64) % self.count
 
@@ -133,8 +133,8 @@ class Bumpers:
         if self.rule == Rule.SHARE:
             pressed = distance < self.pressed_below
         else:
-            # The range of a beam without a return is inf, so one such beam releases the
-            # bumper.
+            # The range of a beam without a return is
+            # inf, so one such beam releases the bumper.
             least, most = float(ranges.min()), float(ranges.max())
             pressed = self.safety_distance <= least and most <= self.pressed_below
         too_near = distance < self.safety_distance

@@ -88,8 +88,8 @@ class StuckDetector:
         Raises:
             NavigationError: If the commanded robot does not move.
         """
-        # In a long gap between scans, the loop stopped the robot or could not command
-        # it.
+        # In a long gap between scans, the loop
+        # stopped the robot or could not command it.
         elapsed = min(observation.time - self._last_time, _LONGEST_STEP)
         self._last_time = observation.time
         pose, command = observation.pose, ""
@@ -181,8 +181,8 @@ class ControlLoop:
         start, stopped = clock(), False
         received: set[str] = set()
         while (waited := clock() - start) < self._timeout:
-            # A robot keeps its last wheel speeds, so without scans it would drive
-            # blindly.
+            # A robot keeps its last wheel speeds, so
+            # without scans it would drive blindly.
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STOP)
                 stopped = True

@@ -152,8 +152,8 @@ class Controller(ABC):
 
     def _towards(self, pose: Pose2, point: Point) -> Twist:
         """Return the twist towards a point, m, slower near the goal."""
-        # The limit is 5 cm/s at the goal: with a limit of 0 the robot would never reach
-        # it.
+        # The limit is 5 cm/s at the goal: with a
+        # limit of 0 the robot would never reach it.
         most = 0.05 + 0.8 * self._goal_distance(pose)
         return self._settings.speed_limits.towards(bearing_of(pose, *point), most=most)
 

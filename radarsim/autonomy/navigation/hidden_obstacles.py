@@ -284,8 +284,8 @@ class TouchMemory:
             self._reverses = True
             return back
         way_out = None if is_away else self._way_out(observation)
-        # On its way out, the robot does not drive back along its path until it touches
-        # an obstacle again.
+        # On its way out, the robot does not drive back
+        # along its path until it touches an obstacle again.
         self._gone_back = None if way_out is None else math.inf
         return way_out
 
@@ -299,8 +299,8 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # Planned paths lead close to seen points, so no distance from these is
-        # required.
+        # Planned paths lead close to seen points,
+        # so no distance from these is required.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -310,8 +310,8 @@ class TouchMemory:
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
         """Return whether the footprint keeps a distance, m, from points in a motion."""
         now = self._distance_at(points, STOP, 0.0)
-        # Points that seem to be inside the footprint are close to it: a turning corner
-        # may graze them.
+        # Points that seem to be inside the footprint are
+        # close to it: a turning corner may graze them.
         if now < 0 and abs(twist.speed) < LEAST_SPEED:
             return False
         soon = min(self._distance_at(points, twist, time) for time in _SOON)
@@ -386,8 +386,8 @@ def _ends(observation: Observation) -> Points:
 def _motion_after(twist: Twist, time: float) -> tuple[complex, float]:
     """Return the displacement of a motion, m, robot's frame, and its turn, rad."""
     turned = twist.turn * time
-    # The arc is approximated by a line in its mean direction, which is accurate enough
-    # for one second.
+    # The arc is approximated by a line in its mean
+    # direction, which is accurate enough for one second.
     return twist.speed * time * complex(
         math.cos(turned / 2), math.sin(turned / 2)
     ), turned

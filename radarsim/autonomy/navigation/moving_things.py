@@ -76,8 +76,8 @@ class Waiting:
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        # The first of these scans is compared with the newest one, once it is old
-        # enough.
+        # The first of these scans is compared with
+        # the newest one, once it is old enough.
         self._earlier: deque[Observation] = deque()
         # times, s, and positions, m, map frame, of moving objects
         self._seen: deque[tuple[float, complex]] = deque()
@@ -110,8 +110,8 @@ class Waiting:
             still: Beams that end on known standing obstacles, (N,); None for none.
         """
         now = observation.time
-        # A standing robot will drive on in its last direction, so that direction is
-        # kept.
+        # A standing robot will drive on in its last
+        # direction, so that direction is kept.
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
         if self._detect_crossing(observation, still):
@@ -124,8 +124,8 @@ class Waiting:
         self._since = min(self._since, now)
         if now - self._since < PATIENCE:
             return True
-        # Waiting is disabled for a while; otherwise the next scan would stop the robot
-        # again.
+        # Waiting is disabled for a while; otherwise
+        # the next scan would stop the robot again.
         self._impatient_until = now + IMPATIENCE
         return False
 
@@ -165,8 +165,8 @@ class Waiting:
         off = np.abs(to_robot[:, None] - velocity * MET_WITHIN).min()
         heading = complex(math.cos(pose.yaw), math.sin(pose.yaw))
         against = (velocity * heading.conjugate()).real < -HEAD_ON * abs(velocity)
-        # While the robot turns aside, an object that was approaching still counts as
-        # such.
+        # While the robot turns aside, an object
+        # that was approaching still counts as such.
         met_before = self._meets
         least = self._passing_distance * (1.5 if met_before else 1.0)
         self._meets = bool(off < least and (met_before or against))
@@ -244,9 +244,9 @@ class Waiting:
             self._motions.append((now, place))
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
-        # Both the robot and the object move, so the least distance is found in steps of
-        # a quarter second. Stopping does not help a robot that stands in the object's
-        # path.
+        # Both the robot and the object move, so the least
+        # distance is found in steps of a quarter second. Stopping
+        # does not help a robot that stands in the object's path.
         driving = np.abs(ends[:, None] + (velocity - going) * times).min()
         standing = np.abs(ends[:, None] + velocity * times).min()
         return bool(driving < min(self._bumpers.pressed_below, standing))

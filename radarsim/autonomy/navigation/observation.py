@@ -268,8 +268,8 @@ class ScanReader(ABC):
         Once a server has sent echoes, a scan without echoes has lost them.
         """
         time, echoes = self._scan_clock.time_of(report.time), self._echoes.of(report)
-        # The time limit for echoes starts at the first scan, even if the scan has no
-        # echoes.
+        # The time limit for echoes starts at the
+        # first scan, even if the scan has no echoes.
         if echoes is not None or math.isnan(self._echoes_due):
             self._echoes_due = time + self._echo_wait
         return time, echoes, echoes is None and time < self._echoes_due
@@ -360,12 +360,12 @@ class ObservationBuilder(ScanReader):
             return None
         check_beams(len(report.ranges), scanner)
         time, echoes, lacks_echoes = self._time_and_echoes(report)
-        # SLAM also needs scans that lack echoes, since it matches the next scan with
-        # them.
+        # SLAM also needs scans that lack echoes,
+        # since it matches the next scan with them.
         if self._slam is not None:
             pose = self._locate(self._slam, report, echoes, time)
-        # Without its echoes, thin foliage would look like a gap that the robot can
-        # pass.
+        # Without its echoes, thin foliage would
+        # look like a gap that the robot can pass.
         if lacks_echoes:
             return None
         angles, farther = beam_angles(report), np.zeros((0, 2))
@@ -374,8 +374,8 @@ class ObservationBuilder(ScanReader):
             # Each beam ends at its nearest echo of an obstacle, or else at its range.
             beams, lengths = blocking_echoes(len(known), echoes)
             np.minimum.at(known, beams, lengths)
-            # Farther echoes are stored separately: planners use them, and bumpers do
-            # not.
+            # Farther echoes are stored separately:
+            # planners use them, and bumpers do not.
             behind = lengths > known[beams]
             beams, lengths = beams[behind], lengths[behind]
             farther = np.column_stack(
@@ -398,7 +398,7 @@ class ObservationBuilder(ScanReader):
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # Only the correction has moved the previous scan's pose, so that pose is
-            # compared.
+            # Only the correction has moved the previous
+            # scan's pose, so that pose is compared.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose

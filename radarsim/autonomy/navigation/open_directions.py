@@ -53,8 +53,8 @@ class OpenDirections:
         opens = np.flatnonzero(~self._is_wall & (grows > 0))
         closes = np.flatnonzero(~self._is_wall & (grows < 0))
         beyond = len(grows)
-        # Each end of an obstacle is between two directions: an open one and a closed
-        # one.
+        # Each end of an obstacle is between two
+        # directions: an open one and a closed one.
         self._open = np.concatenate([(opens + 1) % beyond, closes])
         self._beside = np.concatenate([opens, (closes + 1) % beyond])
 
@@ -62,8 +62,8 @@ class OpenDirections:
         """Return whether the disc can move straight to a point, m, map frame."""
         dx, dy = point[0] - self._pose.x, point[1] - self._pose.y
         bearing = math.atan2(dy, dx) - self._pose.yaw
-        # The free distance is known only for some directions, so the nearest one is
-        # used.
+        # The free distance is known only for some
+        # directions, so the nearest one is used.
         nearest = np.abs(wrap_angles(self.bearings - bearing)).argmin()
         return bool(self.lengths[nearest] >= min(math.hypot(dx, dy), HORIZON))
 
@@ -158,8 +158,8 @@ def _first_touches(
     x, y = ranges * np.cos(angles), ranges * np.sin(angles)
     c, s = np.cos(bearings)[:, None], np.sin(bearings)[:, None]
     along, off = c * x + s * y, np.abs(c * y - s * x)
-    # distance of the disc's centre when its edge touches a point that is ``off`` from
-    # the line of motion
+    # distance of the disc's centre when its edge touches
+    # a point that is ``off`` from the line of motion
     before = along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))
     # A point inside the disc blocks only the directions towards it, so that a robot
     # that is too close to an obstacle can drive away.
@@ -183,7 +183,7 @@ def leads_too_near(observation: Observation, safety_distance: float) -> bool:
     near = observation.ranges < safety_distance + 2 * _STEP
     ranges, bearings = observation.ranges[near], observation.bearings[near]
     x, y = ranges * np.cos(bearings), ranges * np.sin(bearings)
-    # The limit is at most the current distance, so that a robot that is too close to an
-    # obstacle can drive away.
+    # The limit is at most the current distance, so that a
+    # robot that is too close to an obstacle can drive away.
     after = float(np.hypot(x - _STEP, y).min(initial=math.inf))
     return after < min(safety_distance - TOO_NEAR, float(ranges.min(initial=math.inf)))

@@ -71,8 +71,8 @@ class PathPlanning(Controller):
         self._footprint = settings.footprint
         self._is_narrow = False  # whether no path for the disc exists
         self._follower: FootprintFollower | None = None
-        # time, s, at which the robot began to drive through uncertain cells; None
-        # before
+        # time, s, at which the robot began to drive
+        # through uncertain cells; None before
         self._doubts_since: float | None = None
 
     def reconsider(
@@ -137,8 +137,8 @@ class PathPlanning(Controller):
         if doubts and not len(self._path):
             self._plan_disc(pose, goal, doubts=True)
         if len(self._path):
-            # The centre of the goal's cell may be 7 cm from the goal, and the tolerance
-            # is 10 cm.
+            # The centre of the goal's cell may be 7 cm
+            # from the goal, and the tolerance is 10 cm.
             self._path[-1] = goal
             self._follower = None
             return
@@ -168,9 +168,9 @@ class PathPlanning(Controller):
             )
             cost = np.where(np.isfinite(cost), cost, DOUBT * sure)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
-        # The robot may be too close to an obstacle, by noise or because the obstacle
-        # moved. Nearby cells are then open at a high cost, so that the robot can drive
-        # away.
+        # The robot may be too close to an obstacle, by noise or
+        # because the obstacle moved. Nearby cells are then open
+        # at a high cost, so that the robot can drive away.
         is_near = not math.isfinite(cost[start])
         if is_near and (doubts or not self._is_narrow):
             rows, columns = np.indices(cost.shape)
@@ -236,8 +236,8 @@ class PathPlanning(Controller):
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
         within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
-        # The two nearest points are skipped: a robot that heads for its own position
-        # would turn forever.
+        # The two nearest points are skipped: a robot that
+        # heads for its own position would turn forever.
         chosen = ahead[min(2, len(ahead) - 1)]
         for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):
@@ -252,6 +252,6 @@ class PathPlanning(Controller):
         count = max(2, math.ceil(pose.distance(end) / CELL * 2))
         line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
         costs = self._cost[self._grid.cells(line)]
-        # At a wall, an end of the line alone may cost more than the limit, which is
-        # allowed.
+        # At a wall, an end of the line alone may
+        # cost more than the limit, which is allowed.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))

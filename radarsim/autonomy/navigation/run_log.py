@@ -185,8 +185,8 @@ class RunLog:
         if previous is not None:
             step = math.hypot(row.x - previous.x, row.y - previous.y)
             self.path_length += step
-            # This step was driven towards the previous goal, even if a new goal starts
-            # here.
+            # This step was driven towards the previous
+            # goal, even if a new goal starts here.
             for leg in self.legs[-1:]:
                 leg.path_length += step
                 leg.ended = row.time

@@ -83,8 +83,8 @@ class TripMeter:
             self._start_time = observation.time
         self.time = observation.time - self._start_time
         step = observation.pose.distance(self._last)
-        # Small steps are ignored, since noise of a standing robot would add up to a
-        # long path.
+        # Small steps are ignored, since noise of a
+        # standing robot would add up to a long path.
         if step > self._noise:
             self.length += step
             self._last = observation.pose
@@ -291,8 +291,8 @@ class Navigator:
         if away is not None:
             self._twist = away
         elif waits:
-            # The controller is not called, so it does not treat a passing object as an
-            # obstacle.
+            # The controller is not called, so it does
+            # not treat a passing object as an obstacle.
             self._twist = STOP
         else:
             self._twist = touches.keep_off(observation, controller.step(observation))

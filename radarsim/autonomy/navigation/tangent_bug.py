@@ -112,8 +112,8 @@ def crosses_any(
         a, b = begins[rows, None], ends[rows, None]
         sides_of_wall = _side(c, d, a) * _side(c, d, b)
         sides_of_segment = _side(a, b, c) * _side(a, b, d)
-        # The comparison is strict, since paths may touch the ends of walls, where edges
-        # are.
+        # The comparison is strict, since paths may
+        # touch the ends of walls, where edges are.
         closed[rows] = ((sides_of_wall < 0) & (sides_of_segment < 0)).any(axis=1)
     return closed
 
@@ -183,8 +183,8 @@ class TangentBug(BoundaryController):
     ) -> Point | None:
         """Return the edge on the shortest acceptable path to the goal, or None."""
         edges = directions.edges()
-        # Noise may hide the last edge in one scan, so the edge is kept while it is
-        # nearly reachable.
+        # Noise may hide the last edge in one scan, so
+        # the edge is kept while it is nearly reachable.
         if self._edge is not None and self._is_open(observation, self._edge):
             edges = np.vstack([edges, self._edge])
         # New edges have to be closer to the goal than the limit, so the algorithm ends.
@@ -205,8 +205,8 @@ class TangentBug(BoundaryController):
         offsets = edges - (pose.x, pose.y)
         ways += np.hypot(*offsets.T)
         if self._edge is not None:
-            # An edge ahead of the robot and an edge behind it may be close to each
-            # other.
+            # An edge ahead of the robot and an edge
+            # behind it may be close to each other.
             is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
             is_near = np.hypot(*(edges - self._edge).T) < _SAME
             ways -= KEPT * (is_near & is_ahead)
@@ -225,8 +225,8 @@ class TangentBug(BoundaryController):
         if way < self._way - SHORTER:
             self._way, self._driven = way, 0.0
         if self._driven > DRIVEN * (self._way + 1.0):
-            # Later, the robot leaves the boundary only for a position closer to the
-            # goal.
+            # Later, the robot leaves the boundary
+            # only for a position closer to the goal.
             self._left_at = min(self._left_at, self._goal_distance(pose))
             return False
         if way <= self._shortest_way + LONGER:
@@ -269,12 +269,12 @@ class TangentBug(BoundaryController):
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
             # The robot could not go on after it left, so it continues on that boundary.
             boundary, self.activity = self._left, Activity.FOLLOWING
-            # Without a least distance, the robot might leave again at the same
-            # position.
+            # Without a least distance, the robot
+            # might leave again at the same position.
             boundary.least = boundary.travelled + AGAIN
             if self._resumed < _MOST_RESUMED:
-                # The robot has been away from the boundary, so a new circuit begins
-                # here.
+                # The robot has been away from the
+                # boundary, so a new circuit begins here.
                 boundary.landmarks = []
             self._boundary, self._resumed = boundary, self._resumed + 1
             return STOP
@@ -341,12 +341,12 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, place)
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
-        # The limit was set for an obstacle that has driven away, or for another
-        # obstacle.
+        # The limit was set for an obstacle that
+        # has driven away, or for another obstacle.
         self._left_at = math.inf
         twist = self._leave(observation, self.goals[0])
-        # The robot may hit the same obstacle next, and then follows it on the other
-        # side.
+        # The robot may hit the same obstacle next,
+        # and then follows it on the other side.
         self._left = None
         hand = self._boundary.follower.wall_on_left
         self._last_hand = hand if is_other else None

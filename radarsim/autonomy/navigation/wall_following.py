@@ -140,8 +140,8 @@ class WallFollower:
         view = self._view(observation)
         boundary = self._boundary(view if obstacle is None else self._view(obstacle))
         if boundary is None:
-            # The boundary is out of view, so the robot drives an arc around its last
-            # corner.
+            # The boundary is out of view, so the robot
+            # drives an arc around its last corner.
             speed = self.speed_limits.speed
             return self._twist(speed, speed / self.target_distance), False
         # Rule 3: obstacles ahead are judged in the direction of the next step.
@@ -235,8 +235,8 @@ class WallFollower:
     def _abeam_heading(self, view: Observation, obstacle: float) -> float:
         """Return the heading, rad, at which an obstacle is at the robot's side."""
         centre = self._bearing(obstacle)
-        # An obstacle that the robot has hit is ahead. Any other obstacle is next to the
-        # path.
+        # An obstacle that the robot has hit is ahead.
+        # Any other obstacle is next to the path.
         ahead = self.bumpers.towards(view, centre).blocked
         half_width = (0.5 if ahead else 1.5) * self.bumpers.width
         within = np.abs(wrap_angles(view.bearings - centre)) <= half_width

@@ -211,8 +211,8 @@ def pixels_per_metre(extent: Bbox, resolution: float) -> float:
         resolution: Side of a cell, m.
     """
     room = min(_WIDEST / extent.width, _TALLEST / extent.height)
-    # Cells of at least one pixel get a whole number of pixels, so that all look equally
-    # wide.
+    # Cells of at least one pixel get a whole number
+    # of pixels, so that all look equally wide.
     pixels = room * resolution
     return min(pixels if pixels < 1 else int(pixels), _LARGEST_CELL) / resolution
 
@@ -272,8 +272,8 @@ class MapFrames:
         scale = pixels_per_metre(extent, first.grid.frame.resolution)
         self._panels = Panels(extent, scale, [first.title], [""])
         self._panel = MapPanel(self._panels.axes[0], first)
-        # These classes may appear on the map. If the scene is unknown, any class may
-        # appear.
+        # These classes may appear on the map. If the
+        # scene is unknown, any class may appear.
         kinds = {outline.kind for outline in first.outlines} or {*CellClass}
         shown = {*CellClass} - ({CellClass.FOLIAGE, CellClass.SMOKE} - kinds)
         self._panels.add_legend(map_rows(shown, truth=bool(first.outlines)))

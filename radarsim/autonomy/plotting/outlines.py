@@ -81,8 +81,8 @@ def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
             box = box_around(line)
             whole = Bbox.union([extent, box.padded(_EDGE)])
             larger = max(whole.width / extent.width, whole.height / extent.height)
-            # Walls of a large room are not included, since the run would then appear
-            # tiny.
+            # Walls of a large room are not included,
+            # since the run would then appear tiny.
             if box.fully_overlaps(extent) and larger <= _MUCH_LARGER:
                 wanted = Bbox.union([wanted, whole])
     return wanted

@@ -132,8 +132,8 @@ class Panels:
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
         """Place a legend below the panels, in as many lines as it needs."""
-        # The size of a legend is known only after it is drawn, so layouts are tried,
-        # the widest first.
+        # The size of a legend is known only after it is
+        # drawn, so layouts are tried, the widest first.
         for columns in range(len(rows), 0, -1):
             legend = self.figure.legend(
                 handles=list(rows),
@@ -161,8 +161,8 @@ class Panels:
         share = max(wanted.width / shown.width, wanted.height / shown.height) * _ZOOM
         middle_x = (wanted.x0 + wanted.x1) / 2
         middle_y = (wanted.y0 + wanted.y1) / 2
-        # Both axes are scaled by one factor, so that a metre has the same length on
-        # both.
+        # Both axes are scaled by one factor, so
+        # that a metre has the same length on both.
         across, up = shown.width * share / 2, shown.height * share / 2
         for axes in self.axes:
             axes.set_xlim(middle_x - across, middle_x + across)

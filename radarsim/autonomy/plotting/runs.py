@@ -384,8 +384,8 @@ class RunFrames:
         self.axes = self._panels.axes[0]
         self._panel = RunPanel(self.axes, first)
         styles, outlines = PATH_STYLES[: 2 + returns], first.outlines
-        # The legend of a film does not change, so it contains all rows that may be
-        # needed.
+        # The legend of a film does not change, so
+        # it contains all rows that may be needed.
         rows = _legend_rows(
             styles, first.medium, outlines, [HIT, LEAVE], truth=bool(outlines)
         )
