@@ -119,7 +119,7 @@ def crosses_any(
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    # The sign of the cross product tells on which side the point is.
+    # The sign of the cross product is the side of the line on which the point is.
     along, to = end - begin, point - begin
     cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
     return cross
