@@ -36,7 +36,7 @@ PATIENCE: Final = 2.0  # s without a line, after which the server is asked for t
 MOST_EARLY: Final = 200  # reports stored until the scanner is known
 _ECHOES: Final = questions.set_item(RANGE_SCANNER, None, "ECHOES", "true")
 
-Side: TypeAlias = Literal["client", "server"]  # the sender of data
+Side: TypeAlias = Literal["client", "server"]  # who sent the data
 DataCallback: TypeAlias = Callable[[Side, bytes], None]
 
 
@@ -78,7 +78,7 @@ class RobotWatcher:
         self._is_watching = self._has_seen = self._has_waited = False
 
     def copies(self) -> Generator[list[WatchedLine], None, None]:
-        """Watch until the robot has been spawned and has left.
+        """Wait until the robot is spawned, and watch it until it leaves the server.
 
         Yields:
             Copies of the lines of the robot, as they arrive.
@@ -106,7 +106,8 @@ class RobotWatcher:
             if not self._is_watching:
                 text = "no answer to WATCH, expected a server of radarsim"
                 raise ClientError(text) from None
-            # No line reports that a robot leaves, but GEO is rejected afterwards.
+            # The server does not report that a robot
+            # leaves, but it rejects GEO afterwards.
             transport.send(self._question(questions.geometry, ROBOT))
             return False
         for report in self._session.receive(data):
@@ -140,7 +141,8 @@ class RobotWatcher:
             return
         self._has_seen = True
         self.robot = copy.robot
-        # The robot's own client may never request the mount and limits of its scanners.
+        # The client that drives the robot may never
+        # request the mount and limits of its scanners.
         for ask in (questions.geometry, questions.configuration):
             transport.send(self._question(ask, RANGE_SCANNER))
 
@@ -182,11 +184,12 @@ class WatchMapper:
         self._plan = plan
         self._descriptions = ScannerDescriptions()
         self._first_scan: RangeScan | None = None
-        # Poses arrive before the first scan, and the map needs the pose of that scan.
+        # Reports before the first scan are kept,
+        # since the map needs the pose of that scan.
         self._early = deque[Report](maxlen=MOST_EARLY)
 
     def watch(self, watcher: RobotWatcher) -> int:
-        """Map the reports of a robot until it leaves or a signal raises SystemExit.
+        """Map a robot's reports until it leaves, or until a signal raises SystemExit.
 
         Args:
             watcher: Watches the robot.
@@ -211,7 +214,8 @@ class WatchMapper:
         echoes = self._plan.echoes
         with closing(watcher.copies()) as batches:
             for copies in batches:
-                # Recordings show the request, as if the robot's client had sent it.
+                # The recording contains the request for
+                # echoes, as if the robot's client had sent it.
                 if copies and echoes:
                     self.on_data("client", _ECHOES)
                     echoes = False
@@ -241,7 +245,7 @@ class WatchMapper:
             resolution=plan.resolution,
             map_range=plan.map_range,
             echo_wait=ECHO_WAIT * plan.echoes,
-            # for servers whose time stamps are missing or constant
+            # used for servers whose time stamps are missing or constant
             clock=time.monotonic,
         )
         for each in self._early:

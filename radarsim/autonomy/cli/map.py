@@ -44,7 +44,7 @@ class MappedPlace(Simulation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFileOptions(RunFiles):
-    """Options of the written files.
+    """Options for the files that the command writes.
 
     Attributes:
         output: A folder or the beginning of names; by default the map's name.
@@ -82,8 +82,8 @@ def map_(
     """
     _check_combination(where, plan, files)
 
-    # Imported late, so that invalid options are
-    # reported at once: numpy and plots are slow.
+    # Importing numpy and the plots is slow, so it happens
+    # only after invalid options have been reported.
     from radarsim.autonomy.cli.map_output import MapFiles, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
@@ -110,7 +110,7 @@ def map_(
 def _check_combination(
     where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions
 ) -> None:
-    """Refuse options that exclude each other, or that nothing would use."""
+    """Reject options that exclude each other, or that would have no effect."""
     if where.map is None and where.connect is None and where.watch is None:
         raise click.UsageError("missing: one of MAP and --connect")
     is_random = plan.strategy is StrategyName.TURN_AWAY

@@ -81,7 +81,7 @@ ENDINGS: Final = {
 
 
 class MapFiles:
-    """The files of a map.
+    """The files of a map: their names, checks before the run, and contents.
 
     Attributes:
         options: Options of the written files.
@@ -142,7 +142,7 @@ class MapFiles:
         check_picture(self.options.plot)
 
     def write(self, run: MappingRun) -> None:
-        """Write the map of a run, and the plot, if there was a scan.
+        """Write the map of a run and its plot, if there was at least one scan.
 
         If the map cannot be written, the reason is printed and added to the result.
         """
@@ -160,7 +160,8 @@ class MapFiles:
             render(figure, software=MARK),
         )
         try:
-            # written together, so that old and new files are never mixed
+            # All files are replaced together, so
+            # that old and new files are never mixed.
             write_atomically(dict(zip(paths, contents, strict=True)))
             run.files = paths
         except OSError as error:
@@ -237,7 +238,7 @@ def _who_maps_what(run: MappingRun) -> str:
 
 
 def _hidden_text(share: float, outlines: Iterable[Outline]) -> str:
-    """Return the mapped share of the unreachable floor in words."""
+    """Return a phrase for the mapped share of the unreachable floor."""
     is_foliage = any(outline.kind == CellClass.FOLIAGE for outline in outlines)
     where = "behind the foliage" if is_foliage else "out of the robot's reach"
     return f"The floor {where}: {100 * share:.0f} % mapped"
@@ -311,7 +312,7 @@ def _describe_status(run: MappingRun, activity: str) -> str:
 
 
 def print_result(run: MappingRun, *, as_json: bool) -> None:
-    """Print the result of a run; without a scan, print failures only as JSON."""
+    """Print the result of a run; if it has no scan, print failures only as JSON."""
     if as_json:
         print_lines([run.to_json()])
     elif run.source.trip.start is not None or not run.error:
@@ -348,7 +349,7 @@ def as_text(run: MappingRun) -> list[str]:
 
 
 def _files_text(files: Sequence[Path]) -> str:
-    """Return the names of the files, with the picture for people first."""
+    """Return the names of the files as text, with the plot of the map first."""
     view = next(file for file in files if file.stem.endswith("_view"))
     others = ", ".join(file.name for file in files if file != view)
     return f"{view.name} to look at; for programs {others}; in {view.parent}"
@@ -392,7 +393,8 @@ def explore(
             with map_progress(run, recording, update_film) as note:
                 run.run(note, partial(recording.connect, *address))
         finally:
-            # The score takes seconds, and an interrupt during it must not lose the map.
+            # Scoring takes seconds. If it is interrupted,
+            # the map is written all the same.
             try:
                 run.judge()
             finally:
@@ -409,7 +411,7 @@ def follow(
     *,
     as_json: bool,
 ) -> int:
-    """Map the reports of another client's robot until it leaves or a signal arrives.
+    """Map what another client's robot reports, until it leaves or a signal arrives.
 
     Args:
         plan: The scanner, the source of the motion, and the resolution of the map.

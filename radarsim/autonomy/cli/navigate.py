@@ -122,7 +122,7 @@ def navigate(
     scene = None if served is None else served.simulation.scene
     run = NavigationRun(complete_mission(mission, scene), served)
     start_log(logging.WARNING, MESSAGE_FORM)
-    # Closed in reverse order: the progress line ends before the result is printed.
+    # The contexts close in reverse order: progress ends before the result is printed.
     with (
         raise_on_signals(),
         recording,
@@ -139,7 +139,7 @@ def navigate(
 
 
 def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
-    """Return the mission, completed by the trial of a map where values are missing.
+    """Return the mission, with missing values taken from the trial of the map.
 
     Args:
         mission: The mission as given.
@@ -158,7 +158,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
     if trial is None:
         return mission
     has_start = mission.start is not None or mission.pose is not None
-    # A given foliage density implies a safety distance of its own.
+    # The safety distance is set either by its own option or by the foliage density.
     is_safe = mission.safety_distance is not None or mission.foliage_density is not None
     return replace(
         mission,
@@ -170,7 +170,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
-    """Print the result of a run, also if interrupted; print failures only as JSON."""
+    """Print the result of a run, even if interrupted; print failures only as JSON."""
     from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 

@@ -75,7 +75,8 @@ def run_progress(
             if row.activity is Activity.GOING and row.goal is not None:
                 x, y = row.goal
                 change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
-            # The log counts hit and leave points, since it knows the goals in between.
+            # Hit and leave points of the whole log are
+            # counted, so earlier goals are included.
             if len(run_log.leave_points) > leaves:
                 leaves = len(run_log.leave_points)
                 change = f"leave point {leaves} at {position}, {change}"
@@ -141,7 +142,7 @@ def as_text(run: NavigationRun) -> list[str]:
 
 
 def _judged_goal(mission: Mission) -> str:
-    """Return the goal of the true distance in words."""
+    """Return a phrase for the goal to which the true distance is measured."""
     if mission.return_to_start:
         return "its start"
     return "the last goal" if len(mission.goals) > 1 else "the goal"
@@ -168,7 +169,7 @@ def view_of(run: NavigationRun) -> RunView:
 
 
 def headline(run: NavigationRun) -> str:
-    """Return the title of a run: the algorithm, its outcome, and the map."""
+    """Return the title of a run with the algorithm, the outcome and the map."""
     if run.error == INTERRUPTED:
         return f"{_title(run)}, interrupted"
     return _title(run, TITLES.get(run.outcome, "fails"))

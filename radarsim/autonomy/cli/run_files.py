@@ -1,4 +1,4 @@
-"""Shared parts of ``navigate`` and ``map``: checks, films and recordings of runs."""
+"""Code shared by ``navigate`` and ``map``: checks, films and recordings of runs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DRAWN_ROBOT: Final = "P3AT"  # for an unknown robot class
 
 
 def drawn_robot(class_name: str | None) -> RobotModel:
-    """Return the robot model to draw: a P3AT if a class is unknown."""
+    """Return the robot model to draw for a class: a P3AT if the class is unknown."""
     from radarsim.presets.robots import load_robot
 
     try:
@@ -105,7 +105,7 @@ def filmed(
 
 
 class Recording:
-    """A recording that records nothing; subclasses override all methods."""
+    """Base class of recordings: records nothing; subclasses override all methods."""
 
     def attach(self, host: Host, map_: str) -> None:
         """Record the events of a host in this process; ``map_`` names its map."""
@@ -121,7 +121,7 @@ class Recording:
         return Client.connect(host, port)
 
     def follow(self, robot: str) -> DataCallback:  # noqa: ARG002 - nothing is recorded
-        """Return a callback that records the data of a watched robot by name."""
+        """Return a callback that records the data of a robot, given its name."""
         return lambda *_: None
 
     def add_map(self, mapper: Mapper | None, *, last: bool = False) -> None:

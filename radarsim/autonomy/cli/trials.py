@@ -140,7 +140,7 @@ def _table(scores: Sequence[TrialResult]) -> Table:
         key = (score.map, score.algorithm, score.rule, score.sensor)
         groups.setdefault(key, []).append(score)
     for key, group in groups.items():
-        # sums and means over seeds
+        # Each row shows sums and means over the seeds.
         path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
         ratio = "no path"
         if shortest is not None:

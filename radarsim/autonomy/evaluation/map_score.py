@@ -37,8 +37,8 @@ from radarsim.simulation.map_warnings import Position, free_space
 
 Score: TypeAlias = dict[str, Any]  # values by name, see ``score_map``
 
-_SAMPLES: Final = 4  # along a line, for each cell
-TOLERANCE: Final = 2  # cells between a map cell and the true object
+_SAMPLES: Final = 4  # sample points on a line for each cell
+TOLERANCE: Final = 2  # cells that a map cell may be away from the true object
 BESIDE: Final = 0.5  # cells of tolerance, so that diagonal neighbours count
 MISPLACED: Final = 0.15  # m; obstacles farther from all true obstacles are misplaced
 
@@ -76,8 +76,8 @@ class Truth:
                 filled = _filled(part, segments, starts, frame)
                 self.inside[kind] |= filled
                 self.kinds[kind] |= filled | _drawn(segments, frame)
-        # Indoor cells are those that a flood fill from outside does not reach, after
-        # openings of one cell are closed. The padding connects all of the outside.
+        # Cells are indoors if a flood fill from outside does not reach them after
+        # openings of one cell are closed. The padding connects all outdoor cells.
         walls = np.pad(self.kinds[CellClass.OBSTACLE], 1)
         near = np.isfinite(distance_field(walls, 1.0))
         outdoors = np.isfinite(distance_field(flood_fill(~near, (0, 0)), 1.5))
@@ -102,7 +102,7 @@ class Truth:
         return np.asarray(around & self.indoors)
 
     def faces(self, *, outdoors: bool) -> Mask:
-        """Return the cells with exposed obstacle surfaces, and with foliage, (R, C).
+        """Return the cells with foliage or an exposed surface of an obstacle, (R, C).
 
         Args:
             outdoors: Whether the outer surfaces of walls count, too.
@@ -120,12 +120,13 @@ def class_of(material: Material) -> CellClass:
 
 
 def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
-    """Return the cells in a part; a part around a start is a room, and hollow."""
+    """Return the cells inside a part; a part around a start is a hollow room."""
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
-    # Rounded to a micrometre, since polygons need exactly equal ends of lines.
+    # Points are rounded to a micrometre, since the ends
+    # of lines in a polygon have to be exactly equal.
     lines = shapely.linestrings(np.round(segments, 6))
-    # Lines are split where they cross, since a mesh may intersect itself.
+    # A mesh may intersect itself, so lines are split where they cross.
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
     if class_of(part.material) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]
@@ -150,8 +151,8 @@ def covered_cells(area: Any, frame: GridFrame) -> Mask:
 def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.hypot(*spans.T) / frame.resolution
-    # Points are set every quarter of a cell. A line may miss a cell whose corner it
-    # only grazes, which is far below the tolerance of scores.
+    # There is a point every quarter of a cell. A line that only touches the corner of a
+    # cell may miss the cell, which is far below the tolerance of scores.
     counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
     which = np.repeat(np.arange(len(segments)), counts)
     number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -167,7 +168,7 @@ def _drawn(segments: Floats, frame: GridFrame) -> Mask:
 def find_floor(
     truth: Truth, scene: Scene, *, start: Position, robot_radius: float
 ) -> dict[str, Mask]:
-    """Find the floor cells around the start of a robot; none if it is outdoors.
+    """Find the floor cells around a robot's start; none if the start is outdoors.
 
     Args:
         truth: The ground truth in the cells of a map.
@@ -184,7 +185,8 @@ def find_floor(
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
     pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
-    # the free space around the robot, or next to it, if it starts at a wall
+    # If the robot starts at a wall, its centre may be
+    # outside the free space, so the nearest piece is used.
     home = min(pieces, key=Point(start).distance, default=None)
     if home is not None and home.distance(Point(start)) > robot_radius:
         home = None
@@ -228,7 +230,7 @@ class FloorPart:
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
     def coverage(self, grid: OccupancyGrid) -> float:
-        """Return the sensed share of the floor; nan if there is no such floor."""
+        """Return the sensed share of these cells on a map; nan if there are none."""
         if not len(self._rows):
             return math.nan
         rows, columns = self._rows - grid.frame.row, self._columns - grid.frame.column
@@ -282,7 +284,8 @@ def score_map(
         told_apart: Share of the obstacle and foliage cells near an object of their own
             class; cells near neither class are skipped. None if no cell is left.
     """
-    # The frame covers the whole scene, since floor that was never sensed counts, too.
+    # The frame covers the whole scene, since floor
+    # that was never sensed lowers the score.
     frame = _with_scene(grid.frame, scene)
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)
@@ -290,8 +293,8 @@ def score_map(
     solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     smoke = truth.kinds[CellClass.SMOKE]
     blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    # Side rays see objects up to two cells off their beam, so free is wrong only deeper
-    # than two cells inside an object.
+    # Side rays see objects up to two cells off their beam. So free cells count as wrong
+    # only if they are more than two cells inside an object.
     right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
     right |= (classes == CellClass.SMOKE) & (_distances(smoke) <= TOLERANCE + BESIDE)
     inside = np.any(list(truth.inside.values()), axis=0)
@@ -325,7 +328,7 @@ def score_map(
 def robot_and_sensor(
     mapper: Mapper, scene: Scene, robot_class: str, start: Position
 ) -> tuple[float, float]:
-    """Return half the diagonal of a robot, and the height of its scanner, m, map frame.
+    """Return half a robot's diagonal, m, and its scanner's height, m, map frame.
 
     Args:
         mapper: The mapper of the scanner.
@@ -340,7 +343,7 @@ def robot_and_sensor(
 
 
 def _class_accuracy(classes: Any, truth: Truth) -> float | None:
-    # Cells near both kinds count as right, since either class may be right.
+    # Cells near both kinds always count as right, since both classes are acceptable.
     matches: list[Any] = []
     for kind, other in (
         (CellClass.OBSTACLE, CellClass.FOLIAGE),
@@ -354,7 +357,7 @@ def _class_accuracy(classes: Any, truth: Truth) -> float | None:
 
 
 def _distances(cells: Mask) -> Floats:
-    """Return each cell's distance to the nearest given cell, cells; inf if far."""
+    """Return distances to the nearest given cell, in cells; inf if beyond the limit."""
     return distance_field(cells, TOLERANCE + BESIDE)
 
 

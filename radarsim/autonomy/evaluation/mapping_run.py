@@ -36,13 +36,13 @@ from radarsim.rng import generator_for
 from radarsim.server.host import Host
 
 INTERVAL: Final = 1.0  # s between two samples of the known area
-MOST_SAMPLES: Final = 200  # samples; beyond this every second one is dropped
+MOST_SAMPLES: Final = 200  # samples; if there are more, every second one is dropped
 SHARES: Final = (0.5, 0.9, 0.99)  # shares of the reachable floor to report
 MANY_SEEN_ONCE: Final = 0.3  # share of walls above which a doubt is reported
 
 
 class Sample(NamedTuple):
-    """The known area at one time of a run.
+    """The size of the known area at one time of a run.
 
     Attributes:
         time: Time since the first scan, s.
@@ -59,7 +59,7 @@ class Sample(NamedTuple):
 
 
 class AreaCurve:
-    """The known area over the time and the path of a run.
+    """The size of the known area over the time and the path length of a run.
 
     Attributes:
         samples: Samples in the order of time.
@@ -97,7 +97,7 @@ class AreaCurve:
                 self.reached[f"{each:g}"] = {"time": time, "path_length": length}
         if last and self.samples and self.samples[-1].time == sample.time:
             del self.samples[-1]  # the sample of the same scan before the run ended
-        # every sample is evaluated, but only some are stored
+        # Every sample is computed, but only some are stored.
         before = self.samples[-1].time if self.samples else -math.inf
         if last or sample.time >= before + self._interval - 1e-9:
             self.samples.append(sample)
@@ -106,7 +106,7 @@ class AreaCurve:
             self._interval *= 2
 
     def to_dict(self) -> dict[str, list[float]]:
-        """Return the samples for JSON, by columns; shares only if they are known."""
+        """Return the samples as columns for JSON; shares are omitted if unknown."""
         digits = {"time": 2, "path_length": 2, "area": 2, "reachable": 4}
         columns = {
             name: [round(getattr(each, name), places) for each in self.samples]
@@ -226,7 +226,7 @@ class MappingRun:
 
     @property
     def doubts(self) -> list[str]:
-        """Reasons why the map may be wrong, as far as the run shows them."""
+        """Reasons why the map may be wrong, from the data of the run alone."""
         mapper = self.source.mapper
         if mapper is None or not mapper.scans:
             return []
@@ -259,7 +259,7 @@ class MappingRun:
             "left_out": [[round(x, 3), round(y, 3)] for x, y in source.unreached],
             "safety_distance": rounded(source.safety_distance, 3),
             "scans": 0 if mapper is None else mapper.scans,
-            "scans_left_out": left_out | {"late": 0},  # dropped by servers
+            "scans_left_out": left_out | {"late": 0},  # dropped by the server
             "loop_closures": 0 if mapper is None else mapper.slam.closures,
             "cells": _cell_counts(mapper),
             "pose_errors": _pose_errors(mapper),

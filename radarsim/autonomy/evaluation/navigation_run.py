@@ -25,9 +25,10 @@ INTERRUPTED: Final = "interrupted"
 
 
 class GroundTruthMonitor(HostObserver):
-    """Records the true path and the collisions of the first robot, tick by tick.
+    """Records the true path and the collisions of the first robot at every tick.
 
-    As a host observer, it reads the state after each tick, when the next one begins.
+    As an observer of the host, the monitor reads the state after each tick, at the
+    beginning of the next tick.
 
     Attributes:
         collisions: Number of contacts with obstacles or robots.
@@ -61,7 +62,7 @@ class GroundTruthMonitor(HostObserver):
                 self._add(vehicle.robot.pose, touches=vehicle.robot.touched)
 
     def _add(self, pose: Pose2, *, touches: bool) -> None:
-        # A lasting contact is one collision, not one per tick.
+        # A contact over several ticks counts as one collision.
         self.collisions += touches and not self._touches
         previous = self._pose or pose
         self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
@@ -134,7 +135,8 @@ class NavigationRun:
         """Number of goals that the robot has not reached."""
         if self.result is not None:
             return self.result.goals_left
-        # A leg starts with each goal, so all goals except the last leg's are reached.
+        # Each goal starts a leg, so all goals except
+        # the goal of the last leg are reached.
         goals = len(self.mission.goals) + self.mission.return_to_start
         return goals - max(len(self.run_log.legs) - 1, 0)
 
@@ -205,7 +207,7 @@ class NavigationRun:
         return values
 
     def legs(self) -> list[dict[str, Any]]:
-        """Return the result of the path to each goal, as far as the robot got."""
+        """Return a result for each goal that the robot has reached or drives to."""
         legs = self.run_log.legs
         return [
             {

@@ -1,4 +1,4 @@
-"""Trials of a user's own controller, which drives a robot of a local simulation.
+"""Trials of a controller written by the user, which drives a simulated robot.
 
 Its runs are evaluated like those of the built-in navigators: with the ground truth, on
 the same maps. Shares have Wilson's score interval (Wilson 1927), which also holds for
@@ -38,14 +38,14 @@ from radarsim.validation import check_number
 OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
 
 CONFIDENCE: Final = 0.95
-ALL: Final = "all"  # key for all maps together
+ALL: Final = "all"  # key of the estimate over all maps
 TIME_LIMIT: Final = 600.0  # s
-MOST_COMMANDS: Final = 20_000  # without a time step; more fail the run
+MOST_COMMANDS: Final = 20_000  # most commands without a time step
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """An estimate with its interval of 95 %.
+    """An estimate with its 95 % confidence interval.
 
     Attributes:
         value: The share, or the mean.
@@ -88,8 +88,8 @@ def mean(values: Sequence[float]) -> Estimate:
     """
     count, value = len(values), float(np.mean(values))
     if min(values) == max(values):
-        # The mean of equal values can differ from them in
-        # the last digit, so the value itself is returned.
+        # The mean of equal values can differ from the values
+        # in the last digit, so the first value is returned.
         return Estimate(values[0], values[0], values[0], count)
     low, high = stats.t.interval(CONFIDENCE, count - 1, value, stats.sem(values))
     return Estimate(value, float(low), float(high), count)
@@ -145,7 +145,7 @@ class Evaluation:
 
     @property
     def success(self) -> Mapping[str, Estimate]:
-        """Share of correct runs without collisions, by map.
+        """Share of runs with the correct outcome and no collisions, by map.
 
         The key ``all`` holds the share over all maps. The intervals are Wilson's at 95
         %; for a single run, both ends are the value.
@@ -157,7 +157,7 @@ class Evaluation:
 
     @property
     def detour(self) -> Mapping[str, Estimate]:
-        """Path length divided by the shortest one, by map, for runs to the goal.
+        """Ratio of the path length to the shortest path, by map, for runs to the goal.
 
         Maps without such a run are missing. The intervals are Student's at 95 %.
         """
@@ -202,7 +202,7 @@ def evaluate(
     pictures: str | Path | None = None,
     workers: int = 1,
 ) -> Evaluation:
-    """Let a controller drive to the goals of maps, and judge it by the ground truth.
+    """Let a controller drive on maps, and judge its runs by the ground truth.
 
     The controller is called with a robot, a P3AT whose scanner ``lms200`` covers a full
     circle, and with the goal, x and y in m. It drives in a loop of its own and returns
@@ -213,8 +213,9 @@ def evaluate(
                 robot.drive(0.3)
                 robot.simulation.step(0.1)
 
-    The robot has reported before the call. A ``ClientError`` or ``NavigationError`` of
-    the controller fails the run; any other error ends the evaluation.
+    The robot has sent its first reports before the call. A ``ClientError`` or
+    ``NavigationError`` of the controller fails the run; any other error ends the
+    evaluation.
 
     Args:
         controller: The controller.
@@ -231,7 +232,7 @@ def evaluate(
         TypeError: If an argument has the wrong type.
         ValueError: If there are no maps or no seeds, or a number is too small.
     """
-    # Checked before any trial, so that a mistake is reported at once.
+    # Arguments are checked before any trial, so that mistakes are reported at once.
     if not callable(controller):
         text = "expected a function of a robot and a goal"
         raise TypeError(f"controller {controller!r}, {text}")

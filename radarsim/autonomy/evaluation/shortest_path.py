@@ -4,10 +4,10 @@ Theory of operation
 ===================
 A shortest path among obstacles is a chain of straight lines between corners of the
 obstacles that it bends around (the visibility graph). Here the obstacles are the solid
-objects grown by the disc's radius, with arcs made of chords. A* searches that graph. It
-computes edges only from the corners that it expands, and only lines that can be part of
-a shortest path: such a line passes both of its corners without cutting into the
-obstacle next to the corner.
+objects grown by the disc's radius, with arcs made of chords. A* searches this graph. It
+computes only edges from the corners that it expands, and only edges that can be part of
+a shortest path: such an edge touches the obstacles at both of its ends without entering
+them.
 """
 
 import heapq
@@ -56,7 +56,7 @@ class _Search:
     """
 
     def __init__(self, piece: Polygon, start: Position, goal: Position) -> None:
-        """Find the corners of free space that a path may bend around."""
+        """Find the corners of obstacles that a path may bend around."""
         no_edges = np.zeros((2, 2))
         rows = [(np.array([start, goal]), no_edges, no_edges)]
         for ring in shapely.get_rings(orient(piece)):
@@ -71,7 +71,8 @@ class _Search:
         self._points, self._before, self._behind = map(
             np.concatenate, zip(*rows, strict=True)
         )
-        # Lines along an edge are visible, though rounding puts them slightly outside.
+        # Rounding may put lines along an edge
+        # slightly outside, so the area is enlarged.
         self._visible = piece.buffer(_TOLERANCE, join_style="mitre")
         shapely.prepare(self._visible)
         self._to_goal = np.hypot(*(self._points - self._points[1]).T)
@@ -96,13 +97,13 @@ class _Search:
         return None
 
     def _expand(self, corner: int) -> NDArray[np.intp]:
-        """Return the visible corners that get a shorter path through a corner."""
+        """Return the visible corners to which the path through a corner is shorter."""
         points = self._points
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)
         (others,) = np.nonzero(lengths < self._lengths)
-        # A shortest path bends only around corners, so
-        # other lines skip the slow visibility test.
+        # Lines of a shortest path have both edges of a corner on one side. All other
+        # lines skip the slow visibility test.
         others = others[self._pass(lines[others], corner)]
         others = others[self._pass(lines[others], others)]
         ends = points[others]
@@ -114,7 +115,7 @@ class _Search:
         return seen
 
     def _pass(self, lines: Floats, which: NDArray[np.intp] | int) -> NDArray[np.bool_]:
-        """Return which lines pass corners with the whole boundary on one side.
+        """Return which lines have both edges of their corner on the same side.
 
         Args:
             lines: (L, 2) m, vectors of the lines.
@@ -127,7 +128,7 @@ class _Search:
         return same_side
 
     def _bends(self) -> Floats:
-        """Return the corners on the shortest path, with both ends, (N, 2) m."""
+        """Return start, corners and goal of the shortest path, in order, (N, 2) m."""
         indices = [1]
         while indices[-1] != 0:
             indices.append(int(self._previous[indices[-1]]))

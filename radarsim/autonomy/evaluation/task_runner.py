@@ -1,4 +1,4 @@
-"""Run many independent tasks in several processes, here or on a dask cluster.
+"""Run many independent tasks in processes of this machine or of a dask cluster.
 
 A failed task does not end the other tasks. joblib's backend for dask waits forever for
 a task whose workers have died, and for a scheduler that has stopped. So this module
@@ -38,12 +38,13 @@ _CONNECTING: Final = 30  # s; timeout of the connection
 _WITHOUT_WORKERS: Final = 120  # s; timeout without any workers
 _REGISTRATIONS: Final = 5  # attempts to prepare all workers
 _AHEAD: Final = 2  # queued batches for each thread
-# An adaptive cluster starts workers for queued tasks, so some tasks must be queued.
+# An adaptive cluster starts workers only for queued tasks, so as many batches are
+# queued as for this number of threads.
 _LEAST_THREADS: Final = 8
 
 Arguments: TypeAlias = tuple[Any, ...]
 Value = TypeVar("Value")
-# Number of the task, return value, and error message, empty without an error.
+# number of the task, return value, and error message, which is empty without an error
 TaskResult: TypeAlias = tuple[int, Value | None, str]
 
 
@@ -75,8 +76,8 @@ def run_tasks(
         left = groups.pop()
         begun: list[int] = []
         try:
-            # New processes are created, since a broken pool would keep unsent tasks
-            # and start processes without preparation.
+            # New processes are created after a crash, since the old pool would keep
+            # unsent tasks and start processes without preparation.
             with _processes(workers, prepare) as parallel:
                 for result in _run_together(parallel, function, left, begun):
                     del left[result[0]]
@@ -85,7 +86,7 @@ def run_tasks(
             if suspects.issuperset(left):  # the task ran alone
                 yield from ((number, None, LOST) for number in left)
                 continue
-            # The crashed process is unknown, so each started task runs again, alone.
+            # It is unknown which task crashed, so each started task runs again, alone.
             suspects.update(left.keys() & begun)
             groups.append({key: left[key] for key in left if key not in suspects})
             groups.extend({key: left[key]} for key in left if key in suspects)
@@ -106,20 +107,21 @@ def _run_together(
 
     with starting_workers():
         results = parallel(calls())
-        # A joblib thread fails if it ends before it has sent the tasks.
+        # Without a pause, joblib may end before its
+        # thread has sent all tasks, and the thread fails.
         time.sleep(0.1)
     yield from results
 
 
 @contextmanager
 def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel]:
-    """Open processes, which start with the first tasks."""
+    """Open a pool of processes, which start with the first tasks."""
     # joblib warns about runs that are ended early, and about workers that it restarts
     # because of high memory use.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
     with TemporaryDirectory(prefix="radarsim-") as folder:
-        # A file instead of a pipe: with a pipe,
-        # workers would start one after the other.
+        # The preparation is passed in a file: with
+        # a pipe, workers would start one by one.
         file = Path(folder) / "prepare.joblib"
         joblib.dump(prepare, file)
         try:
@@ -131,7 +133,7 @@ def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel
                 initargs=(os.getpid(), partial(_prepare, file)),
             ) as parallel:
                 yield parallel
-        finally:  # or processes would stay, or start after the file is removed
+        finally:  # ends processes before the file is removed
             get_reusable_executor(kill_workers=True).shutdown()
 
 
@@ -198,7 +200,8 @@ def run_on_cluster(
         raise SweepError(f"--scheduler {address}: {error}") from error
     with client:
         prepare_workers(distributed, client, prepare)
-        # Not pure; otherwise dask would return an earlier result for equal tasks.
+        # ``pure=False`` makes dask run equal tasks
+        # again instead of returning old results.
         executor = client.get_executor(pure=False)
         yield from run_batches(
             executor,
@@ -224,7 +227,7 @@ def prepare_workers(
     for attempt in reversed(range(_REGISTRATIONS)):
         try:
             client.register_plugin(Preparation())
-        # distributed re-raises errors of its plugin, here about a different version.
+        # ``distributed`` re-raises errors of its plugin, such as a version mismatch.
         except SweepError:
             raise
         except Exception as error:
@@ -232,14 +235,14 @@ def prepare_workers(
             if isinstance(error, OSError) and attempt:
                 time.sleep(CHECK_INTERVAL)
                 continue
-            # any error that keeps a worker from importing radarsim
+            # Any other error means that the worker cannot import radarsim.
             text = f"a worker cannot run radarsim: {error}"
             raise SweepError(text) from error
         return
 
 
 def count_threads(client: Any, address: str, report: Callable[[str], None]) -> int:
-    """Return the number of threads of the workers, as soon as there is a worker.
+    """Wait for a worker, and return the number of threads of all workers.
 
     Raises:
         SweepError: If there is no worker for too long, or the scheduler has stopped.
@@ -293,11 +296,11 @@ def run_batches(
             try:
                 yield from future.result()
             except CancelledError:
-                # The cluster has been restarted and has lost the batch, or has stopped.
+                # The cluster has stopped, or it has restarted and lost the batch.
                 threads = count_threads()
                 left = chain([batch], left)
-            # Errors of tasks are part of results. This error comes from the cluster,
-            # which has given up the batch because its workers died.
+            # Errors of tasks are part of the results, so this error comes from the
+            # cluster: it has given up the batch because the workers died.
             except Exception as error:  # noqa: BLE001
                 if len(batch) > 1:
                     left = chain(([one] for one in batch), left)

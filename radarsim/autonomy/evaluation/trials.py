@@ -1,7 +1,8 @@
-"""Simulated runs of plans and navigator trials, with results by the ground truth.
+"""Simulated runs of plans and navigator trials, evaluated with the ground truth.
 
-The results contain values that the robot cannot measure: its true pose, its collisions,
-and the length of the shortest path. The client and the server run in lockstep.
+The results contain values that the robot cannot measure itself: its true pose, its
+collisions, and the length of the shortest path. The client and the server run in
+lockstep.
 """
 
 import math
@@ -46,7 +47,7 @@ TIME_LIMIT = 3600.0  # s of simulated time
 
 @dataclass(frozen=True, kw_only=True)
 class TrialResult:
-    """The result of a run by the ground truth, and the parameters of its trial.
+    """The result of a run according to the ground truth, and the trial's parameters.
 
     Attributes:
         outcome: For a drive, ``reached`` if the robot reports that and is at the goal,
@@ -110,7 +111,7 @@ def run_plan(
     *,
     seed: int = 0,
 ) -> TrialResult:
-    """Run a plan in lockstep with a server, and return its result by the ground truth.
+    """Run a plan in lockstep with a server; return its result by the ground truth.
 
     Args:
         plan: A drive to a goal, or an exploration, whose map is scored.
@@ -166,7 +167,7 @@ def judge_drive(
         outcome: The outcome that the robot reports.
         note: Reason of a failure; empty without one.
     """
-    # The robot's pose drifts, so it may report the goal at another position.
+    # The estimated pose drifts, so a robot may report the goal at a wrong position.
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
     return TrialResult(
@@ -197,7 +198,7 @@ def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
 
 @cache
 def load_trial(map_: str) -> tuple[Scene, Trial]:
-    """Load a map that defines a trial, once in a process.
+    """Load a map that defines a trial; each process loads a map only once.
 
     Raises:
         MapError: If the map is invalid, or defines no trial.

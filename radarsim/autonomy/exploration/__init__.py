@@ -1,1 +1,1 @@
-"""Exploration: a robot chooses its targets on the map that it builds."""
+"""Exploration: a robot builds a map, and chooses its targets on this map."""

@@ -1,17 +1,17 @@
 """Exploration strategies: nearest target, contour, spiral, and random bounces.
 
 A frontier is the border between open floor and space that no beam has crossed. The
-coverage strategy drives until all floor has been seen at short range, since from afar
-and through foliage a radar's beams leave wide gaps. Both strategies drive to the
-nearest target until none is left.
+frontier strategy drives to the nearest frontier until none is left. The coverage
+strategy drives to the nearest floor not seen at short range until none is left, since
+the beams of a radar leave wide gaps far away and in foliage.
 
 The contour strategy follows the walls of a room once around, then covers its interior.
 
 The contour is the boundary of the floor that the robot can reach on the map; islands
 within it are followed only if no other wall is left. It is closed when the robot, by
-its own pose, passes the point where it began to follow. Around an island the robot's
-total turn has the opposite sign: the wall was not the room's, and another one is
-searched. Without a room wall, no interior is covered.
+its own pose, passes the point where it began to follow. Around an island, the robot's
+total turn has the opposite sign. Then the robot searches for another wall. If it finds
+no wall of the room, it covers no interior.
 """
 
 import math
@@ -54,7 +54,7 @@ TargetSelector = Callable[[TraversabilityMap], Mask]
 
 
 class NearestTargetStrategy(Strategy):
-    """Drives to the nearest of the tiles that a selector returns."""
+    """Drives to the nearest tile of a set that a selector function returns."""
 
     def __init__(
         self,
@@ -89,9 +89,9 @@ class NearestTargetStrategy(Strategy):
         if follower.update_map(observation, grid):
             floor = follower.floor
             targets = self._select_targets(floor)
-            # Targets near the last one come first. Otherwise the robot would oscillate
-            # between two sides of a room, each of which is the nearer one as soon as
-            # the robot has seen part of the other.
+            # Targets near the last target come first. Otherwise the
+            # robot could oscillate between two sides of a room: after
+            # it has seen part of one side, the other side is nearer.
             if follower.end is not None:
                 near = targets & floor.disc(*follower.end, NEIGHBORHOOD)
                 targets = near if near.any() else targets
@@ -103,12 +103,12 @@ def frontier_strategy(
     settings: ExplorationSettings,
     select_targets: TargetSelector = lambda floor: floor.frontiers,
 ) -> NearestTargetStrategy:
-    """Return a strategy that drives to the nearest of all or some frontiers."""
+    """Return a strategy that drives to the nearest frontier, of all or of some."""
     return NearestTargetStrategy(settings, select_targets, "frontier", turn=FULL_TURN)
 
 
 def coverage_strategy(settings: ExplorationSettings) -> NearestTargetStrategy:
-    """Return a strategy that drives to the nearest floor not seen at short range."""
+    """Return a strategy that drives to the nearest floor not seen from nearby."""
     return NearestTargetStrategy(settings, lambda floor: floor.unvisited, "filling")
 
 
@@ -133,11 +133,11 @@ class ContourStrategy(Strategy):
         self._track: list[Point] = []
         self._has_no_wall = False
         self._wall: Point = (0.0, 0.0)
-        # start and last pose of the circuit along one wall
+        # start of the current circuit along a wall, and its latest pose
         self._begin: Landmark
         self._last: Pose2
-        # length of the circuit, distance driven
-        # without the wall, m, and total turn, rad
+        # length of the circuit, m, distance driven
+        # without a wall in sight, m, and total turn, rad
         self._length = self._lost = self._turn = 0.0
 
     def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
@@ -158,11 +158,12 @@ class ContourStrategy(Strategy):
             floor = path_follower.floor
             targets = floor.outer_boundary(floor.reachable(observation.pose))
             for point in self._track:
-                # Islands and lost walls are not followed again.
+                # Walls that were followed or lost before are not followed again.
                 targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
             self._has_no_wall = not path_follower.plan(observation, targets)
         if self._has_no_wall and not self.contours:
-            # no wall on the map yet: drive ahead until one is found
+            # The map does not contain a wall yet,
+            # so the robot drives ahead to find one.
             if self._settings.bumpers.towards(observation, 0.0).blocked:
                 return self._arrive(observation)
             return Twist(self._settings.speed_limits.speed, 0.0)
@@ -175,7 +176,8 @@ class ContourStrategy(Strategy):
 
     def _arrive(self, observation: Observation) -> Twist:
         self.activity = "aligning"
-        # Stored as a point on the map: after a turn, another beam may be the shortest.
+        # The wall is stored as a point on the map, since
+        # during a turn another beam may become the shortest.
         nearest = int(observation.ranges.argmin())
         bearing = float(observation.bearings[nearest])
         self._wall = observation.pose.point(bearing, float(observation.ranges[nearest]))
@@ -203,11 +205,12 @@ class ContourStrategy(Strategy):
         self._turn += wrap_angle(pose.yaw - last.yaw)
         if distance(pose, *self._track[-1]) > TRACK_STEP:
             self._track.append((pose.x, pose.y))
-        # Near the start, noise alone may look like a pass.
+        # At first, noise alone may look like a pass
+        # of the start, so a least length is required.
         if self._begin.observe(pose) and self._length > MIN_LENGTH:
             self.contours += 1
-            # A circuit of a room turns to one side in total, a circuit of an island to
-            # the other: that wall was not the room's.
+            # In total, a circuit inside a room turns the robot to one side, and a
+            # circuit around an island to the other side.
             is_inside = (self._turn < 0) == self._wall_follower.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._lost > LOST_CIRCLES * math.tau * self._wall_follower.target_distance:
@@ -216,9 +219,10 @@ class ContourStrategy(Strategy):
 
 
 class SpiralCoverage(Strategy):
-    """Drives around its start in ever wider turns; unreachable points are skipped.
+    """Drives in a spiral around its start, and skips unreachable points.
 
-    It is done at its maximum radius, or if no point of a full turn is reachable.
+    The strategy is done at the maximum radius, or if no point of a full turn is
+    reachable.
     """
 
     activity = "spiral"
@@ -240,7 +244,8 @@ class SpiralCoverage(Strategy):
         if has_arrived:
             self._skipped_angle = 0.0
             self._advance()
-        # Points in walls are skipped; a full turn of them means the robot is enclosed.
+        # Unreachable points are skipped. If a full turn
+        # of the spiral is skipped, the robot is enclosed.
         while not self.is_done:
             targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
             if self._path_follower.plan(observation, targets):
@@ -253,9 +258,10 @@ class SpiralCoverage(Strategy):
         return self._start.point(self._angle, SPACING * self._angle / (2 * math.pi))
 
     def _advance(self) -> float:
-        """Advance to the next point of the spiral; return the angle to it, rad."""
+        """Advance to the next point of the spiral; return the angle advanced, rad."""
         radius = SPACING * self._angle / (2 * math.pi)
-        # Near the centre, such an arc would be more than a full turn.
+        # The radius is limited from below, since near the
+        # centre the step would be more than a full turn.
         step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
         self.is_done = radius > self._settings.plan.radius
@@ -263,10 +269,10 @@ class SpiralCoverage(Strategy):
 
 
 class RandomBounce(Strategy):
-    """Drives straight, and turns at random at walls, like simple vacuum robots.
+    """Drives straight to a wall and turns by a random angle, like a vacuum robot.
 
-    It is done when all reachable floor has been seen at short range, or if the last
-    legs showed no new floor.
+    The strategy is done when all reachable floor has been seen at short range, or when
+    the robot has seen no new floor on the last straight legs.
     """
 
     min_scans = 0
@@ -287,7 +293,8 @@ class RandomBounce(Strategy):
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            # A leg has ended; it counts if it has shown new floor.
+            # A straight leg has ended. It was useful
+            # if the robot has seen new floor on it.
             floor = settings.traversability(grid)
             remaining = floor.area(floor.unvisited & floor.reachable(observation.pose))
             self._idle_legs += 1
@@ -304,7 +311,7 @@ class RandomBounce(Strategy):
         return settings.limit_by_bumpers(observation, twist)
 
     def _draw_turn(self, observation: Observation) -> float:
-        """Draw a random turn to a free direction, rad; half a turn if none is free.
+        """Return a random turn to a free direction, rad; pi if no direction is free.
 
         The bumper has stopped the robot away from the wall, so it has room to turn.
         """

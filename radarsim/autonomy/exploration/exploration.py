@@ -95,7 +95,7 @@ class Exploration:
             self.outcome = Outcome.FAILED
             raise
         except NavigationError:
-            # Before the first scan, the server rejected the robot, so it is not stuck.
+            # An error before the first scan means that the server rejected the robot.
             has_started = self.trip.start is not None
             self.outcome = Outcome.STUCK if has_started else Outcome.FAILED
             raise
@@ -121,7 +121,7 @@ class Exploration:
             check_field_of_view(settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
-        # the radius that the robot covers at any heading
+        # The robot covers the disc of this radius at any heading.
         radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,
@@ -169,7 +169,8 @@ class Exploration:
                     strategy.forget_moved(self.mapper.grid)
                 return
             stuck.check(observation, twist)
-            # A waiting robot may stand for long without being stuck.
+            # While the robot waits, it may stand still
+            # for a long time, so the detector is reset.
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)

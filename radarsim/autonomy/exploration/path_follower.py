@@ -57,7 +57,7 @@ class ExplorationSettings:
         return TraversabilityMap(grid, self.bumpers.safety_distance)
 
     def limit_by_bumpers(self, observation: Observation, twist: Twist) -> Twist:
-        """Return the twist, or only a turn if an obstacle ahead is too near."""
+        """Return the twist, or a turn on the spot if an obstacle ahead is too near."""
         ahead = math.pi if twist.speed < 0 else 0.0
         if not twist.speed or not self.bumpers.towards(observation, ahead).too_near:
             return twist
@@ -65,7 +65,8 @@ class ExplorationSettings:
 
     def clear_bearing(self, observation: Observation, bearing: float) -> float:
         """Return the free bearing nearest to a given bearing, rad."""
-        # alternates between both sides, so the first free bearing is the nearest
+        # Bearings are tried alternately on both
+        # sides, so the first free one is the nearest.
         for k in range(int(math.pi / _BEARING_STEP) + 1):
             for each in (bearing + k * _BEARING_STEP, bearing - k * _BEARING_STEP):
                 if not self.bumpers.towards(observation, each).too_near:
@@ -74,7 +75,7 @@ class ExplorationSettings:
 
 
 class PathFollower:
-    """Drives to the nearest of given tiles, over sensed and open floor.
+    """Drives to the nearest of the given tiles, over sensed and open floor.
 
     Attributes:
         floor: The map as last evaluated.
@@ -95,7 +96,7 @@ class PathFollower:
         return self._path[-1] if self._path else None
 
     def update_map(self, observation: Observation, grid: OccupancyGrid) -> bool:
-        """Evaluate the map if an evaluation is due; return whether it was.
+        """Evaluate the map if an evaluation is due; return whether it was evaluated.
 
         Args:
             observation: The newest observation.
@@ -116,7 +117,7 @@ class PathFollower:
         for point in self._given_up:
             targets = targets & ~self.floor.disc(*point, GIVEN_UP_RADIUS)
         self._path = self.floor.find_path(observation.pose, targets)
-        # A new plan, made every second, is no progress.
+        # Plans are made every second, so a new plan does not count as progress.
         if self._last_progress is None or not had_path:
             self._last_progress = observation.time, observation.pose
         return bool(self._path)
@@ -130,15 +131,16 @@ class PathFollower:
         bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
         bearing = settings.clear_bearing(observation, bearing)
         twist = settings.speed_limits.towards(bearing)
-        # The map may be wrong or outdated, but bumpers show the current state.
+        # The map may be wrong or outdated, so
+        # bumpers limit the twist by the newest scan.
         return settings.limit_by_bumpers(observation, twist)
 
     def _next_point(self, pose: Pose2) -> Point:
         """Return the farthest point of the path in a straight open line."""
         path = self._path
         nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
-        # Never the nearest points: a robot that
-        # heads for its own position turns forever.
+        # The two nearest points are skipped: a robot that
+        # heads for its own position would turn forever.
         ahead = min(nearest + 2, len(path) - 1)
         chosen = path[ahead]
         for point in path[ahead:]:
@@ -155,7 +157,8 @@ class PathFollower:
         if observation.pose.distance(pose) > _PROGRESS:
             self._last_progress = observation.time, observation.pose
         elif observation.time > time + PATIENCE:
-            # The floor around the target is excluded too, as it is as hard to reach.
+            # The floor around the target is excluded as
+            # well, since it is just as hard to reach.
             self._given_up.append(self._path[-1])
             self._last_progress = observation.time, observation.pose
             self._updated = -math.inf  # plan again at once
@@ -192,7 +195,7 @@ class Strategy(ABC):
 
 
 class WaypointFollower(Strategy):
-    """Drives to waypoints in order, as near as sensed and open floor leads.
+    """Drives to waypoints in order, as close to each as sensed and open floor allows.
 
     Attributes:
         unreached: Waypoints that could not be reached, m.
@@ -233,7 +236,7 @@ class WaypointFollower(Strategy):
         return False
 
     def _plan(self, observation: Observation) -> bool:
-        """Plan a path towards the waypoint; return whether it leads nearer."""
+        """Plan a path to the waypoint; return whether the path leads nearer to it."""
         floor = self._path_follower.floor
         reachable = floor.reachable(observation.pose)
         tiles = floor.nearest(reachable, *self._waypoints[0])

@@ -1,20 +1,20 @@
-"""Revisit: waits for an obstacle to clear the floor that it has closed off.
+"""Revisit: wait until an obstacle that blocks a passage has moved away.
 
 Theory of operation
 ===================
-Reachable floor does not close by itself: an object has moved into a passage, and may
-leave again. It stands on cells that the robot has seen free, while a wall that narrows
-a passage stands on cells that were never seen before. So open and free floor is
-remembered. When a strategy is done and unexplored space remains behind floor that was
-open, the robot drives towards it as far as possible, stops at a distance so that the
-object has room to leave, and watches. Once the passage is free, it explores on. If
-nothing changes for a while, it gives up that passage, and the run ends as
-``incomplete``.
+If floor that was reachable becomes unreachable, an object has moved into a passage, and
+may leave it again. Such an object stands on cells that the robot has seen free, while a
+wall that narrows a passage stands on cells that were never seen before. So the strategy
+stores which floor was open and free. When another strategy is done and unexplored space
+remains behind a blocked passage, the robot drives towards the passage, stops at a
+distance that leaves the object room to leave, and waits. Once the passage is free, the
+robot explores on. If nothing changes for a while, it gives up the passage, and the run
+ends as ``incomplete``.
 
 At the end moved objects are removed from the map. Open floor keeps the safety distance
-from all obstacles seen so far, so an obstacle on it or that near to it came later: a
-standing obstacle looks larger from afar, not smaller. Small groups of cells are errors
-of poses and beams.
+from all obstacles seen so far. So an obstacle that appears within this distance has
+moved there: a standing obstacle looks larger from far away, not smaller. Small groups
+of cells are ignored, since they are errors of poses and beams.
 """
 
 import math
@@ -49,7 +49,7 @@ MARGIN: Final = 0.13  # m of tolerance for the safety distance, from whole tiles
 
 
 class Revisit(Strategy):
-    """Watches obstacles that have closed off floor from another strategy.
+    """Waits at obstacles that block passages, after another strategy is done.
 
     Attributes:
         unreached: A point in each piece of floor that borders on unknown space and
@@ -95,7 +95,8 @@ class Revisit(Strategy):
             twist = self._strategy.step(observation, grid)
             if not self._strategy.is_done:
                 return twist
-            # Evaluated for this scan, since a passage may have closed just now.
+            # The map is evaluated for this scan, since
+            # a passage may have closed just now.
             self._path_follower = PathFollower(self._settings)
             self._path_follower.update_map(observation, grid)
             self._remember(grid)
@@ -112,7 +113,7 @@ class Revisit(Strategy):
     def find_unexplored(
         self, observation: Observation, grid: OccupancyGrid
     ) -> tuple[list[Point], list[Point]]:
-        """Find unexplored floor; in an open area, only within its radius.
+        """Find unexplored floor, in an open area only within the radius of the plan.
 
         Args:
             observation: The newest observation.
@@ -131,8 +132,8 @@ class Revisit(Strategy):
     def forget_moved(self, grid: OccupancyGrid) -> None:
         """Remove obstacles that moved onto open floor from the final map.
 
-        Without any watching, nothing is removed: no floor was closed off, and the few
-        such cells are errors of poses and beams.
+        If the robot never had to wait, nothing is removed: no passage was blocked, so
+        the few such cells are errors of poses and beams.
         """
         if not self._has_looked:
             return
@@ -143,10 +144,10 @@ class Revisit(Strategy):
         grid.free(moved_things(grid, was_open[:rows, :columns], safety))
 
     def _remember(self, grid: OccupancyGrid) -> None:
-        """Store the floor where the robot may be."""
+        """Store the floor that has been open or free so far."""
         floor = self._path_follower.floor
         masks = [floor.open, floor.open, floor.free]
-        # On a rebuilt map all seen cells have new positions, so the masks are replaced.
+        # On a rebuilt map, seen cells have new positions, so old masks are not used.
         if grid is self._grid:
             before = (self._was_open, self._may_open, self._was_free)
             masks = [
@@ -168,7 +169,7 @@ class Revisit(Strategy):
         self._look(observation)
 
     def _look(self, observation: Observation) -> None:
-        """Choose a watching position, explore on, or finish."""
+        """Choose a position to wait at, continue the exploration, or finish."""
         floor, pose = self._floor, observation.pose
         assert self._since is not None
         beyond = self._reopened(self._may_open)
@@ -189,7 +190,8 @@ class Revisit(Strategy):
             self._since = None
             self._strategy = self._create(self._settings)
         elif observation.time > self._since + LOOK_TIME:
-            # The passage is ignored until it is open again.
+            # The robot has waited long enough, so the
+            # passage is ignored until it is open.
             shut = self._may_open & ~floor.open
             labels, _ = ndimage.label(shut, np.ones((3, 3)))
             number = labels[floor.nearest(shut, *path[at])]
@@ -207,7 +209,7 @@ class Revisit(Strategy):
         return targets & self._near_start(observation, floor)
 
     def _near_start(self, observation: Observation, floor: TraversabilityMap) -> Mask:
-        """Return the tiles that may be explored; all if walls enclose the area."""
+        """Return the tiles that may be explored: all of them in an enclosed area."""
         start = self._start
         if start is None or is_enclosed(observation):
             return np.ones_like(floor.open)
@@ -232,7 +234,7 @@ def moved_things(grid: OccupancyGrid, was_open: Mask, safety: float) -> Mask:
     blocked, size = grid.blocked_cells(), grid.frame.resolution
     reach = max(safety - MARGIN, 0.0) / size
     near = blocked & np.isfinite(distance_field(was_open, reach))
-    # Pieces near each other are one object: there is a gap between two beams.
+    # Pieces near each other belong to one object, since there are gaps between beams.
     joined = np.isfinite(distance_field(near, GAP / size))
     labels, count = ndimage.label(joined, np.ones((3, 3)))
     sizes = np.bincount(labels[blocked & was_open], minlength=count + 1)

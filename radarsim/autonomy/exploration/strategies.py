@@ -1,10 +1,10 @@
 """Exploration strategies by name, and ``AutoStrategy``, which chooses among them.
 
-``auto`` chooses by the sensor readings. If less than half of all directions have a
-return, the area is open: the robot drives a spiral from the start, then to frontiers no
-farther from the start than the radius of the spiral. Otherwise it drives to frontiers.
-With walls all around and no reachable frontier, it follows the walls and covers the
-interior.
+``auto`` chooses a strategy by the sensor readings. If less than half of all directions
+have a return, the area is open: the robot drives a spiral from the start, then to
+frontiers no farther from the start than the radius of the spiral. Otherwise it drives
+to frontiers. With walls all around and no reachable frontier, it follows the walls and
+covers the interior.
 
 When a strategy is done, ``auto`` also explores the remaining areas.
 """
@@ -60,7 +60,7 @@ def create_strategy(
 
 
 class AutoStrategy(Strategy):
-    """Chooses a strategy, and another one when it is done or no longer suitable.
+    """Chooses a strategy, and replaces it when it is done or no longer suitable.
 
     Attributes:
         chosen: Strategies chosen so far.
@@ -96,13 +96,13 @@ class AutoStrategy(Strategy):
         return is_untried and last == StrategyName.FRONTIERS and is_open
 
     def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
-        """Start the first suitable strategy with choices left, or finish."""
+        """Start the first suitable strategy that may be chosen again, or finish."""
         self.is_done, self._current = True, None
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
-        # Counts are limited so that it ends, since
-        # each strategy may leave floor for another.
+        # Each strategy may leave floor to another one, so the number of times that each
+        # strategy is chosen is limited.
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),

@@ -1,12 +1,12 @@
-"""Traversability map: open floor for a robot on the map, and its unexplored edges.
+"""Traversability map: floor that a robot can drive on, and its unexplored edges.
 
 Theory of operation
 ===================
-Cells of the map are joined to tiles of about 0.1 m. At a distance, cells between beams
-stay unknown. So a tile is unknown only if it is part of a small disc without any sensed
-tile, and all other tiles are sensed. Open tiles are sensed tiles that keep
-the safety distance from obstacles. Frontiers are open tiles next to unknown ones.
-Unvisited tiles are open tiles that no beam has passed at short range.
+Cells of the map are joined to tiles of about 0.1 m. Far from the robot, cells between
+beams stay unknown. So a tile is unknown only if it is part of a small disc without any
+sensed tile, and all other tiles are sensed. Open tiles are sensed tiles that keep the
+safety distance from obstacles. Frontiers are open tiles next to unknown ones. Unvisited
+tiles are open tiles that no beam has passed at short range.
 """
 
 import math
@@ -40,7 +40,7 @@ _PADDING: Final = 4  # unknown tiles around the map
 
 
 class TraversabilityMap:
-    """Tiles of the map at one time; masks of tiles are (R, C).
+    """The map at one time, divided into tiles; masks of tiles are (R, C).
 
     Attributes:
         safety: Safety distance from the robot's centre, m.
@@ -67,7 +67,7 @@ class TraversabilityMap:
 
     @cached_property
     def unknown(self) -> Mask:
-        """Tiles of discs of ``HOLE_RADIUS`` without any sensed tile."""
+        """Tiles in discs of ``HOLE_RADIUS`` that contain no sensed tile."""
         return self._opening(~self._sensed, HOLE_RADIUS)
 
     @cached_property
@@ -103,12 +103,12 @@ class TraversabilityMap:
         return other
 
     def tiles_of(self, other: "TraversabilityMap", tiles: Mask) -> Mask:
-        """Return the tiles of this map that match given tiles of an earlier map."""
+        """Return this map's tiles at the positions of given tiles of another map."""
         left, bottom = self._corner
         column = round((other._corner[0] - left) / self.size)
         row = round((other._corner[1] - bottom) / self.size)
         result = np.zeros_like(self.open)
-        # Cropped, since a rebuilt map may lack some of the tiles.
+        # The mask is cropped, since a rebuilt map may lack some of its tiles.
         tiles = tiles[max(-row, 0) :, max(-column, 0) :]
         place = result[max(row, 0) :, max(column, 0) :]
         rows, columns = np.minimum(place.shape, tiles.shape)
@@ -134,7 +134,7 @@ class TraversabilityMap:
         return np.asarray(np.hypot(columns - x, rows[:, None] - y) <= radius)
 
     def nearest(self, tiles: Mask, x: float, y: float) -> Mask:
-        """Return a mask of the one given tile that is nearest to a point, m."""
+        """Return a mask of only that given tile that is nearest to a point, m."""
         columns, rows = self.tile_centers()
         distance = np.hypot(columns - x, rows[:, None] - y)
         chosen = np.zeros_like(tiles)
@@ -158,7 +158,7 @@ class TraversabilityMap:
         """Return whether the robot may drive straight to a point, m, at a low cost."""
         if not self.is_open(x, y):
             return False
-        # Two points per tile, so that no tile is skipped except at a corner.
+        # There are two points per tile, so the line skips tiles only at their corners.
         steps = max(2, math.ceil(math.hypot(x - pose.x, y - pose.y) / self.size * 2))
         points = np.linspace((pose.x, pose.y), (x, y), steps + 1)
         tiles = np.array([self._tile(*point) for point in points.tolist()])
@@ -166,14 +166,15 @@ class TraversabilityMap:
         rows, columns = tiles.T
         if not inside.all() or self.unknown[rows, columns].any():
             return False
-        # The first tile is excluded, since a robot too close to an obstacle may leave.
+        # The first tile is excluded, so that a robot
+        # too close to an obstacle can drive away.
         costs = self._step_cost[rows, columns]
         return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
 
     def find_path(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
         """Return the path to the nearest of given tiles, m; empty without a path.
 
-        A robot too close to an obstacle may leave if it comes no closer.
+        A path from a position too close to an obstacle may lead away from the obstacle.
         """
         start = self._tile(pose.x, pose.y)
         if not self._is_inside(start):
@@ -191,7 +192,7 @@ class TraversabilityMap:
         return np.asarray(flood_fill(passable, start) & self.open)
 
     def places_of(self, tiles: Mask, least_area: float) -> list[Point]:
-        """Return the middle tile of each connected piece of given tiles, m.
+        """Return the centre of the middle tile of each connected group of tiles, m.
 
         Args:
             tiles: (R, C).
@@ -212,7 +213,8 @@ class TraversabilityMap:
 
         Edges around islands within the region are excluded.
         """
-        # The padding surrounds the map, so the fill from one corner reaches all of it.
+        # The map has a border of padding, so a fill from
+        # one corner reaches all tiles outside the region.
         outside = flood_fill(~region, (0, 0))
         is_walled = self._clearance <= self.safety + 2 * self.size
         return np.asarray(region & self._dilated(outside) & is_walled)
@@ -221,7 +223,8 @@ class TraversabilityMap:
         """Return the cost of a step into each tile; inf for closed tiles."""
         cost = np.where(self.open, self._step_cost, math.inf)
         if not self.open[start]:
-            # Away from the obstacle that is too close, and not into unknown tiles.
+            # The robot is too close to an obstacle. It may drive away from it over
+            # closed tiles, but not into unknown ones.
             escape = self.disc(pose.x, pose.y, ESCAPE_RADIUS) & ~self.open
             escape &= (self._clearance >= self._clearance[start]) & ~self.unknown
             cost[escape] = ESCAPE_COST
@@ -236,14 +239,16 @@ class TraversabilityMap:
         return bool(is_inside.all())
 
     def _tiles(self, cells: Mask) -> Mask:
-        # Any sensed cell counts: gaps between beams leave cells of a tile unknown.
+        # A single sensed cell is enough, since gaps
+        # between beams leave cells of a tile unknown.
         tiles = _blocks(cells, self._factor).any(axis=(1, 3))
-        # Unknown tiles are added, so that floor at the border of the map is a frontier.
+        # A border of unknown tiles is added, so that
+        # floor at the edge of the map is a frontier.
         return np.pad(tiles, _PADDING)
 
     def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
         """Return the least clearance of each tile's cells, m; inf beyond a limit."""
-        # Beyond the limit no step costs more, so larger distances are not computed.
+        # Distances beyond the limit do not change costs, so they are not computed.
         limit = self.safety + COSTLY + self.size
         cells = np.pad(blocked, _PADDING * self._factor)
         near = distance_field(cells, limit / resolution) * resolution
@@ -255,17 +260,19 @@ class TraversabilityMap:
         return distance_field(tiles, max_distance / self.size) * self.size
 
     def _dilated(self, tiles: Mask) -> Mask:
-        # Diagonal neighbours are 1.41 tiles away, and the next tiles 2.
+        # A limit of 1.5 tiles includes diagonal neighbours,
+        # which are 1.41 tiles away, and no others.
         return np.isfinite(self._distances(tiles, 1.5 * self.size))
 
     def _opening(self, tiles: Mask, radius: float) -> Mask:
-        # Eroded, then dilated: keeps tiles where a disc of the radius fits.
+        # An opening (erosion, then dilation) keeps
+        # tiles where a disc of the radius fits.
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
 
 
 def _blocks(cells: NDArray[Any], factor: int, fill: float = 0) -> NDArray[Any]:
-    """Return cells grouped by tile, (R, factor, C, factor)."""
+    """Return the cells, reshaped into tiles, (R, factor, C, factor)."""
     cells = np.pad(
         cells, [(0, -count % factor) for count in cells.shape], constant_values=fill
     )

@@ -19,7 +19,7 @@ from radarsim.autonomy.mapping.occupancy_grid import (
 NavMode: TypeAlias = Literal["trinary", "scale"]
 
 BLUE, WHITE, GREY, BLACK = (0, 0, 255), (255, 255, 255), (160, 160, 160), (0, 0, 0)
-# Meanings of UsarCommander's colours.
+# Classes of cells, and the colours that UsarCommander expects for them.
 COMMANDER_CELLS: Final = {
     "unknown": BLUE,
     "sensed": WHITE,
@@ -31,11 +31,12 @@ MARGIN: Final = 0.5  # m of unknown cells around the sensed cells
 OPEN_SPACE: Final = 5.0  # m of open floor around other known cells
 OCCUPIED_LEVEL, UNKNOWN_LEVEL, FREE_LEVEL = 0, 205, 254
 OCCUPIED_FROM: Final = 0.65
-# Unknown is 50/255 = 0.19608; the common value 0.25 would make it free.
+# Unknown cells have an occupancy of 50/255 = 0.19608.
+# With the common threshold 0.25 they would count as free.
 FREE_BELOW: Final = 0.196
 
 _LAST_BMP: Final = 0xFFFF  # JSON escapes later characters as surrogate pairs
-# Only files with this mark may be replaced by a later map.
+# A later map may only replace files that contain this mark.
 MARK: Final = "radarsim map"
 HEAD: Final = 64  # bytes at the beginning of a file that contain the mark
 
@@ -47,7 +48,7 @@ def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
     (in foliage, too), and cells where beams end black. The first row is the
     southernmost.
     """
-    # In this order, each colour replaces the earlier ones.
+    # The order matters, since each class of cells overwrites earlier ones.
     numbers = grid.sensed_cells().astype(np.uint8)
     numbers[grid.short_range_cells()] = 2
     numbers[grid.beam_end_cells()] = 3
@@ -79,7 +80,8 @@ def nav_map(
     """
     rows, columns = sensed_window(grid)
     if mode == "trinary":
-        # All other classes are free, also smoke, since robots drive through it.
+        # All other classes are free. Smoke is free
+        # as well, since robots can drive through it.
         levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
         levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
         levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
@@ -88,7 +90,7 @@ def nav_map(
         probability = grid.occupancy_probability()
         known = np.isfinite(probability)
         pixels = np.zeros((*probability.shape, 2), np.uint8)  # grey and opacity
-        # Dark pixels are occupied, as ``negate: 0`` in the YAML declares.
+        # Dark pixels are occupied: the YAML file declares this with ``negate: 0``.
         pixels[known, 0] = np.rint(255 * (1 - probability[known]))
         pixels[known, 1] = 255
         image, image_format = f"{name}.png", "png"
@@ -110,7 +112,7 @@ def nav_map(
 
 
 def _quoted(name: str) -> str:
-    """Return a name as an ASCII string of YAML, which has no surrogate pairs."""
+    """Return a name as a YAML string in ASCII; YAML does not allow surrogate pairs."""
     letters = (
         f"\\U{ord(letter):08X}" if ord(letter) > _LAST_BMP else json.dumps(letter)[1:-1]
         for letter in name
@@ -123,7 +125,8 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
     data, info = io.BytesIO(), PngInfo()
     info.add_text("Software", MARK)
     Image.fromarray(np.flip(pixels, axis=0)).save(data, image_format, pnginfo=info)
-    # A PGM has no text chunks like a PNG, so the mark is a comment there.
+    # Unlike PNG files, PGM files have no text
+    # chunks, so the mark is written as a comment.
     if image_format == "png":
         return data.getvalue()
     magic, rest = data.getvalue().split(b"\n", 1)

@@ -1,30 +1,33 @@
-"""Keyframes: the scans that point maps consist of, and the loops that they close.
+"""Keyframes: the scans that make up point maps, and the detection of loop closures.
 
 Theory of operation
 ===================
 Recently seen points are consistent with the robot's pose; points seen long ago may not
-be, since the pose has drifted in between. Keyframes therefore leave the local map when
-the robot is far away, and return only after a loop closure has aligned both. In a room
-that the scanner sees as a whole, no keyframe leaves the local map.
+be, since the pose has drifted in between. Keyframes are therefore removed from the
+local map when the robot is far away from them, and added again only after a loop
+closure has aligned them. In a room that the scanner sees as a whole, no keyframe leaves
+the local map.
 
 Loop closure: near keyframes that have left the local map, the latest points are matched
 with a map of these keyframes. The pose may have drifted in proportion to the path, so
 start poses all around the estimate are tried, and the best is refined. The match counts
-only if most points fit. It does not count in a corridor, which looks the same
-everywhere along it, nor if the points fit about as well at the estimated pose, far from
-the best one, as in a row of niches. The appearance of a wall depends on the viewpoint:
-a match from some metres off the old position can have a larger error than the whole
-loop, especially while many of the seen points are not on the old map yet. From there,
-almost all points must fit; otherwise the loop closes farther on.
+only if most points fit. It does not count in a corridor, since scans look the same all
+along it. It also does not count if the points fit about as well at the estimated pose,
+far away from the best pose, as in a row of niches. A wall looks different from
+different positions. So a match a few metres away from the old position can have a
+larger error than the whole loop, especially while many of the seen points are not on
+the old map yet. There almost all points have to fit. Otherwise the loop is closed
+later, farther along the path.
 
-Anchoring: a robot at rest sees everything from one position, and each wall by few
-beams. The next scans are matched with these few points, and later scans with those: the
-map is consistent, but rotated by some tenths of a degree. Later, after walls have been
-seen from many positions, the first scans, the only ones with the start pose, are
-matched with the map of all others. The result is the error of that map, and all
-keyframes except the first are corrected by it. This is repeated a few times while the
-map improves. A map stays in place if its error is below the accuracy of the first
-scans, or if keyframes have left the local map, since it may have bent since then.
+Anchoring: before a robot moves, it sees everything from one position, and each wall
+with few beams. The next scans are matched with these few points, and later scans with
+the next ones. So the map becomes consistent, but is rotated by some tenths of a degree.
+Only the first scans have the exact start pose. After walls have been seen from many
+positions, these scans are matched with the map of all other scans. The match gives the
+error of this map, and all keyframes except the first ones are corrected by it. This is
+repeated a few times while the map improves. A map stays in place if its error is below
+the accuracy of the first scans, or if keyframes have left the local map, since it may
+have bent since then.
 """
 
 import math
@@ -87,7 +90,7 @@ class Keyframe:
 
 
 class KeyframeMap:
-    """All keyframes, and a map of the points of the local ones.
+    """All keyframes, and a map of the points of the local keyframes.
 
     Attributes:
         keyframes: Keyframes in the order in which they were added.
@@ -106,10 +109,11 @@ class KeyframeMap:
         """Add a keyframe to the local map, and drop distant keyframes from that map."""
         self.keyframes.append(keyframe)
         _add(self.points, keyframe)
-        # the extent of keyframes limits how far apart they still overlap
+        # The extent of keyframes limits the distance at which two of them overlap.
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
-        # Checked at intervals, since the map is rebuilt when keyframes leave it.
+        # Keyframes are checked only at intervals, since
+        # the map is rebuilt when some are dropped.
         if keyframe.station > self._swept + STRIDE:
             self._swept, far = keyframe.station, False
             for each in self.keyframes:
@@ -125,14 +129,14 @@ class KeyframeMap:
         for keyframe, pose in zip(self.keyframes, poses, strict=True):
             keyframe.pose = pose
             keyframe.is_local = pose.distance(poses[-1]) < local
-        # Points are stored only as sums, so none can be removed exactly.
+        # The map stores only sums over points, so single points cannot be removed.
         self._rebuild()
 
     def _rebuild(self) -> None:
         self.points = map_of([each for each in self.keyframes if each.is_local])
 
     def find_closure(self, latest: Fit) -> tuple[int, Pose2, Floats] | None:
-        """Return the last keyframe's pose by older keyframes, if a loop closes.
+        """Match the last keyframe with older ones; return its pose if a loop closes.
 
         Args:
             latest: The fit of the last keyframe to the local map.
@@ -143,7 +147,7 @@ class KeyframeMap:
             map's axes.
         """
         last = self.keyframes[-1]
-        # A corridor looks the same everywhere along it.
+        # In a corridor a match is ambiguous, since scans look the same all along it.
         if last.station < self._next_attempt or latest.evenness < MIN_EVENNESS:
             return None
         radius = min(MAX_DISTANCE, self.reach)
@@ -154,15 +158,16 @@ class KeyframeMap:
         nearest = int(np.argmin(distances))
         if distances[nearest] >= radius:
             return None
-        # Set for success and failure alike, since the search itself is slow.
+        # The next attempt is delayed after a success as well, since the search is slow.
         self._next_attempt = last.station + RETRY
         old = self.keyframes[nearest]
-        # The error of a pose grows with the path since then, up to a limit, since the
-        # number of start poses grows with the third power of the error.
+        # The possible error of the pose grows with the path since the old keyframe. The
+        # error is limited, since the number of start poses grows with its third power.
         gap = last.station - old.station
         drift = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
         turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
-        # Neighbours along the path, not only in space, are consistent with each other.
+        # Keyframes that are near in space but not along the path may be inconsistent
+        # with each other, so only neighbours along the path are used.
         around = [
             each
             for each in self.keyframes
@@ -171,15 +176,15 @@ class KeyframeMap:
         found = find_pose(map_of(around).table, self._latest(), drift, turn)
         if found is None:
             return None
-        # From another position walls look different, and a match may have a larger
-        # error than the loop. There will be another attempt farther on.
+        # Walls look different from another position, so the error of a match may be
+        # larger than the error to correct. Another attempt follows later on the path.
         is_beside = found.pose.distance(old.pose) > SAME_PLACE
         if is_beside and found.inliers < MIN_INLIERS_BESIDE:
             return None
         return nearest, found.pose, found.information
 
     def _latest(self) -> Keyframe:
-        """Return the last keyframe, with points of the preceding ones added."""
+        """Return the last keyframe, joined with points of the preceding keyframes."""
         last = self.keyframes[-1]
         latest = takewhile(
             lambda each: each.station >= last.station - LATEST and each.is_local,
@@ -211,7 +216,7 @@ def joined(keyframes: Iterable[Keyframe], pose: Pose2, most: int) -> ScanPoints:
         motion = each.pose.relative_to(pose)
         along, normals = (turned(rows, motion.yaw) for rows in each.points[1:3])
         parts.append((moved(each.points.places, motion), along, normals))
-    # every second, third and so on, so that every keyframe keeps its share
+    # Only every n-th point is kept, so that every keyframe keeps its share.
     step = 1 + sum(len(places) for places, *_ in parts) // most
     columns = (np.concatenate(column)[::step] for column in zip(*parts, strict=True))
     places, along, normals = map(np.ascontiguousarray, columns)
@@ -225,7 +230,7 @@ def _add(points: PointMap, keyframe: Keyframe) -> None:
 
 
 def moved(places: Floats, pose: Pose2) -> Floats:
-    """Transform points from a pose's own frame to its parent frame, (K, 2) m."""
+    """Transform points from the frame of a pose to its parent frame, (K, 2) m."""
     result: Floats = turned(places, pose.yaw) + np.array([pose.x, pose.y])
     return result
 
@@ -254,15 +259,17 @@ def find_pose(
     """
     points, pose = keyframe.points, keyframe.pose
     starts = _starts_around(pose, limit, turn)
-    # The fit finds only the nearest optimum, which may not be the best one.
+    # The fit finds only the optimum nearest to its
+    # start, so the best start is searched first.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
-    # The estimated pose constrains the fit no more than its error allows.
+    # The estimated pose constrains the fit only weakly, by its possible error.
     sigma = np.array([limit, limit, turn])
     found = fit(table, points, start, pose, sigma)
     if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
         return None
-    # Niches, doors or pillars in a row look alike from many poses. A half-known row
-    # fits best at a wrong pose, and about as well at the estimated pose.
+    # Niches, doors or pillars in a row look alike from many poses.
+    # If only half of a row is known, the best fit may be at a wrong
+    # pose, but the fit at the estimated pose is about as good.
     rival = fit(table, points, pose, pose, sigma)
     is_apart = rival.pose.distance(found.pose) > APART
     return None if is_apart and rival.score > MAX_RIVAL * found.score else found
@@ -292,7 +299,8 @@ def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:
         keyframes do not determine it.
     """
     keyframes = known.keyframes
-    # After keyframes have left, the map may have bent, so only a loop can correct it.
+    # Once keyframes have been dropped, the map may
+    # be bent, so only a loop closure can correct it.
     if not all(each.is_local for each in keyframes):
         return None
     start = keyframes[0].pose
@@ -301,5 +309,5 @@ def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:
     found = fit(map_of(keyframes[first:]).table, points, start, start, sigma)
     if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
         return None
-    # The inverse, since the map of the other keyframes moves, not the first ones.
+    # The inverse is returned, since the map moves and the first keyframes stay.
     return start.compose(Pose2(0.0, 0.0).relative_to(found.pose))

@@ -6,9 +6,9 @@ with missing echoes is used to find the pose but not for the map, since the rang
 radar alone does not distinguish foliage from a wall.
 
 When a loop closes, the poses of all scans change, and the grid is rebuilt from the
-scans. That takes seconds, in which a robot would drive on blindly. So with each new
-scan, which still goes to the old grid, some old scans are added to the new grid. The
-new grid replaces the old one when it holds all scans.
+scans. A rebuild takes seconds, in which a robot would drive on blindly. So it is done
+in steps: each new scan is added to the old grid, and with it some stored scans are
+added to the new grid. The new grid replaces the old grid once it contains all scans.
 """
 
 import math
@@ -40,11 +40,11 @@ from radarsim.protocol.reports import (
     Report,
 )
 
-MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion is unknown
+MAX_SCANS_WITHOUT_MOTION: Final = 50  # scans without a motion report
 TRUTH_INTERVAL: Final = 0.05  # s; ground truth poses in between are not stored
 
 SCANS_AT_ONCE: Final = 25  # old scans added to the new grid with each new scan
-STANDING: Final = 0.02, 0.01  # m and rad; smaller motion counts as standing
+STANDING: Final = 0.02, 0.01  # m and rad; a robot that moves less is standing
 SCANS_STANDING: Final = 20  # scans stored of a robot at one standing position
 PLACE: Final = 1.0  # m between two viewpoints
 SQUARE: Final = 0.25  # m; larger than a cell, since noise spreads beam ends over cells
@@ -52,7 +52,7 @@ _MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odomet
 
 
 class RebuildableGrid:
-    """A grid that can be rebuilt, with the scans that it consists of.
+    """A grid that stores its scans, so that it can be rebuilt.
 
     Attributes:
         grid: The map; a new object after a rebuild.
@@ -72,30 +72,31 @@ class RebuildableGrid:
         self.grid = OccupancyGrid(resolution)
         self._trajectory = trajectory
         self._radius = radius
-        # scans with the numbers of their poses
+        # scans, each with the number of its pose in the trajectory
         self._scans: list[tuple[int, PlanarScan]] = []
         self._last: Pose2 | None = None  # pose of the last scan while driving
         self._standing = 0
         self._next: OccupancyGrid | None = None
-        self._added = 0  # number of scans in the next grid
+        self._added = 0  # number of scans added to the next grid
 
     def add(self, scan: PlanarScan) -> None:
         """Add a scan at the last pose of the trajectory."""
         number = len(self._trajectory) - 1
         self._add(self.grid, number, scan)
-        # A standing robot sees the same again and again, so only some scans are stored.
+        # Scans of a standing robot are all alike, so only some of them are stored.
         pose = self._trajectory.poses[-1]
         if self._last is None or pose.is_apart(self._last, *STANDING):
             self._last, self._standing = pose, 0
         self._standing += 1
         if self._standing <= SCANS_STANDING:
-            # Stored in half the memory, since all scans of a run are kept.
+            # All scans of a run are kept, so their
+            # numbers are stored in half the memory.
             self._scans.append((number, _converted(scan, np.int32, np.float32)))
         self._continue(SCANS_AT_ONCE)
 
     def rebuild(self) -> None:
         """Start to rebuild the grid, since the trajectory has changed."""
-        # A rebuild in progress is dropped, since its poses are outdated.
+        # A rebuild in progress starts again, since its poses are outdated.
         self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
 
     def finish(self) -> None:
@@ -103,7 +104,7 @@ class RebuildableGrid:
         self._continue(len(self._scans))
 
     def seen_from_one_place(self) -> float:
-        """Return the share of solid squares that were seen from only one viewpoint.
+        """Return the share of solid squares that were seen from only one position.
 
         Viewpoints are at least 1 m apart. Squares have sides of 0.25 m.
         """
@@ -127,7 +128,7 @@ class RebuildableGrid:
         if self._next is None:
             return
         for number, scan in self._scans[self._added : self._added + count]:
-            # Converted to the types that the engine expects.
+            # The engine expects 64-bit numbers.
             self._add(self._next, number, _converted(scan, np.int64, np.float64))
             self._added += 1
         if self._added == len(self._scans):
@@ -141,7 +142,7 @@ class RebuildableGrid:
 
 
 def _squares(points: Floats) -> NDArray[np.int64]:
-    """Return the unique numbers of the squares that contain points."""
+    """Return the numbers of the squares that contain points, without duplicates."""
     column, row = np.floor(points / SQUARE).astype(np.int64).T
     return np.unique((column << 32) + row)
 
@@ -212,7 +213,7 @@ class Mapper(ScanReader):
 
     @property
     def seen_from_one_place(self) -> float:
-        """The share of solid squares that were seen from only one viewpoint."""
+        """The share of solid squares that were seen from only one position."""
         return self._grid.seen_from_one_place()
 
     @property
@@ -222,7 +223,7 @@ class Mapper(ScanReader):
 
     @property
     def hint(self) -> str:
-        """Other motion sources, if the requested source has sent no poses."""
+        """Names of other motion sources, if the requested source has sent no poses."""
         if self.missing != self._missing_pose:
             return ""
         others = self._sources - {self.slam.motion_source}
@@ -236,7 +237,7 @@ class Mapper(ScanReader):
         if not isinstance(report, Ins | GroundTruth | Odometry):
             return
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
-        if not isinstance(report, Odometry):  # odometry starts at any pose
+        if not isinstance(report, Odometry):  # odometry starts at an arbitrary pose
             self._spawn_pose = self._spawn_pose or pose
         source = _MOTION_SOURCES.get(type(report))
         if source is not None:
@@ -247,7 +248,7 @@ class Mapper(ScanReader):
             self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
-            # The tolerance keeps a pose that is due except for rounding.
+            # The tolerance keeps rounding errors from delaying a pose.
             if report.time > last + TRUTH_INTERVAL - 1e-9:
                 self.truth.add(report.time, pose)
 
@@ -255,7 +256,7 @@ class Mapper(ScanReader):
         source = self.slam.motion_source
         if source != "none":
             self._scans_since_report += 1
-        # With a silent source all scans would be placed at one position.
+        # If the motion source is silent, all scans would be placed at one position.
         is_lost = self._scans_since_report > MAX_SCANS_WITHOUT_MOTION
         reported = self._motion.at(report.time)
         if source != "none" and (reported is None or is_lost):
@@ -263,18 +264,18 @@ class Mapper(ScanReader):
             self.left_out["no_pose"] += 1
             return None
         if not len(self.trajectory):
-            # An INS starts at its own first pose. Other sources
-            # start at the first pose from an INS or the ground
-            # truth, which arrives after the mapper is created.
+            # With an INS, the map starts at the first INS pose. With other sources it
+            # starts at the first pose from an INS or the ground truth, which arrives
+            # after the mapper is created.
             self.slam.start = None if source == "ins" else self._spawn_pose
         time, echoes, lacks_echoes = self._time_and_echoes(report)
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         revision = self.slam.revision
         pose = self.slam.step(scan, *(reported or ()))
-        # A loop has closed, or the map was rotated, so the poses of all scans changed.
+        # A loop closure or a rotation of the map has changed the poses of all scans.
         if self.slam.revision > revision:
             self._grid.rebuild()
-        # The pose is found without echoes, as a start for the next scan.
+        # A scan without echoes is not mapped, but its pose helps to find the next pose.
         if lacks_echoes:
             self.missing = f"echoes of {self.scanner.name!r}"
             self.left_out["no_echoes"] += 1
@@ -285,7 +286,8 @@ class Mapper(ScanReader):
         return self._observation(pose, scan)
 
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
-        # the nearest hit of each beam that blocks robots, so not smoke
+        # For each beam, only the nearest hit that
+        # blocks robots counts, so smoke is ignored.
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
         blocks = hits.layer != Layer.SMOKE

@@ -116,7 +116,7 @@ class GridFrame:
     def extended_to(
         self, low: tuple[float, float], high: tuple[float, float]
     ) -> "GridFrame":
-        """Return a frame extended to contain a box, in steps of many cells.
+        """Return a frame that is extended by large steps until it contains a box.
 
         Args:
             low: South-west corner, m.
@@ -193,8 +193,8 @@ class OccupancyGrid:
         angles = scan.angles + (pose.yaw + scan.mount.yaw)
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         ends = directions * scan.known_range[:, None]
-        # Converted to cells, such numbers would be
-        # arbitrary, and the map would grow there.
+        # Infinite numbers and nan would give arbitrary
+        # cells, and the map would grow to contain them.
         if not np.isfinite(ends).all():
             raise ValueError("beams with angles or ranges that are no finite numbers")
         self._extend(sensor.x, sensor.y, ends)
@@ -228,13 +228,15 @@ class OccupancyGrid:
         corner = np.array([radius, radius])
         self._extend(pose.x, pose.y, np.array([-corner, corner]))
         x, y = self.frame.cell_centers()
-        # Only the cells around the robot are computed, however large the map is.
+        # Only cells around the robot are computed, so
+        # the cost does not depend on the map size.
         columns = slice(*np.searchsorted(x, (pose.x - radius, pose.x + radius)))
         rows = slice(*np.searchsorted(y, (pose.y - radius, pose.y + radius)))
         x, y = x[columns], y[rows]
         disc = np.hypot(x - pose.x, y[:, None] - pose.y) <= radius
         self._flags[rows, columns][disc] |= SENSED | NEAR
-        # The robot's position is certain evidence. Smoke may still surround the robot.
+        # The robot stands there, so the cells contain
+        # nothing solid. They may contain smoke.
         for layer in (Layer.SOLID, Layer.FOLIAGE):
             self._evidence[layer, rows, columns][disc] = -LOG_ODDS_LIMIT
 
@@ -245,7 +247,7 @@ class OccupancyGrid:
             evidence[cells] = np.minimum(evidence[cells], -LOG_ODDS_FREE)
 
     def sensed(self, x: float, y: float) -> bool:
-        """Return whether any beam was in the cell of a point, m."""
+        """Return whether any beam has reached the cell of a point, m."""
         cell = self.frame.cell(x, y)
         return cell is not None and bool(self._flags[cell] & SENSED)
 
@@ -274,7 +276,7 @@ class OccupancyGrid:
         return np.asarray((self._flags & SENSED) != 0)
 
     def short_range_cells(self) -> Mask:
-        """Return the cells that beams passed within the short range, (R, C)."""
+        """Return the cells that beams passed at short range, (R, C)."""
         return np.asarray((self._flags & NEAR) != 0)
 
     def beam_end_cells(self) -> Mask:
@@ -290,7 +292,8 @@ class OccupancyGrid:
         """Return the ``CellClass`` of each cell, (R, C)."""
         sensed = self.sensed_cells()
         classes = np.where(sensed, CellClass.FREE, CellClass.UNKNOWN).astype(np.uint8)
-        # The class that blocks robots most is written last.
+        # If a cell has several classes, the one
+        # that blocks robots most is written last.
         classes[self._evidence[Layer.SMOKE] > 0] = CellClass.SMOKE
         classes[self._evidence[Layer.FOLIAGE] > 0] = CellClass.FOLIAGE
         classes[self._evidence[Layer.SOLID] > 0] = CellClass.OBSTACLE
@@ -299,14 +302,15 @@ class OccupancyGrid:
     def occupancy_probability(self) -> Floats:
         """Return the probability that a cell is blocked, (R, C); nan where unknown."""
         solid, foliage = self._evidence[Layer.SOLID], self._evidence[Layer.FOLIAGE]
-        # Solid and foliage both block robots. Evidence is in tenths of log-odds.
+        # Solid objects and foliage both block
+        # robots. Evidence is in tenths of log-odds.
         log_odds = np.maximum(solid, foliage) / 10
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-log_odds)), np.nan)
 
     def _extend(self, x: float, y: float, offsets: Floats) -> None:
         """Extend the map to contain a point, m, and (N, 2) m offsets from it."""
-        # One cell is added on each side for rounding. The point itself is included,
-        # since a scan may have no beams.
+        # One cell is added on each side to allow for rounding. The point itself is
+        # included as well, since a scan may have no beams.
         low = offsets.min(axis=0, initial=0.0) - self.frame.resolution
         high = offsets.max(axis=0, initial=0.0) + self.frame.resolution
         larger = self.frame.extended_to(
@@ -316,5 +320,6 @@ class OccupancyGrid:
         if larger != self.frame:
             layers = [self.frame.copy_into(layer, larger) for layer in self._evidence]
             flags = self.frame.copy_into(self._flags, larger)
-            # assigned together, so that an interrupt leaves the map consistent
+            # All three are assigned at once, so that
+            # an interrupt leaves the map consistent.
             self._evidence, self._flags, self.frame = np.stack(layers), flags, larger

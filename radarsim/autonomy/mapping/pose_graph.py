@@ -3,10 +3,10 @@
 Theory of operation
 ===================
 Each pose is connected with the previous pose by the motion in between, and, where a
-loop closes, with an older pose by a scan match. Both are edges: a measured pose of one
-end in the frame of the other, with its information matrix. The poses with the least sum
-of squared errors are found by Gauss-Newton with sparse matrices; the first pose is
-fixed.
+loop closes, with an older pose by a scan match. Both are edges of the graph. An edge
+contains the measured pose of one end in the frame of the other end, with its
+information matrix. The poses with the least sum of squared errors are found by
+Gauss-Newton with sparse matrices; the first pose is fixed.
 
 Source: Grisetti, Kümmerle, Stachniss and Burgard, "A tutorial on graph-based SLAM"
 (2010).
@@ -30,7 +30,7 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 
 MAX_ITERATIONS: Final = 20
 CONVERGED: Final = 1e-4  # m and rad; smaller steps end the iteration
-# Errors of the points of a scan are correlated, so this many count as one point.
+# Errors of a scan's points are correlated, so this many points count as one.
 POINTS_PER_ERROR: Final = 10.0
 MOTION_SIGMA: Final = (0.002, 0.002, 0.0005)  # m, m and rad; least error of a motion
 CLOSURE_SIGMA: Final = (0.01, 0.01, 0.003)  # least error of a closure
@@ -66,7 +66,7 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
     """
     poses = poses.copy()
     information = np.array([edge.information for edge in edges])
-    # each edge adds a (6, 6) block for the unknowns of both ends
+    # Each edge adds a (6, 6) block for the unknowns of its two poses.
     unknowns = (3 * _ends(edges)[:, :, None] + np.arange(3)).reshape(-1, 6)
     rows = np.repeat(unknowns, 6, axis=1).ravel()
     columns = np.tile(unknowns, (1, 6)).ravel()
@@ -77,14 +77,15 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
         weighted = jacobians.transpose(0, 2, 1) @ information
         gradient = np.zeros(size)
         forces = (weighted @ errors[:, :, None])[:, :, 0]
-        # Indexed addition would add only one of the edges that share a pose.
+        # ``gradient[unknowns] += forces`` would add
+        # only one of the edges that share a pose.
         np.add.at(gradient, unknowns, forces)
-        # The constructor sums duplicate entries, as from edges that share a pose.
+        # ``csc_array`` sums duplicate entries, so edges that share a pose add up.
         normal = csc_array(
             ((weighted @ jacobians).ravel(), (rows, columns)), shape=(size, size)
         )
         steps = np.zeros(size)
-        # Without the rows of the first pose; otherwise the whole map could move.
+        # The rows of the first pose are left out, so that the first pose stays fixed.
         steps[3:] = splu(normal[3:, 3:]).solve(-gradient[3:])
         poses += steps.reshape(-1, 3)
         if np.abs(steps).max(initial=0.0) < CONVERGED:
@@ -109,14 +110,14 @@ def _linearized(poses: Floats, edges: list[Edge]) -> tuple[Floats, Floats, Float
     dx, dy, turn = (poses[ends] - poses[starts]).T
     ahead, left = c * dx + s * dy, c * dy - s * dx
     errors = np.column_stack([ahead, left, turn]) - measured
-    # turns are equal modulo full turns
+    # Errors of angles are wrapped to a single turn.
     errors[:, 2] = np.arctan2(np.sin(errors[:, 2]), np.cos(errors[:, 2]))
     by_end = np.zeros((len(edges), 3, 3))
     by_end[:, 0, 0], by_end[:, 0, 1] = c, s
     by_end[:, 1, 0], by_end[:, 1, 1] = -s, c
     by_end[:, 2, 2] = 1.0
     by_start = -by_end
-    # A turn of the start rotates the end the opposite way around it.
+    # If the start pose turns, its frame sees the end pose rotate the opposite way.
     by_start[:, 0, 2], by_start[:, 1, 2] = left, -ahead
     return errors, by_start, by_end
 
@@ -127,7 +128,7 @@ def _ends(edges: list[Edge]) -> NDArray[np.int64]:
 
 
 class KeyframeGraph:
-    """Motions between keyframes, and the trajectory poses that follow each keyframe.
+    """Motions between keyframes, and the trajectory poses that move with each keyframe.
 
     Attributes:
         edges: Motions between keyframes, including closures.
@@ -135,8 +136,8 @@ class KeyframeGraph:
 
     def __init__(self) -> None:
         self.edges: list[Edge] = []
-        self._closures: list[int] = []  # indices of their edges
-        self._poses: list[Pose2] = []  # poses of keyframes, when they were added
+        self._closures: list[int] = []  # indices of the edges of closures
+        self._poses: list[Pose2] = []  # poses of all keyframes
         self._following: list[tuple[int, Pose2]] = []  # keyframe, and pose in its frame
         self._covariance: Floats = np.zeros((3, 3))
 
@@ -148,8 +149,9 @@ class KeyframeGraph:
             information: (3, 3) information matrix of the next pose from the scan.
         """
         moved = np.linalg.inv(self._covariance + np.diag(np.square(sigma)))
-        # The motion source and the scan measure the same motion, so their information
-        # adds up: in a corridor the scan leaves the variance along it.
+        # The motion source and the scan measure the same motion,
+        # so their information adds up. In a corridor, the scan
+        # does not reduce the variance along the corridor.
         self._covariance = _inverse(moved + information / POINTS_PER_ERROR)
 
     def add(self, pose: Pose2) -> None:
@@ -161,7 +163,8 @@ class KeyframeGraph:
             motion = pose.relative_to(last)
             self.edges.append(Edge(number - 1, number, motion, information))
         self._poses.append(pose)
-        # The next motion starts here; the error of this motion is stored in its edge.
+        # The error of this motion is stored in its edge,
+        # and the next motion starts without error.
         self._covariance = np.zeros((3, 3))
 
     def follow(self, pose: Pose2) -> None:
@@ -183,15 +186,15 @@ class KeyframeGraph:
             motions or earlier closures, and is dropped.
         """
         old = self._poses[start]
-        # 1/m² and 1/rad² are added, since points in one spot give no heading.
+        # 1/m² and 1/rad² are added, since points at a single position give no heading.
         covariance = _inverse(information / POINTS_PER_ERROR + np.eye(3))
         weight = _information(covariance, old.yaw, CLOSURE_SIGMA)
         edge = Edge(start, len(self._poses) - 1, pose.relative_to(old), weight)
         edges, closures = [*self.edges, edge], [*self._closures, len(self.edges)]
         rows = np.array([(each.x, each.y, each.yaw) for each in self._poses])
         rows = optimize(rows, edges)
-        # A wrong closure is worse than none, since it bends the whole map. It
-        # contradicts the motions, or an earlier correct closure.
+        # A wrong closure is worse than none, since it bends the whole map. It shows as
+        # a large error, since it contradicts the motions or an earlier closure.
         if squared_errors(rows, edges)[closures].max() > MAX_SQUARED_ERROR:
             return None
         self.edges, self._closures = edges, closures
@@ -199,7 +202,7 @@ class KeyframeGraph:
         return self._poses
 
     def move(self, first: int, frame: Pose2) -> list[Pose2]:
-        """Move all keyframes from a number on, if no loop has been closed.
+        """Move all keyframes from a given number on, if no loop has been closed.
 
         Args:
             first: Number of the first keyframe that moves.
@@ -210,7 +213,8 @@ class KeyframeGraph:
         """
         moved = [frame.compose(pose) for pose in self._poses[first:]]
         self._poses = [*self._poses[:first], *moved]
-        # All other motions are between keyframes that move together or not at all.
+        # Only this motion changes: it links the last
+        # fixed keyframe and the first moved one.
         motion = self._poses[first].relative_to(self._poses[first - 1])
         self.edges[first - 1] = self.edges[first - 1]._replace(motion=motion)
         return self._poses
@@ -218,7 +222,7 @@ class KeyframeGraph:
     def trajectory(self) -> list[Pose2]:
         """Return the poses of the trajectory, moved with their keyframes."""
         return [
-            # Poses before the first keyframe stay in place.
+            # Poses before the first keyframe are not moved.
             pose if number < 0 else self._poses[number].compose(pose)
             for number, pose in self._following
         ]

@@ -128,7 +128,7 @@ class PlanarScan:
         if not is_cut.any():
             return self
         ends, hits = self.ends.copy(), self.hits.chosen(self.hits.near <= distance)
-        # A cut beam has no end, but the space in front of the cut is free all the same.
+        # A beam that is cut has no known end, but the space up to the cut is free.
         ends[is_cut] = BeamEnd.NOTHING
         return replace(
             self,
@@ -157,7 +157,8 @@ def read_scan(
     """
     ranges = np.asarray(report.ranges, np.float64)
     angles: Floats = np.linspace(-report.fov / 2, report.fov / 2, len(ranges))
-    # Ranges are rounded on the wire, so a beam without a return may read slightly less.
+    # Ranges are rounded in messages, so a beam without a
+    # return may read slightly less than the maximum range.
     returned = ranges < no_return(max_range)
     ends = np.where(returned, BeamEnd.UNSURE, BeamEnd.NOTHING).astype(np.int8)
     known_range = np.where(returned, ranges, max_range)
@@ -167,8 +168,8 @@ def read_scan(
         hits = BeamHits(beams, points, points, layers)
     else:
         hits = _read_echoes(echoes, known_range, ends, max_range)
-    # Zero is invalid for any minimum range, as a laser in smoke reads it. The
-    # comparison is negated, so that nan is invalid, too.
+    # A range of 0 is invalid even if the minimum range is 0, since a laser in smoke
+    # reads 0. The comparison is negated so that nan counts as invalid, too.
     blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(known_range)
     known_range[blind], ends[blind] = 0.0, BeamEnd.BLIND
     return PlanarScan(
@@ -201,7 +202,7 @@ def _sorted_echoes(
 ) -> tuple[
     NDArray[np.int64], NDArray[np.int64], Floats, NDArray[np.int8], NDArray[np.bool_]
 ]:
-    """Join the echoes of all lines; an object may have several lines.
+    """Join the echoes of all lines; several lines may belong to one object.
 
     Echoes with an invalid beam, beyond the maximum range or of an unknown kind are
     dropped.
@@ -210,7 +211,8 @@ def _sorted_echoes(
         Beam, target number, range, kind, and whether robots pass, of each echo, sorted
         by beam, then by target, then by range.
     """
-    # Sorted, since the iteration order of a set of strings differs between processes.
+    # Names are sorted, since the iteration order of
+    # a set of strings differs between processes.
     names = sorted({(each.object, each.material) for each in echoes})
     number = {name: i for i, name in enumerate(names)}
     counts = [len(each.beams) for each in echoes]
@@ -223,7 +225,7 @@ def _sorted_echoes(
     passes = np.repeat(np.array([each.robot_passes for each in echoes], bool), counts)
     known = (beam >= 0) & (beam < beams) & (kind >= 0)
     known &= (ranges >= 0) & (ranges <= max_range + ROUNDING)
-    # The last key is the primary one.
+    # ``lexsort`` sorts by its last key first.
     order = np.lexsort([ranges, target, beam])
     order = order[known[order]]
     return beam[order], target[order], ranges[order], kind[order], passes[order]
@@ -242,7 +244,8 @@ def _read_echoes(
     """
     beams, targets, ranges, kinds, passes = _sorted_echoes(echoes, len(ends), max_range)
     ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
-    # Of several ends of a beam, the farthest is written last and stays.
+    # If a beam has several ends, the farthest
+    # is written last and overwrites the others.
     last = np.flatnonzero(kinds >= _HIT)
     last = last[np.argsort(ranges[last], kind="stable")]
     known_range[beams[last]] = ranges[last]
@@ -257,6 +260,6 @@ def _read_echoes(
 
 
 def _joined(columns: Sequence[ArrayLike], dtype: type[Number]) -> NDArray[Number]:
-    # the empty array allows scans without echoes
+    # The empty array is added, since ``concatenate`` fails without any array.
     arrays = [np.asarray(column, dtype) for column in columns]
     return np.concatenate([np.zeros(0, dtype), *arrays])

@@ -2,18 +2,19 @@
 
 Theory of operation
 ===================
-Each point of the scan is compared with the shape of the map's points around it. Where
-these form a line, only the distance across it counts, since points slide along walls.
-Where they form a spot, like a pole, both directions count. A point of the map has more
-weight the more its surface faces in the direction of the scan point's surface, so that
-the back of a wall does not count as its front. A distance is weighted by its
-information: less where the map's points are spread, as in foliage, and less where the
-beam grazes a surface, since an echo may come from anywhere across the beam. Outliers
-have almost no weight (Geman and McClure's weights).
+Each point of the scan is compared with the shape of the map's points around it. If the
+map's points form a line, only the distance across the line counts, since the points of
+a scan may be anywhere along a wall. If they form a spot, such as a pole, the distance
+counts in both directions. A point of the map has more weight the more its surface faces
+in the direction of the scan point's surface, so that the back of a wall does not count
+as its front. A distance is weighted by its information: less where the map's points are
+spread, as in foliage, and less where the beam grazes a surface, since an echo may come
+from anywhere across the beam. Outliers have almost no weight (Geman and McClure's
+weights).
 
-The motion that the robot reports adds one distance, from the predicted pose. Where the
-scan gives no information, in the open, only this distance is left and the solution is
-the prediction, so the pose cannot diverge.
+The reported motion adds one more distance, the distance from the predicted pose. In
+open space the scan gives no information. Then only this distance is left, and the
+solution is the prediction, so the pose cannot diverge.
 
 Along a corridor, the same must hold for one direction. Echoes of a thick beam scatter
 by centimetres, so a wall looks like a spot in a window of 10 cm, and each spot pulls
@@ -53,7 +54,7 @@ import numpy as np
 from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
-_ROWS: Final = 1 << 12  # of the table of an empty map; a power of two
+_ROWS: Final = 1 << 12  # rows of the table of an empty map; a power of two
 
 
 class PointMap:
@@ -83,7 +84,8 @@ class PointMap:
         if normals is None:
             normals = np.zeros_like(points)
         while (new := engine.add_points(self.table, self._used, points, normals)) < 0:
-            # The table is full. It grows fourfold, since all cells have to be copied.
+            # The table is full. It grows by a factor of
+            # four, since each growth copies all cells.
             self._rows *= 4
             shorter, self.table = self.table, _new_table(self._rows)
             engine.copy_table(shorter, self.table)
@@ -144,7 +146,7 @@ class Fit(NamedTuple):
 
     @property
     def evenness(self) -> float:
-        """Ratio of least to greatest information on a translation, over all directions.
+        """Ratio of least to greatest information on a translation in any direction.
 
         It is near 0 in a corridor, and 0 without points.
         """
@@ -176,5 +178,5 @@ def fit(
 
 
 def best_start(table: Packed, points: ScanPoints, starts: Floats) -> int:
-    """Return the row of (S, 3) poses at which a sample of the points fits best."""
+    """Return the row number of the (S, 3) pose that a sample of points fits best."""
     return int(engine.best_start(table, *points, starts))

@@ -9,13 +9,13 @@ is extrapolated, and its sigma grows by the possible change of speed. Without IN
 odometry, poses around the last pose and the extrapolated pose are tried, and the best
 is refined.
 
-A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
-since the last keyframe. The first scans also become keyframes while the robot stands:
-they have the start pose and make the map dense. A place that is seen again is matched
-with its first scans, unless the robot has been so far away in between that its pose may
-have drifted. In that case a loop closure is searched (``loop_closure``). It distributes
-the error over all poses since the first visit (``pose_graph``), including the poses of
-earlier scans.
+A scan becomes a keyframe, part of the map, when the robot has moved by 0.2 m or turned
+by 0.1 rad since the last keyframe. The first scans also become keyframes while the
+robot stands: they have the start pose and make the map dense. A place that is seen
+again is matched with its first scans, unless the robot has been so far away in between
+that its pose may have drifted. In that case a loop closure is searched
+(``loop_closure``). It distributes the error over all poses since the first visit
+(``pose_graph``), including the poses of earlier scans.
 
 Navigators may use the poses of their scans from this module: stored scans can be
 corrected when a loop closes, or when the map is rotated back to its start.
@@ -49,15 +49,15 @@ from radarsim.geometry import Pose2, wrap_angle
 
 FIRST_KEYFRAMES: Final = 10  # scans that are always keyframes
 MIN_POINTS: Final = 3  # least number of points for a match
-SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s; between two reports
-# m; standard deviation of an echo's position across its beam: N / 300 for a radar with
-# side rays N units away
+SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s; change of speed between two reports
+# standard deviation of an echo's position across its
+# beam, m; N / 300 for a radar with side rays N units away
 BEAM_SPREAD: Final = 0.08
-# rad/m; standard deviation of the turn that odometry does not measure, for wheels half
-# a metre apart with sizes that differ by 0.75 %
+# standard deviation of the turn that odometry does not measure, rad/m, for wheels half
+# a metre apart whose sizes differ by 0.75 %
 WHEEL_DRIFT: Final = 0.015
 KEYFRAME_STEP: Final = (0.2, 0.1)  # m and rad between keyframes
-# m and rad that a robot moves between two scans, without a motion source
+# largest motion between two scans, m and rad; used without a motion source
 SEARCH: Final = (0.12, 0.45)
 
 
@@ -72,7 +72,7 @@ class MotionReports:
     def __init__(self) -> None:
         self._last: tuple[float, Pose2] | None = None  # time, s, and pose
         self._before: tuple[float, Pose2] | None = None
-        self._ahead = 0.0  # s; time of the last returned pose after its report
+        self._ahead = 0.0  # s from the report to the time of the returned pose
         self._is_new = False  # whether a report has arrived since then
 
     def add(self, time: float, pose: Pose2) -> None:
@@ -82,13 +82,13 @@ class MotionReports:
             time: Time stamp of the report, s; nan without a stamp.
             pose: Pose in the frame of the source.
         """
-        # Two reports with the same time give no speed.
+        # A speed cannot be computed from two reports with the same time.
         if self._last is None or time != self._last[0]:
             self._before = self._last
         self._last, self._is_new = (time, pose), True
 
     def at(self, time: float) -> tuple[Pose2, float] | None:
-        """Return the pose at the time of a scan; None before the first report.
+        """Return the source's pose at the time of a scan; None before the first report.
 
         Args:
             time: Time stamp of the scan, s; times of scans increase.
@@ -103,14 +103,16 @@ class MotionReports:
         before_time, before = self._before or self._last
         interval = last_time - before_time
         ahead = time - last_time
-        # Missing or constant stamps give no time difference; nan compares false.
+        # Missing or constant time stamps give no time
+        # difference. Comparisons with nan are false.
         if not (interval > 0 and math.isfinite(ahead)):
             ahead, interval = 0.0, math.inf
         guessed = abs(self._ahead) + abs(ahead) if self._is_new else ahead - self._ahead
         self._ahead, self._is_new = ahead, False
         if ahead == 0:
             return pose, guessed
-        # With a silent source, the motion is extrapolated only by one interval.
+        # If the source becomes silent, its motion
+        # is extrapolated by at most one interval.
         share = max(-1.0, min(ahead / interval, 1.0))
         motion = pose.relative_to(before)
         further = Pose2(share * motion.x, share * motion.y, share * motion.yaw)
@@ -118,7 +120,7 @@ class MotionReports:
 
 
 class Slam:
-    """Localization, with the point map that it needs.
+    """Localization: matches scans with a point map, and extends the map by them.
 
     Attributes:
         motion_source: Source of the robot's motion between scans.
@@ -180,8 +182,9 @@ class Slam:
             The robot's pose, map frame.
         """
         has_source = self.motion_source != "none"
-        # Without a motion source every point is needed, also those where the power ran
-        # out. These move with the robot in foliage, so no spot is reliable.
+        # Without a motion source all points are needed, even where
+        # beams end because their power is used up. In foliage such
+        # points move with the robot, so single spots are not reliable.
         places, along = scan.points(sure=has_source)
         uses_spots = scan.sees_through and has_source
         normals = inward_normals(places, along)
@@ -201,14 +204,16 @@ class Slam:
             self.dead_reckoning.add(scan.time, reckoned)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
-        # The first scans are always keyframes, since only they have the start pose.
+        # The first scans are always keyframes, since
+        # only these have the exact start pose.
         is_keyframe = len(places) > 0 and self._is_keyframe()
         if is_keyframe:
             self.map.add(Keyframe(self.pose, points, self._length))
             self._graph.add(self.pose)
-        # After the keyframe is added, so that the pose of its own scan moves with it.
+        # The keyframe is added first, so that the pose of its scan moves with it.
         self._graph.follow(self.pose)
-        # Last, since ``_move`` takes all poses from the graph, including this one.
+        # This is the last step, since ``_move`` takes all
+        # poses from the graph, including the newest one.
         if is_keyframe:
             self._close_loop()
             self._anchor()
@@ -218,7 +223,7 @@ class Slam:
         if self._fit is None:
             return
         closure = self.map.find_closure(self._fit)
-        # the graph rejects a closure that contradicts earlier ones
+        # The graph rejects a closure that contradicts earlier closures.
         closed = None if closure is None else self._graph.close(*closure)
         if closed is not None:
             self.closures += 1
@@ -229,26 +234,28 @@ class Slam:
     ) -> Pose2:
         can_match = len(points.places) >= MIN_POINTS and len(self.map.keyframes) > 0
         has_source = self.motion_source != "none"
-        # A motion needs the poses of two scans; otherwise the pose is searched.
+        # A motion requires reported poses at two
+        # scans. Without them the pose is searched.
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
-        # The error of a report is a share of the motion, plus a little at rest.
+        # The error of a reported motion is a share
+        # of the motion, plus a small constant.
         before, drift = self._prior, self._drift
         predicted = self._moved(self.pose, before, prior)
         length = math.hypot(prior.x - before.x, prior.y - before.y)
         sigma_distance, sigma_turn = self._rest_sigma
         sigma_distance += drift * length
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
-        # Wheels of different sizes turn a robot that drives straight, always to the
-        # same side; a smaller sigma would bend the map. An INS is not affected by
-        # wheels.
+        # Wheels of different sizes turn a robot that drives
+        # straight, always to the same side. A smaller sigma
+        # would bend the map. An INS does not have this error.
         if self.motion_source == "odometry":
             sigma_turn += WHEEL_DRIFT * length
         sigma_distance += guessed * SPEED_CHANGE[0]
         sigma_turn += guessed * SPEED_CHANGE[1]
         sigma = np.array([sigma_distance, sigma_distance, sigma_turn])
         if not can_match:
-            # Without information from the scan, the whole error of the motion remains.
+            # The scan gives no information, so the whole error of the motion remains.
             self._graph.learn(sigma, np.zeros((3, 3)))
             return predicted
         table = self.map.points.table
@@ -257,16 +264,16 @@ class Slam:
         return self._fit.pose
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
-        """Return a pose after the motion from one reported pose to another."""
-        # Odometry measures on the axes of the robot; an INS has its own heading, and
-        # reports motions on the axes of the map.
+        """Apply the motion between two reported poses to a pose."""
+        # Odometry measures motions along the axes of the robot. An INS knows its
+        # heading, and measures motions along the axes of the map.
         if self.motion_source != "ins":
             return pose.compose(after.relative_to(before))
         x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
         return Pose2(x, y, wrap_angle(pose.yaw + after.yaw - before.yaw))
 
     def _search(self, points: ScanPoints) -> Pose2:
-        """Find the pose from the limits of the robot's motion between scans."""
+        """Search for the pose within the limits of the robot's motion between scans."""
         distance, turn = SEARCH
         sigma = np.array([distance, distance, turn])
         candidates = [
@@ -278,8 +285,8 @@ class Slam:
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
         table = self.map.points.table
         best = candidates[best_start(table, points, starts)]
-        # The best start of a sample can lead to a local optimum, so the extrapolated
-        # motion is tried as well.
+        # The best start may lead to a local optimum, so
+        # the extrapolated pose is tried as a start, too.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
@@ -297,13 +304,13 @@ class Slam:
         if self._anchorings >= MOST_ANCHORINGS or self._length < due:
             return
         self._anchorings += 1
-        # A loop closure has already tied the map to its start.
+        # After a loop closure, the map is already aligned with its start.
         if self.closures or len(self.map.keyframes) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self.map, FIRST_KEYFRAMES)
         if correction is None:
             return
-        # An error below the accuracy of the first scans is never corrected.
+        # An error that is smaller than the error of the first scans is never corrected.
         if self._anchorings == 1 and abs(correction.yaw) < LEAST_TURN:
             self._anchorings = MOST_ANCHORINGS
             return
@@ -313,5 +320,6 @@ class Slam:
         self.revision += 1
         self.map.move(poses)
         self.pose = poses[-1]
-        # The trajectory object stays: stored scans refer to it by their pose numbers.
+        # The trajectory object is kept, since stored
+        # scans refer to poses by their numbers.
         self.trajectory.poses = self._graph.trajectory()

@@ -70,9 +70,9 @@ def trajectory_errors(
     turned = _wrapped(poses[:, 2] - true[:, 2])
     steps = np.hypot(*np.diff(true[:, :2], axis=0).T)
     path = np.concatenate([[0.0], np.cumsum(steps)])
-    # errors of all motions over that path length, each in the frame of its start
+    # For each pose, find the first pose that is ``rpe_over`` farther along the path.
     ends = np.searchsorted(path, path + rpe_over)
-    # No motion of that length begins at the last poses.
+    # The path after the last poses is shorter than that, so they are left out.
     starts = np.flatnonzero(ends < len(path))
     rpe = rpe_yaw = math.nan
     if len(starts):
@@ -118,7 +118,7 @@ def _interpolated(truth: Trajectory, times: Floats) -> Floats:
 
 
 def _motions(starts: Floats, ends: Floats) -> Floats:
-    """Return each end pose in the frame of its start pose, (N, 3)."""
+    """Return the motions: each end pose in the frame of its start pose, (N, 3)."""
     c, s = np.cos(starts[:, 2]), np.sin(starts[:, 2])
     dx, dy, turn = (ends - starts).T
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turn])

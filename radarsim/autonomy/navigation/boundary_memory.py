@@ -1,14 +1,15 @@
 """The boundary that a robot follows: its points, its landmarks and its circuits.
 
 Points with a gap between them that is too narrow for the robot belong to one obstacle.
-So a robot that circles one of two poles does not change to the other pole when both
-are equally near.
+So a robot that circles one of two poles does not switch to the other pole when both are
+equally near.
 
-A moving robot looks like an obstacle, and a path around it closes like a circuit. So
-before a navigator concludes that no path exists, it checks the points of the followed
-boundary in the newest scan: points that beams pass through have gone. Beams also pass
-through panes and reflect off mirrors. So an obstacle that the robot meets again, where
-it seemed to have gone, is taken to stand.
+Another robot that moves looks like an obstacle, and a path around it looks like a
+circuit. So before a navigator concludes that no path exists, it checks the points of
+the followed boundary in the newest scan. If beams pass through a point, the obstacle
+there has moved away. Beams also pass through panes and reflect off mirrors. So an
+obstacle that seemed to have moved away, but that the robot meets again at the same
+position, counts as standing.
 
 The boundary also checks whether the followed obstacle is the obstacle that was hit: its
 first points have to be near the hit point, and a circuit has to pass there again.
@@ -37,20 +38,20 @@ from radarsim.geometry import Point, Pose2, wrap_angle
 LEAST_CIRCUIT: Final = 1.5  # m; a shorter closed path is not a circuit
 LANDMARK_SPACING: Final = 2.0  # m between landmarks on a boundary
 LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within one obstacle
-NEARER: Final = 0.15  # m; an obstacle that is nearer by more is followed
+NEARER: Final = 0.15  # m; another obstacle nearer by this is followed instead
 _REACH: Final = 0.6  # m that the nearest point may jump between two scans
 NEAR = 0.6  # m from the hit point to the first points of its boundary
 FIRST = 4  # points that have to be near the hit point
 SPACING = 0.25  # m between two stored points
 MAX_DISTANCE = 10.0  # m; points farther away are not checked
-MARGIN = 0.4  # m by which a beam has to pass a point that has gone
+MARGIN = 0.4  # m beyond a point; longer beams show that it has gone
 DRIFT = 0.03  # rad; the yaw drifts by this times the root of the turned angle
-MOST_GONE: Final = 20  # obstacles that have gone, before the robot gives up
+MOST_GONE: Final = 20  # vanished obstacles before the robot gives up
 _BESIDE = 0.15  # m from a point to the beams that are compared with it
 
 
 class Landmark:
-    """A point of a path and the path's direction, to recognise a second pass.
+    """A point and a direction, to detect when the robot passes the point again.
 
     Attributes:
         x: Position, m, map frame.
@@ -74,18 +75,18 @@ class Landmark:
         self._progress = 0.0  # m past the landmark, along its direction
 
     def observe(self, pose: Pose2, *, onward: bool = True) -> bool:
-        """Add the next pose of a path; return whether it has just passed the point.
+        """Add the robot's next pose; return whether it has just passed the point.
 
         Args:
             pose: The newest pose of the robot.
-            onward: Whether passes in the landmark's direction count, or against it.
+            onward: Count passes in the landmark's direction, instead of against it.
         """
         dx, dy = pose.x - self.x, pose.y - self.y
         c, s = math.cos(self.direction), math.sin(self.direction)
         before, self._progress = self._progress, c * dx + s * dy
         offset = abs(c * dy - s * dx)
-        # The progress is stored first; otherwise a
-        # later step would seem to pass the point.
+        # Progress is stored for distant poses as well, since a later step could
+        # otherwise look like a pass of the point.
         if offset > self.max_offset:
             return False
         return before < 0 <= self._progress if onward else before > 0 >= self._progress
@@ -94,7 +95,7 @@ class Landmark:
 def _linked_beams(
     observation: Observation, point: Point, bumpers: Bumpers
 ) -> NDArray[np.bool_]:
-    """Return which beams end on the obstacle of a point, (N,) booleans."""
+    """Return which beams end on the same obstacle as a point, (N,) booleans."""
     gap = 2 * bumpers.safety_distance + LINK
     near = np.flatnonzero(observation.ranges < bumpers.pressed_below + gap)
     pose = complex(observation.pose.x, observation.pose.y)
@@ -133,13 +134,13 @@ class FollowedBoundary:
         self.travelled = 0.0
         self.least = 0.0
         self.reached_at = -math.inf
-        self.goal_distance = -math.inf  # prevents leaving before it is reached
+        self.goal_distance = -math.inf  # prevents leaving an unreached boundary
         self.landmarks: list[tuple[float, Landmark]] = []
         self.circuit_start = 0.0
         self._nearest: Point | None = None  # nearest point of the boundary, map frame
         self._seen: Point | None = None  # nearest point in the last scan, map frame
         # points of the boundary, m, each with the distance travelled, m, and the angle
-        # turned, rad, when it was seen, for a later check
+        # turned, rad, at the time when the point was seen
         self._points: list[tuple[Point, float, float]] = []
         self._turned = 0.0  # rad
         self._yaw: float | None = None  # rad; yaw of the last pose
@@ -150,7 +151,7 @@ class FollowedBoundary:
         return self._nearest is not None
 
     def reach(self, observation: Observation, bearing: float, goal: Point) -> float:
-        """Begin to follow, next to a boundary that presses a bumper at a bearing, rad.
+        """Start to follow the boundary that presses the bumper at a bearing, rad.
 
         Returns:
             Direction along the boundary, rad, map frame.
@@ -158,7 +159,7 @@ class FollowedBoundary:
         self.hit_place, along = self.follower.hit(observation, bearing)
         self._nearest = self.hit_place
         self.reached_at = observation.time
-        # Set before the first look, or any point would count as nearer to the goal.
+        # ``look`` only ever reduces this distance, so its first value is set here.
         self.goal_distance = math.dist(self.hit_place, goal)
         return along
 
@@ -167,7 +168,8 @@ class FollowedBoundary:
 
         If another obstacle is clearly nearer on the boundary's side, or this boundary
         is out of sight, the whole scan is returned, so the nearest obstacle is
-        followed. The least distance of the boundary from a goal is updated.
+        followed. This method also updates the least distance of the boundary from the
+        goal.
         """
         assert self._nearest is not None
         ends = _linked_beams(observation, self._nearest, self.follower.bumpers)
@@ -187,7 +189,7 @@ class FollowedBoundary:
         return part
 
     def remember(self, yaw: float, step: float) -> None:
-        """Store the nearest point of the boundary, after ``look``.
+        """Store the nearest point of the boundary; call this after ``look``.
 
         Args:
             yaw: Yaw of the robot, rad.
@@ -214,7 +216,7 @@ class FollowedBoundary:
         return self._turned + abs(wrap_angle(yaw - self._yaw))
 
     def has_gone(self, observation: Observation, gone: list[Point]) -> bool:
-        """Return whether the obstacle has driven away since the robot followed it.
+        """Return whether the followed obstacle has driven away in the meantime.
 
         Args:
             observation: The newest scan.
@@ -228,7 +230,7 @@ class FollowedBoundary:
         return True
 
     def _stands(self, observation: Observation) -> bool:
-        """Return whether at least as many visible points stand as have gone.
+        """Return whether at least half of the visible points are still there.
 
         A boundary without any visible point has gone as well, since a robot that
         follows a standing boundary sees some of its points.
@@ -238,9 +240,9 @@ class FollowedBoundary:
         x, y = (points - (pose.x, pose.y)).T
         distances = np.hypot(x, y)
         bearings = np.arctan2(y, x) - pose.yaw
-        # The yaw drifts as a random walk with the turns, by
-        # the root of the angle turned since a point was seen.
-        # So beams to all possible bearings of the point count.
+        # The yaw error is a random walk: it grows with the square
+        # root of the angle turned since a point was seen. So
+        # beams at all possible bearings of the point are checked.
         turned_at = np.array([at for *_, at in self._points])
         turned = self._turned_until(pose.yaw) - turned_at
         spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
@@ -251,14 +253,15 @@ class FollowedBoundary:
         is_beam = np.abs(offsets) <= spread[is_near, None]
         beams = np.where(is_beam, observation.ranges, math.inf)
         beyond = beams.min(axis=1, initial=math.inf) - distances
-        # A point hidden behind something nearer counts neither as gone nor as standing.
+        # A point hidden behind a nearer obstacle
+        # counts neither as gone nor as standing.
         gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
         return bool(gone.sum() <= standing.sum() and standing.any())
 
     def _passes(self, point: Point, station: float) -> bool:
-        """Return whether the boundary passes a point, m, after a distance travelled, m.
+        """Return whether a boundary point after a length, m, is near a given point, m.
 
-        Without any stored point the answer is unknown, and yes is returned.
+        Without stored points the answer is unknown, and True is returned.
         """
         return not self._points or any(
             at >= station and math.dist(each, point) <= NEAR
@@ -268,9 +271,9 @@ class FollowedBoundary:
     def is_what_was_hit(self) -> bool:
         """Return whether the last circuit went around the obstacle that the robot hit.
 
-        Then most of the first points are near the hit point. After a hit in a gap, the
-        robot may follow the other side of the gap instead, and while it follows a gap
-        it may change to another obstacle and not return.
+        In that case most of the first points are near the hit point. After a hit in a
+        gap, the robot may instead follow the other side of the gap. Inside a gap it may
+        also switch to another obstacle and not return.
         """
         hit = self.hit_place
         first = [math.dist(each, hit) <= NEAR for each, *_ in self._points[:FIRST]]
@@ -278,9 +281,9 @@ class FollowedBoundary:
         return begins_there and self._passes(hit, self.circuit_start)
 
     def closes_circuit(self, pose: Pose2, direction: float) -> bool:
-        """Add the next step next to the boundary; return whether it ends a circuit.
+        """Add the next step along the boundary; return whether it completes a circuit.
 
-        Call this after ``remember``. It also sets a landmark at regular distances.
+        Call this after ``remember``. It also adds landmarks at regular distances.
 
         Args:
             pose: Pose of the robot.
@@ -292,12 +295,13 @@ class FollowedBoundary:
         passed = [at for at, mark in self.landmarks if mark.observe(pose)]
         if self.travelled - self.landmarks[-1][0] >= LANDMARK_SPACING:
             self.add_landmark(pose, direction, self.travelled)
-        # Noise alone passes landmarks that were just set, so they do not count.
+        # Noise may look like a pass of a new
+        # landmark, so recent landmarks do not count.
         closing = [at for at in passed if self.travelled - at >= LEAST_CIRCUIT]
         self.circuit_start = closing[0] if closing else self.circuit_start
         return bool(closing)
 
     def add_landmark(self, pose: Pose2, direction: float, at: float) -> None:
-        """Add a landmark at a pose, m along the path, with a direction in rad."""
+        """Add a landmark at a pose, given its distance, m, and direction, rad."""
         reach = self.follower.target_distance
         self.landmarks.append((at, Landmark(pose, direction, max_offset=reach)))

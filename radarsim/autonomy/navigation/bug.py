@@ -1,8 +1,8 @@
 """Bug1 and Bug2: drive straight to the goal, and follow the boundaries of obstacles.
 
 A ``Bug`` decides at every scan how to move. It heads for the goal until the bumper in
-that direction is pressed, turns until the boundary is abeam, and follows the boundary
-until its policy decides to leave. Obstacles beyond the goal are ignored.
+that direction is pressed, turns until the boundary is at its side, and follows the
+boundary until its policy decides to leave. Obstacles beyond the goal are ignored.
 
 Theory of operation
 ===================
@@ -12,9 +12,10 @@ obstacle there, no path exists. Bug2 leaves the boundary where it meets the line
 start to goal again, nearer to the goal than at the hit point, unless the line leads
 into the obstacle there.
 
-The user chooses when Bug2 gives up. By Choset and others, it gives up when it meets its
-hit point, or another point of its own path, again. By the thesis, it gives up as soon
-as it meets the line no nearer to the goal, even on some maps that have a path.
+The user chooses when Bug2 gives up. According to Choset and others, it gives up when it
+meets its hit point or another point of its path again. According to the thesis, it
+gives up as soon as it meets the line at a point that is no nearer to the goal than the
+hit point, even on some maps that have a path.
 
 Source: H. Choset et al., Principles of Robot Motion, MIT Press 2005, chapter 2; a
 thesis on navigation with a radar in USARSim, section 5.1.
@@ -47,9 +48,9 @@ LEAST_GAIN = 0.1  # m; smaller decreases of the goal distance do not count
 GRAZE = 0.1  # m beyond the safety distance, within which obstacles block the path
 NOISE = 0.1  # m by which noise may move a wall near the goal towards the robot
 MOST_OTHERS = 3  # circuits around obstacles that were not hit, before giving up
-_MOST_MISSES = 3  # leave points not found, after which the side stays the same
-_LOST = 1.5  # circles without a boundary in sight before the robot gives it up
-_MOST_REVERSALS = 3  # changes of the turning direction until a boundary is abeam
+_MOST_MISSES = 3  # missed leave points after which the side is kept
+_LOST = 1.5  # circles without seeing the boundary before the robot leaves it
+_MOST_REVERSALS = 3  # changes of the turning direction before the alignment ends
 
 
 class Decision(Enum):
@@ -78,11 +79,11 @@ class Bug1Policy:
             goal: Position of the goal, m, map frame.
         """
         self.boundary, self.circuits, self._goal = boundary, 0, goal
-        # goal distance, path length, pose and direction of every step
+        # distance to the goal, path length, pose and direction at every step
         self._steps: list[tuple[float, float, Pose2, float]] = []
         self._leave: Landmark
-        # lengths of the circuit and of the path back to the leave point, and the
-        # distance travelled when the robot turned back, m
+        # length of the circuit, length of the path back to the leave point, and
+        # distance travelled until the robot turned back, m
         self._perimeter = self._return_length = self._turned_at = math.nan
         self._onward = True
         self._turned_back = False
@@ -93,8 +94,8 @@ class Bug1Policy:
         Args:
             pose: Pose of the robot.
             direction: Direction of the boundary, rad, map frame.
-            free: Whether the boundary is not between the robot and the goal; another
-                obstacle may be.
+            free: False if the boundary is between the robot and the goal; other
+            obstacles are ignored.
         """
         if self.circuits:
             return self._return(pose, free=free)
@@ -104,7 +105,8 @@ class Bug1Policy:
         if not self.boundary.closes_circuit(pose, direction):
             return Decision.ONWARD
         self.circuits, began = 1, self.boundary.circuit_start
-        # Steps before the circuit began are ignored: they may lie off the boundary.
+        # Steps before the circuit began are ignored,
+        # since they may not be next to the boundary.
         _, at, nearest, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
@@ -121,18 +123,21 @@ class Bug1Policy:
         passed = self._leave.observe(pose, onward=self._onward)
         travelled = self.boundary.travelled
         returned = travelled - self._turned_at
-        # Poses drift, so the ways out and back may differ in measured length.
+        # Poses drift, so the measured lengths of the paths out and back may differ.
         slack = max(1.0, 0.2 * self._return_length)
         close = distance(pose, self._leave.x, self._leave.y) < LEAST_GAIN
-        # Earlier the robot may pass the landmark on another side of the obstacle.
+        # Before this length, the robot may pass the
+        # landmark on another side of the obstacle.
         due = self._turned_back or returned >= self._return_length - slack
         if due and (passed or close):
-            # A robot that lost its path does not know which obstacle hides the goal.
+            # A robot that missed its leave point cannot
+            # tell which obstacle hides the goal.
             if self._turned_back:
                 return Decision.LEAVE_UNSURE
             return Decision.LEAVE if free else Decision.NO_PATH
         if returned > self._return_length + 2 * slack:
-            # The robot turns back once, for up to a circuit, and then leaves anywhere.
+            # The robot turns back once. If it misses the leave point for another whole
+            # circuit, it leaves wherever it is.
             if self._turned_back:
                 return Decision.LEAVE_UNSURE
             self._turned_back = True
@@ -143,7 +148,7 @@ class Bug1Policy:
 
 
 class Bug2Policy:
-    """Bug2 at one boundary: leave it at the line to the goal, nearer to the goal.
+    """Bug2 at one boundary: leave it at the line to the goal, if the robot is nearer.
 
     The attributes are those of ``Bug1Policy``.
     """
@@ -171,8 +176,9 @@ class Bug2Policy:
         self._hit, self._give_up = hit, give_up
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """Return the next action; see ``Bug1Policy.step``."""
-        # Every line gets every pose, since each stores the side the robot was on.
+        """Return the next action. The arguments are those of ``Bug1Policy.step``."""
+        # Every line has to process every pose, since
+        # it stores on which side the robot was.
         met = [line.meets(pose) for line in self._lines]
         at_line, crossed = any(at for at, _ in met), met[-1][1]
         hit_distance = distance(self._hit, *self._goal)
@@ -184,7 +190,8 @@ class Bug2Policy:
         if closes_circuit:
             self.circuits += 1
             return Decision.NO_PATH
-        # At its hit point the robot is on the line as well.
+        # The robot is also on the line at its hit
+        # point, so crossings near it do not count.
         is_away = pose.distance(self._hit) > LEAST_CIRCUIT / 2
         gives_up = crossed and not nearer and self._give_up == GiveUp.LINE
         return Decision.NO_PATH if gives_up and is_away else Decision.ONWARD
@@ -200,14 +207,15 @@ class _Line:
     def meets(self, pose: Pose2) -> tuple[bool, bool]:
         """Return whether the robot is on the line, and whether it just crossed it.
 
-        The line ends at the goal, since no shorter path leads on from beyond. A
-        crossing also counts on the extension of the line.
+        The line ends at the goal, since leaving beyond the goal gives no shorter path.
+        A crossing of the line's extension counts as a crossing, too.
         """
         goal_x, goal_y = self._goal
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
         length = math.hypot(dx, dy)
         x, y = pose.x - self._start.x, pose.y - self._start.y
-        # Scaled by the length of the line, which may be 0, so nothing is divided by it.
+        # Both values are scaled by the length of the line.
+        # A division is avoided, since the length may be 0.
         side, along = dx * y - dy * x, dx * x + dy * y
         before, self._side = self._side, side
         crossed = before is not None and before * side <= 0
@@ -222,7 +230,7 @@ class BoundaryController(Controller):
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._boundary: FollowedBoundary  # the current boundary; unset while going
-        # hit points of obstacles that later turned out to have gone, m, map frame
+        # hit points of obstacles that have moved away since, m, map frame
         self._gone: list[Point] = []
         self._others = 0  # number of circuits around obstacles that were not hit
 
@@ -232,15 +240,15 @@ class BoundaryController(Controller):
     def _begin_boundary(
         self, kind: type[WallFollower] = WallFollower, *, wall_on_left: bool
     ) -> None:
-        """Turn to the boundary of the blocking obstacle, and keep it on one side."""
+        """Start to align with the blocking obstacle's boundary, on the given side."""
         limits, self.activity = self._settings.speed_limits, Activity.ALIGNING
         follower = kind(self._settings.bumpers, limits, wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(follower)
 
     def _conclude(self, observation: Observation) -> Twist:
-        """Give up after a circuit, unless the circled obstacle does not block the way.
+        """Give up after a circuit, unless the circled obstacle does not block the path.
 
-        The obstacle may have driven away, or be a different one than was hit.
+        The obstacle may have driven away, or the robot may have hit another obstacle.
         """
         has_gone = self._boundary.has_gone(observation, self._gone)
         is_hit = self._boundary.is_what_was_hit()
@@ -253,11 +261,11 @@ class BoundaryController(Controller):
 
     @abstractmethod
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
-        """Leave the circled obstacle, which does not block the way to the goal.
+        """Leave the circled obstacle, which does not block the path to the goal.
 
         Args:
             observation: The newest scan.
-            is_other: Whether it is a different obstacle than the robot hit.
+            is_other: Whether the robot circled another obstacle than it hit.
         """
 
 
@@ -267,8 +275,8 @@ class Bug(BoundaryController):
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._wall_on_left = settings.mission.side == "left"  # at the next boundary
-        self._policy: Bug1Policy | Bug2Policy  # for the boundary that the robot is at
-        self._starts: list[Pose2] = []  # start poses of the lines to leave at
+        self._policy: Bug1Policy | Bug2Policy  # policy for the current boundary
+        self._starts: list[Pose2] = []  # starts of the lines on which Bug2 leaves
         self._lost = 0.0  # m driven without a boundary in sight
         self._turn = 0.0  # rad/s; turn rate of the last alignment step
         self._reversals = 0  # changes of the turning direction while aligning
@@ -284,7 +292,8 @@ class Bug(BoundaryController):
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
-        # The first goal starts at the first scan, others where the last was reached.
+        # The line to the first goal starts at the pose of the first scan. The line to
+        # each later goal starts where the previous goal was reached.
         if not self._starts:
             self._starts = [observation.pose]
         if self.activity is Activity.GOING:
@@ -311,7 +320,8 @@ class Bug(BoundaryController):
         ahead = bumpers.towards(observation, bearing)
         if ahead.blocked and not self._is_beyond(observation, ahead.distance):
             return False
-        # a robot that has followed a boundary into a gap may drive on in the gap
+        # A robot that has followed a boundary into
+        # a narrow gap may drive on in the gap.
         graze = 0.0 if self._leaving else GRAZE
         return self._side_distance(observation) >= bumpers.safety_distance + graze
 
@@ -356,7 +366,7 @@ class Bug(BoundaryController):
             return self._leave(observation)
         boundary, policy = self._boundary, self._policy
         follower = boundary.follower
-        # Only beams on the followed boundary count; the robot would otherwise change to
+        # Only beams on the followed boundary count. Otherwise the robot would switch to
         # another obstacle that is equally near.
         part = boundary.look(observation, self.goals[0])
         boundary.remember(part.pose.yaw, step)
@@ -369,7 +379,8 @@ class Bug(BoundaryController):
             return self._leave_or_conclude(observation)
         if decision is Decision.LEAVE_UNSURE:
             if self._misses < _MOST_MISSES:
-                # The robot may have circled the next obstacle before.
+                # The robot may have circled the next
+                # obstacle already, so it changes the side.
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
@@ -397,20 +408,21 @@ class Bug(BoundaryController):
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
         if is_other:
-            # The other obstacle is across a gap, or behind it: with the wall on the
-            # same hand, the robot would come back to it.
+            # The other obstacle is across or behind a gap. With the wall on the same
+            # side, the robot would return to that obstacle.
             self._change_hand()
         self._best_leave = math.inf
-        # A robot in a gap may circle an obstacle that never meets the first line, as on
-        # the random maps 108, 357 and 458, so the line from here counts as well.
+        # In a gap, the robot may circle an obstacle that never
+        # meets the first line, as on the random maps 108, 357
+        # and 458. So the line from this pose counts as well.
         self._starts.append(observation.pose)
         return self._leave(observation)
 
     def _change_hand(self) -> None:
-        """Follow the next boundaries on the other hand, and reset the best leave point.
+        """Follow the next boundaries on the other side, and reset the best leave point.
 
-        Noise may close a gap in one direction and leave it open in the other. With the
-        wall on the same hand, the robot would come back to the gap.
+        Noise may make a gap look closed in one direction and open in the other. With
+        the wall on the same side, the robot would return to the gap.
         """
         self._wall_on_left = not self._wall_on_left
         self._best_leave = math.inf
@@ -418,8 +430,8 @@ class Bug(BoundaryController):
     def _sees_goal(self, observation: Observation) -> bool:
         """Return whether the goal is near and visible, so that the robot can leave.
 
-        After another hit, the robot has to come nearer before it tries again. Otherwise
-        it would try forever at a goal that is too near to an obstacle.
+        After another hit, the robot has to come nearer to the goal before it leaves
+        again. Otherwise it would try forever if the goal is too close to an obstacle.
         """
         bumpers = self._settings.bumpers
         near = self._goal_distance(observation.pose)

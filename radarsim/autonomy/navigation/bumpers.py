@@ -1,4 +1,4 @@
-"""Long-range bumpers: sectors of beams around the robot, with a pressed state each.
+"""Long-range bumpers: sectors of beams around the robot, each pressed or not.
 
 Theory of operation
 ===================
@@ -28,7 +28,7 @@ from radarsim.autonomy.plans import LEAST_SHARE, Rule
 from radarsim.geometry import Floats
 
 BAND = 0.5  # m beyond the safety distance in which bumpers are pressed
-MOST = 36  # bumpers; narrower sectors would hold too few beams
+MOST = 36  # bumpers; with more, sectors contain too few beams
 
 EIGHT = (
     *("front", "front_left", "left", "back_left"),
@@ -110,7 +110,7 @@ class Bumpers:
         )
 
     def towards(self, observation: Observation, bearing: float) -> Bumper:
-        """Return the state of a front bumper turned to a bearing, rad."""
+        """Return the state of a bumper that is centred on a bearing, rad."""
         offsets = wrap_angles(observation.bearings - bearing)
         within = np.abs(offsets) <= self.width / 2
         return self._state("front", observation.ranges[within])
@@ -121,7 +121,8 @@ class Bumpers:
         return tuple(name for k, name in enumerate(self.names) if k not in covered)
 
     def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
-        # Shifted by half a sector, since the first sector is centred on the front.
+        # Bearings are shifted by half a sector, since
+        # the first one is centred on the front.
         turns = (bearings + self.width / 2) / self.width
         return np.floor(turns).astype(np.int64) % self.count
 
@@ -132,7 +133,8 @@ class Bumpers:
         if self.rule == Rule.SHARE:
             pressed = distance < self.pressed_below
         else:
-            # A beam without a return is inf, so a single one releases the bumper.
+            # The range of a beam without a return is
+            # inf, so one such beam releases the bumper.
             least, most = float(ranges.min()), float(ranges.max())
             pressed = self.safety_distance <= least and most <= self.pressed_below
         too_near = distance < self.safety_distance
@@ -140,13 +142,13 @@ class Bumpers:
 
 
 def nearest_share(ranges: Floats, share: float) -> float:
-    """Return the longest range in the nearest share of some ranges, m.
+    """Return the largest value among the given share of the shortest ranges, m.
 
     Args:
         ranges: (N,) m, at least one.
         share: Above 0 and at most 1; at least one range is counted.
     """
-    # The small term keeps rounding of the product from adding a range.
+    # A small number is subtracted, so that rounding errors do not add one range.
     count = max(1, math.ceil(share * len(ranges) - 1e-9))
     return float(np.partition(ranges, count - 1)[count - 1])
 

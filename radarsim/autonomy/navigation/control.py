@@ -21,7 +21,7 @@ STOP_AFTER = 0.5  # s without a scan before the robot is stopped
 STUCK_AFTER = 3.0  # m of commanded distance without motion
 STUCK_AFTER_TURN: Final = 2 * math.tau  # rad of commanded turn without turning
 STANDSTILL_LIMIT: Final = 60.0  # s without motion before an error is raised
-_LONGEST_STEP: Final = 1.0  # s; cap on the time between two scans
+_LONGEST_STEP: Final = 1.0  # s; upper limit of the time between two scans
 MOVED: Final = (0.1, 0.3)  # m and rad; a smaller change of the pose is noise
 
 
@@ -49,7 +49,7 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Return a twist that turns towards a bearing, and speeds up when facing it.
+        """Return a twist that turns to a bearing, and drives once the robot faces it.
 
         Args:
             bearing: Bearing in rad from the robot's front.
@@ -57,8 +57,8 @@ class SpeedLimits:
         """
         turn = max(-self.turn, min(self.turn, HEADING_GAIN * bearing))
         facing = max(0.0, math.cos(bearing))
-        # The fourth power leaves a quarter of the speed at 45 degrees off, so that the
-        # robot turns before it drives.
+        # With the fourth power, the robot drives at a quarter of its speed when it is
+        # 45 degrees off, so it turns before it drives.
         return Twist(min(self.speed, most) * facing**4, turn)
 
 
@@ -73,26 +73,27 @@ def distance(pose: Pose2, x: float, y: float) -> float:
 
 
 class StuckDetector:
-    """Detects a robot that does not move or turn although it is commanded to."""
+    """Detects a robot that neither moves nor turns although it is commanded to."""
 
     def __init__(self) -> None:
         self._last_time = 0.0
-        self._place: Pose2 | None = None  # at the start of the commanded distance
+        self._place: Pose2 | None = None  # pose at the start of the distance
         self._distance = 0.0  # commanded distance, m
-        self._heading: Pose2 | None = None  # at the start of the commanded turn
+        self._heading: Pose2 | None = None  # pose at the start of the turn
         self._turn = 0.0  # commanded turn, rad
 
     def check(self, observation: Observation, twist: Twist) -> None:
-        """Compare a scan, and the twist decided on it, with the earlier ones.
+        """Compare a scan, and the twist chosen for it, with earlier scans and twists.
 
         Raises:
             NavigationError: If the commanded robot does not move.
         """
-        # In a long gap the loop stopped the robot, or had no time to command it.
+        # In a long gap between scans, the loop
+        # stopped the robot or could not command it.
         elapsed = min(observation.time - self._last_time, _LONGEST_STEP)
         self._last_time = observation.time
         pose, command = observation.pose, ""
-        # Commanded motion counts instead of time, so a waiting robot is not stuck.
+        # Commanded motion is counted instead of time, so a waiting robot is not stuck.
         if self._place is None or pose.distance(self._place) > MOVED[0]:
             self._place, self._distance = pose, 0.0
         else:
@@ -180,16 +181,17 @@ class ControlLoop:
         start, stopped = clock(), False
         received: set[str] = set()
         while (waited := clock() - start) < self._timeout:
-            # A robot keeps its last wheel speeds, so without scans it drives blindly.
+            # A robot keeps its last wheel speeds, so
+            # without scans it would drive blindly.
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STOP)
                 stopped = True
             reports: list[Report] = []
-            # A timeout of one read is no error until the whole timeout is over.
+            # A timeout of one read is not an error before the whole timeout has passed.
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))
-            newest = None  # of several scans at once only the last counts
+            newest = None  # only the newest of several scans is used
             for report in reports:
                 newest = self._source.take(report) or newest
                 received.add(type(report).__name__)

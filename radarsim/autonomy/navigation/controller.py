@@ -34,7 +34,7 @@ class Activity(StrEnum):
     ALIGNING = "aligning"
     FOLLOWING = "following"
     RETURNING = "returning"
-    TURNING = "turning"  # at the last goal, to the requested heading
+    TURNING = "turning"  # to the requested heading at the last goal
     REACHED = "reached"
     NO_PATH = "no_path"
 
@@ -95,7 +95,7 @@ class Controller(ABC):
         pose = observation.pose
         driven = 0.0 if self._previous is None else pose.distance(self._previous)
         self._previous = pose
-        # goals may lie within the tolerance of each other
+        # Several goals may be within the tolerance of the same pose.
         while not self.is_done and self._is_at_goal(pose):
             if turn := self._turn_to_go(pose):
                 self.activity = Activity.TURNING
@@ -106,7 +106,7 @@ class Controller(ABC):
         return STOP if self.is_done else self._decide(observation, driven)
 
     def reconsider(self, pose: Pose2, _: Callable[[Observation], Observation]) -> None:
-        """Restart towards the goal, since some of the seen obstacles do not exist.
+        """Restart the search for the goal, since some seen obstacles do not exist.
 
         Args:
             pose: Pose of the robot.
@@ -120,7 +120,7 @@ class Controller(ABC):
         self.activity = Activity.GOING
 
     def avoid(self, places: Floats) -> bool:  # noqa: ARG002 - planners need it
-        """Avoid an approaching object; return whether the controller does so.
+        """Avoid an approaching object; return False if the controller cannot.
 
         If it returns False, the robot waits.
 
@@ -131,7 +131,7 @@ class Controller(ABC):
         return False
 
     def _is_at_goal(self, pose: Pose2) -> bool:
-        # A turn on the spot is completed even if the pose drifts meanwhile.
+        # A turn at the goal is completed even if the estimated position drifts away.
         if self.activity is Activity.TURNING:
             return True
         return self._goal_distance(pose) <= self._settings.mission.tolerance
@@ -152,12 +152,13 @@ class Controller(ABC):
 
     def _towards(self, pose: Pose2, point: Point) -> Twist:
         """Return the twist towards a point, m, slower near the goal."""
-        # 5 cm/s remain at the goal itself, or the robot would never reach it.
+        # The limit is 5 cm/s at the goal: with a
+        # limit of 0 the robot would never reach it.
         most = 0.05 + 0.8 * self._goal_distance(pose)
         return self._settings.speed_limits.towards(bearing_of(pose, *point), most=most)
 
     def _head_for(self, observation: Observation, point: Point) -> Twist:
-        """Return ``_towards``, without speed if an obstacle ahead is too near."""
+        """Return the twist of ``_towards``, with speed 0 if an obstacle is too near."""
         twist = self._towards(observation.pose, point)
         safety_distance = self._settings.bumpers.safety_distance
         is_near = leads_too_near(observation, safety_distance)

@@ -1,9 +1,9 @@
-"""Follow the path of a rectangular footprint, slowly in tight spaces.
+"""Path follower for a rectangular footprint, which drives slowly in tight spaces.
 
 The robot is steered back to the line of each straight motion, and turns on the spot at
-the ends. A motion is not made if it would bring the footprint closer than a centimetre
-to a seen point, and a path that leads so close is no longer followed: the caller has to
-plan another.
+the ends of the line. It makes no motion that would bring the footprint closer than a
+centimetre to a seen point. It stops following a path that leads so close, and the
+caller has to plan another path.
 """
 
 import math
@@ -22,8 +22,8 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 LEAST_ROOM: Final = 0.01  # m of clearance between the footprint and seen points
 TOUCHING: Final = 0.001  # m of clearance, below which the footprint touches a point
 OFF: Final = 0.06  # m from the path, beyond which it is not followed
-OFF_TURN: Final = 0.3  # rad; the same for the heading
-SLOW: Final = 0.08  # m/s where there is hardly any clearance
+OFF_TURN: Final = 0.3  # rad off the path's heading, beyond which it is not followed
+SLOW: Final = 0.08  # m/s at the smallest clearance
 SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of clearance around the footprint
 SLOW_TURN: Final = 0.5  # rad/s; keeps the corners of the footprint slow
 AT_END: Final = 0.01  # m from the end of a straight motion, within which it is done
@@ -34,7 +34,7 @@ _MOST: Final = 0.25  # rad; greatest heading correction
 
 
 class FootprintFollower:
-    """Steers a robot along a path, motion by motion."""
+    """Steers a robot along a planned path, one turn or straight line at a time."""
 
     def __init__(self, footprint: Footprint, path: Floats, limits: SpeedLimits) -> None:
         """Create the follower at the beginning of a path.
@@ -55,7 +55,7 @@ class FootprintFollower:
         return self._path[self._next - 1 :]
 
     def is_blocked(self, points: Floats) -> bool:
-        """Return whether the path leads too close to one of some points, (N, 2) m."""
+        """Return whether the path leads too close to any of the points, (N, 2) m."""
         least = _least(self._footprint.clearance(points, self.path[0]))
         return bool((self._footprint.clearances(points, self.path) < least).any())
 
@@ -104,7 +104,7 @@ class FootprintFollower:
         left = sign * (c * dx + s * dy)
         if left < AT_END:
             return None
-        off = s * dx - c * dy  # the robot is that far on the left of the line
+        off = s * dx - c * dy  # m that the robot is left of the line
         towards = -sign * max(-_MOST, min(_MOST, LINE_GAIN * off))
         error = wrap_angle(end[2] + towards - here[2])
         speed = min(self._limits.speed, max(SLOW, SPEED_GAIN * room), 0.05 + left)
@@ -121,7 +121,7 @@ class FootprintFollower:
 
 def _least(room: float) -> float:
     """Return the least allowed clearance during a motion, given the current one, m."""
-    # A motion may hardly reduce a small clearance, the same rule as in planning.
+    # A motion may reduce a small clearance only slightly. Planning uses the same rule.
     return max(min(LEAST_ROOM, room - SLACK), TOUCHING)
 
 

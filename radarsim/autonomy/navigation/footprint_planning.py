@@ -33,8 +33,8 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Point, Pose2, wrap_angle
 
 CELL: Final = 0.05  # m
-LEAST_MARGIN: Final = 0.02  # m around the footprint that have to be free
-MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; a step costs more within the wider ones
+LEAST_MARGIN: Final = 0.02  # m around the footprint that has to be free
+MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; the wider ones raise the cost
 MORE: Final = (3.0, 1.0)  # extra cost per metre within each wider margin
 REVERSE: Final = 2.0  # times the cost of driving forward
 TURN: Final = 0.1  # m; a turn to the next heading costs as much as this distance
@@ -43,21 +43,22 @@ _PARTS: Final = 5  # parts of a cell per axis, to which points are rounded
 SLACK: Final = 0.01  # m; error of rounded positions
 _ANGLE: Final = math.radians(3)  # rad between two checked poses of a turn
 _NEAR: Final = 0.5  # m from a path, beyond which clearances are ignored
-# Cells from one centre to the next along each heading; the other half is opposite.
+# Steps in cells along half of the headings; the other headings are opposite.
 _AHEAD: Final = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))
 _HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
 _LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
-# Costs of each motion per heading: forward, backward, and turns to the next headings.
+# Costs of the motions at each heading: forward, backward, and a turn to either side.
 _COSTS: Final = np.column_stack([_LENGTHS, _LENGTHS * REVERSE, *np.full((2, 16), TURN)])
-# Greatest ratio of a path length over 8 neighbours to one over 16.
+# Greatest ratio of path lengths on a grid with 8 neighbours and one with 16.
 _LONGER: Final = (1 + math.sqrt(2)) / math.sqrt(5)
-# Bits of a mask for each margin: one per heading of half a turn, and one in between.
+# Number of mask bits per margin: one for each heading in half a circle, and one for
+# each angle between two headings.
 _BITS: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A rectangle about the robot's centre, with its clearance from points.
+    """A rectangle centred on the robot; computes its clearance from points.
 
     Attributes:
         length: Length along the robot's axis, m.
@@ -157,7 +158,7 @@ class _PoseGrid:
     ) -> None:
         self._start = start
         c, s = math.cos(start.yaw), math.sin(start.yaw)
-        self._turned = np.array([[c, -s], [s, c]])  # rotates to the map frame, by rows
+        self._turned = np.array([[c, -s], [s, c]])  # rotates rows to the map frame
         places = np.vstack([points, [goal], [[start.x, start.y]]])
         places = (places - (start.x, start.y)) @ self._turned
         low = np.floor((places.min(axis=0) - AROUND) / CELL)
@@ -192,7 +193,7 @@ class _PoseGrid:
         shifts = np.array([(dx, dy) for dx in steps for dy in steps])
         for part in np.ndindex(_PARTS, _PARTS):
             chosen = numbers[(parts == part).all(axis=1)]
-            # from the centres of the surrounding cells to the position of the point
+            # vectors from the centres of the surrounding cells to the point
             ways = ((np.array(part) + 0.5) / _PARTS - 0.5 - shifts) * CELL
             bits = _bits(footprint, ways, least)
             for (dx, dy), bit in zip(shifts[bits > 0], bits[bits > 0], strict=True):
@@ -209,14 +210,13 @@ class _PoseGrid:
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
-            # in every orientation a point is within this margin
+            # This cost is added where a point is within the margin at every heading.
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
         if not math.isfinite(guide.flat[start]):
             return None
-        # The number of a state is 16 times the number
-        # of the cell plus that of the heading.
+        # The number of a state is 16 times its cell number plus its heading number.
         parents = np.zeros((rows * columns, len(_HEADINGS)), np.int32)
         state = engine.search_states(
             self._masks, _HEADINGS, _COSTS, *MORE, guide, start, self._goal, parents
@@ -261,7 +261,7 @@ def _bits(footprint: Footprint, ways: Floats, least: float) -> NDArray[np.int64]
 
 
 def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
-    """Return the path with straight motions in place of detours, (P, 3).
+    """Return the path with detours replaced by straight motions, (P, 3).
 
     Straight motions keep the clearance of the detours, or the widest margin.
     """
@@ -272,14 +272,14 @@ def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
     is_back = is_leg & ((np.diff(path[:, :2], axis=0) * ahead).sum(axis=1) < 0)
     done, i = [path[0]], 0
     while i < len(path) - 1:
-        # up to the next backward motion
+        # Motions are joined only up to the next backward motion.
         limit = i + int(np.append(is_back[i:], True).argmax())
         for j in range(limit, i + 1, -1):
             way = path[j, :2] - path[i, :2]
             if not way.any():
                 continue
             yaw = math.atan2(way[1], way[0])
-            # turn, drive, and turn to the next heading of the path
+            # The robot turns, drives straight, and turns to the path's next heading.
             motions = np.array(
                 [done[-1], [*path[i, :2], yaw], [*path[j, :2], yaw], path[j]]
             )
@@ -295,7 +295,7 @@ def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
 
 
 def _merged(path: Floats) -> Floats:
-    """Return a path without stops between turns or between equal straight motions."""
+    """Merge successive turns of a path, and successive motions along a line."""
     kept = [path[0]]
     for pose, after in zip(path[1:], [*path[2:], None], strict=True):
         if after is not None:

@@ -1,9 +1,9 @@
 """Searches on grids, and the cost of driving near obstacles.
 
 The robot's centre keeps the safety distance from obstacles, so a passage has to be
-twice the safety distance wide, plus the blur of the sensor and the cells. Where there
-is space, paths keep farther away. All grid planners use the same costs, so they all
-reach the same cells.
+twice the safety distance wide, plus the errors of the sensor and of the cell size.
+Where there is space, paths keep farther away from obstacles. All grid planners use the
+same costs, so they all reach the same cells.
 """
 
 import math
@@ -18,7 +18,7 @@ from radarsim.geometry import Floats
 
 COSTLY: Final = 0.4  # m beyond the safety distance in which a step costs more
 COSTLY_FACTOR: Final = 3.0  # extra cost of a step at the inner edge
-CHEAP: Final = 2.0  # highest cost of a step on a short cut
+CHEAP: Final = 2.0  # highest cost of a step on a straight short cut
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too close to an obstacle
 ESCAPE_COST: Final = 10.0
 
@@ -78,7 +78,7 @@ def path_costs(cost: Floats, start: Cell) -> Floats:
 
 
 def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
-    """Return a mask of all cells connected with the start, and the start, (R, C)."""
+    """Return a mask of the start and of all cells connected with it, (R, C)."""
     cells = passable.copy()
     cells[start] = True
     labels, _ = ndimage.label(cells, _EIGHT_NEIGHBORS)
@@ -88,8 +88,8 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
 def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
     """Return whether two cells both connect to the border, but not to each other.
 
-    Then a path between them may lead around the area of the grid. A closed end cell
-    cannot be reached, so the result is False.
+    If so, a path between the cells may lead around the area of the grid. A closed end
+    cell cannot be reached, so the result is False.
     """
     border = np.ones(passable.shape, np.bool_)
     border[1:-1, 1:-1] = False

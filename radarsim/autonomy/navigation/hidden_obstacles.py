@@ -1,12 +1,12 @@
-"""Obstacles that the newest scan does not show: touched ones and vanished ones.
+"""Obstacles that were touched, or that only earlier scans show.
 
 Theory of operation
 ===================
 A mirror reflects a beam, so the beam ends at a point that appears behind the mirror.
 Points that appear in front of a mirror are real, and points that appear behind it may
-not be. A robot drives into an obstacle that it cannot see. Its touch sensors report the
-contact, but not its position. The contact is on the leading side of the footprint,
-whose points moved outward.
+not be. A robot may drive into an obstacle that it cannot see. Its touch sensors report
+the contact, but not the position of the contact. The contact is on the leading side of
+the footprint, which moved outward.
 
 A box as wide as the leading side is stored there in the map frame. From then on beams
 end at the box, and returns from behind it are dropped. If the gap between two boxes is
@@ -17,19 +17,19 @@ The robot backs up along the path it came, which was free, until everything seen
 touched is as far away as the safety distance. A robot that stood stores no box: another
 robot has driven into it, and will drive away. Along a mirror the path back also leads
 along the mirror. So at the end of that path, the robot chooses the motion that moves
-its centre away and its footprint past all seen and touched obstacles. It does the same
-instead of a motion that would press its footprint against an obstacle, such as a turn
-next to one, so it touches nothing twice. If it touches an obstacle on the way out, it
-backs up again.
+its centre away and its footprint past all seen and touched obstacles. The robot also
+chooses such a motion in place of a motion that would press its footprint against an
+obstacle, such as a turn next to the obstacle. So it touches no obstacle twice. If it
+touches an obstacle on the way out, it backs up again.
 
 A robot that faces a mirror sees its own image approach. It may stop in front of the
-image for good, and in a gap between mirrors it may turn to and fro. So a robot that
-makes no progress treats the obstacle ahead as touched.
+image forever, and in a gap between mirrors it may turn left and right again and again.
+So a robot that makes no progress treats the obstacle ahead as touched.
 
-The end of a plate is thin, and beams pass next to it: one scan shows the end, and the
-next scan does not. If the plate is a mirror, the beams show a far point instead. A
+The end of a plate is thin, so beams may miss it: one scan shows the end, and the next
+scan does not. If the plate is a mirror, the next scan shows a distant point instead. A
 robot that steers by single scans would turn away from the end in one scan and towards
-it in the next, until it touches it.
+it in the next scan, until the robot touches the end.
 
 So a point that one scan shows near the robot, and that the next scan looks through, is
 stored for a few seconds: beams end there as if they had hit it. A moving object is not
@@ -50,26 +50,26 @@ from radarsim.autonomy.navigation.open_directions import HORIZON
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
 DEPTH: Final = 0.1  # m; depth of a box, so that it is visible from its ends
-LEAST_WIDTH: Final = 0.2  # m; of a box, so that bumpers detect it
+LEAST_WIDTH: Final = 0.2  # m; width of a box, so that bumpers detect it
 STOOD: Final = 0.5  # s without a motion command, after which the robot stands
 HELD: Final = 8.0  # s without progress or waiting, after which an obstacle is assumed
-LONGEST_WAY_BACK: Final = 1.0  # m of the path that the robot drives back
+LONGEST_WAY_BACK: Final = 1.0  # m; greatest length of the path back
 LEAST_SPEED: Final = 0.02  # m/s; slower counts as standing
 LEAST_TURN: Final = 0.05  # rad/s; slower counts as standing
 _MOTIONS: Final = 200  # motions stored for driving back
 _POINTS: Final = 5  # points on each side of the footprint
-_LEADING: Final = 0.5  # of the highest outward speed; faster points are leading
+_LEADING: Final = 0.5  # share of the top outward speed; faster points are leading
 _CLOSE: Final = 0.02  # m from the footprint to a box that it may touch
-_SOON: Final = (0.15, 0.3)  # s ahead at which a decided motion is checked
-_AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s ahead; for a motion away from obstacles
-_GAIN: Final = 0.01  # m that such a motion has to lead away
+_SOON: Final = (0.15, 0.3)  # s; times at which a decided motion is checked
+_AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s; times at which a motion away is checked
+_GAIN: Final = 0.01  # m; least gain of distance by such a motion
 _SPEEDS: Final = (0.2, -0.2)  # m/s of motions away from obstacles
 _TURNS: Final = (0.0, 0.1, -0.1, 0.2, -0.2, 0.4, -0.4, 0.8, -0.8)  # rad/s
 _SAMPLE: Final = 0.05  # m between two points of a box
 _SAME: Final = 0.6  # m from a box to a second contact with the same obstacle
 _PART: Final = 0.15  # m around the contact point that the new box covers
 KEPT_FOR: Final = 3.0  # s for which a vanished point is stored
-REACH: Final = 0.65  # m; farther away, a pole may stay between two beams for long
+REACH: Final = 0.65  # m; farther poles may fit between two beams
 _SAME_PLACE: Final = 0.1  # m between vanished points that count as one
 _HALF: Final = 0.05  # m; half the side of the box of a vanished point
 
@@ -77,7 +77,7 @@ Points: TypeAlias = NDArray[np.complex128]  # x + iy, m
 
 
 class TouchedPlaces:
-    """Boxes at touched obstacles, with scans that end at them."""
+    """Boxes at touched obstacles; can cut the beams of scans off at the boxes."""
 
     def __init__(self, gap: float) -> None:
         """Create an empty collection.
@@ -122,7 +122,7 @@ class TouchedPlaces:
         return seen
 
     def hide(self, observation: Observation) -> Observation:
-        """Return the scan with beams that end at boxes, without returns behind."""
+        """Return the scan with its beams cut off at the boxes."""
         if not len(self):
             return observation
         pose, farther = observation.pose, observation.farther
@@ -132,8 +132,8 @@ class TouchedPlaces:
         return replace(observation, ranges=ranges, farther=farther[is_before])
 
     def _lengths(self, pose: Pose2, bearings: Floats) -> Floats:
-        """Return the lengths of beams up to a box, (N,) m; ``inf`` if none."""
-        # rotated so that each beam lies along x
+        """Return each beam's distance to the first box, (N,) m; ``inf`` if none."""
+        # For each beam, the walls are rotated so that the beam lies along the x axis.
         beams = np.exp(-1j * (bearings + pose.yaw))
         ends = (self._walls - complex(pose.x, pose.y)) * beams[:, None, None]
         begin, end = ends[..., 0], ends[..., 1]
@@ -146,14 +146,14 @@ class TouchedPlaces:
 
 
 class TransientObstacles:
-    """Stores obstacles that one scan shows and the next one does not."""
+    """Keeps obstacles for some seconds if one scan shows and the next misses them."""
 
     def __init__(self) -> None:
         self._last: Observation | None = None
         self._kept: deque[tuple[float, Points]] = deque()  # time stored, s, and box
 
     def add_to(self, observation: Observation) -> Observation:
-        """Return the scan with beams that end at vanished points; call it at each scan.
+        """Return the scan with beams cut off at vanished points; call it at each scan.
 
         Args:
             observation: The newest scan, unchanged.
@@ -172,7 +172,7 @@ class TransientObstacles:
 
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
-    """Return boxes, (4,) corners each, map frame, of points that the new scan lost."""
+    """Return boxes, (4,) corners each, map frame, at points missing in the new scan."""
     near = last.offsets(last.ranges < REACH)
     points = complex(last.pose.x, last.pose.y) + near
     boxes: list[Points] = []
@@ -181,14 +181,14 @@ def _vanished(last: Observation, now: Observation) -> list[Points]:
     for point in points[now.looks_through(points)].tolist():
         if all(abs(point - centre) > _SAME_PLACE for centre in centres):
             centres.append(point)
-            # the near side of the box is where the beam ended
+            # The near side of the box is at the point where the beam ended.
             turn = np.exp(1j * np.angle(point - complex(now.pose.x, now.pose.y)))
             boxes.append(point + turn * (square + _HALF))
     return boxes
 
 
 class TouchMemory:
-    """Stores the contacts of the footprint, and steers back from them.
+    """Remembers where the footprint touched obstacles, and steers the robot away.
 
     Attributes:
         places: Boxes at the contacts.
@@ -206,20 +206,20 @@ class TouchMemory:
         self._safety_distance = safety_distance
         self._half = np.array([length, width]) / 2
         self._outline, self._normals = _footprint_outline(length, width)
-        # how it came: the durations of its motions, s, and their reverse
+        # durations, s, of the robot's last motions, and the reversed motions
         self._way_back: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
         self._last: Observation | None = None
         self._motion = STOP  # the last motion command other than STOP
         self._ahead = 1.0  # 1 or -1: whether the robot last drove forward or backward
         self._moved_at = -math.inf  # time of the last motion command, s
-        # last pose with progress, or at which the robot had to wait, and its time, s
+        # last pose at which the robot made progress or had to wait, and its time, s
         self._place: Pose2 | None = None
         self._moved_on_at = math.inf
         self._gone_back: float | None = None  # m driven back since the contact
         self._reverses = False  # whether the current motion leads back along the path
 
     def notice(self, observation: Observation, twist: Twist) -> bool:
-        """Process a scan; return whether a contact was detected and stored.
+        """Process a scan; return whether a contact was detected, and store the contact.
 
         Args:
             observation: The newest scan, unchanged.
@@ -241,13 +241,13 @@ class TouchMemory:
             return False
         self._moved_on_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # After a contact on the way back, or without progress, driving back does not
-        # help, so the robot searches another way out.
+        # Driving back does not help after a contact on the way back, or without
+        # progress. In both cases the robot searches for another way out.
         self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
     def _add_motion(self, last: Observation, now: Observation) -> None:
-        """Add the motion between two scans, reversed, to the way back."""
+        """Reverse the motion between two scans, and add it to the path back."""
         elapsed, pose = now.time - last.time, last.pose
         if elapsed <= 0:
             return
@@ -266,7 +266,7 @@ class TouchMemory:
             self._place, self._moved_on_at = pose, observation.time
 
     def retreat(self, observation: Observation) -> Twist | None:
-        """Return the motion back from an obstacle; None if the robot is away from it.
+        """Return a motion away from an obstacle; None if the robot is far enough away.
 
         Args:
             observation: The newest scan after ``notice``, without returns behind boxes.
@@ -284,7 +284,8 @@ class TouchMemory:
             self._reverses = True
             return back
         way_out = None if is_away else self._way_out(observation)
-        # On the way out the robot does not drive back again without another contact.
+        # On its way out, the robot does not drive back
+        # along its path until it touches an obstacle again.
         self._gone_back = None if way_out is None else math.inf
         return way_out
 
@@ -298,7 +299,8 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # Planned paths lead close to seen points, so the footprint may come as close.
+        # Planned paths lead close to seen points,
+        # so no distance from these is required.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -306,9 +308,10 @@ class TouchMemory:
         return self.retreat(observation) or twist
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
-        """Return whether a motion leads the robot no nearer to points than that, m."""
+        """Return whether the footprint keeps a distance, m, from points in a motion."""
         now = self._distance_at(points, STOP, 0.0)
-        # What seems to be inside stands close by: corners that turn may graze it.
+        # Points that seem to be inside the footprint are
+        # close to it: a turning corner may graze them.
         if now < 0 and abs(twist.speed) < LEAST_SPEED:
             return False
         soon = min(self._distance_at(points, twist, time) for time in _SOON)
@@ -332,7 +335,7 @@ class TouchMemory:
         return best
 
     def _distance_at(self, points: Points, twist: Twist, time: float) -> float:
-        """Return how far the footprint will be from points, m; < 0 inside.
+        """Return the footprint's distance from points after a motion, m; < 0 inside.
 
         Args:
             points: (N,) m, robot's frame.
@@ -347,7 +350,7 @@ class TouchMemory:
         return float(distances.min(initial=math.inf))
 
     def _touched_box(self, pose: Pose2) -> Points:
-        """Return the corners of a box at the leading part of the outline, map frame."""
+        """Return corners of a box at the leading side of the footprint, map frame."""
         points, normals = self._outline, self._normals
         velocity = self._motion.speed + 1j * self._motion.turn * points
         outward = (velocity * normals.conj()).real
@@ -356,7 +359,7 @@ class TouchMemory:
         place = complex(pose.x, pose.y)
         away = np.where(led, self.places.distances(place + to_map * points), math.inf)
         if away.min() < _SAME:
-            # most likely another part of the same obstacle
+            # The contact is most likely with another part of the same obstacle.
             nearest = int(away.argmin())
             led &= np.abs(points - points[nearest]) <= _PART
             normal = normals[nearest]
@@ -383,7 +386,8 @@ def _ends(observation: Observation) -> Points:
 def _motion_after(twist: Twist, time: float) -> tuple[complex, float]:
     """Return the displacement of a motion, m, robot's frame, and its turn, rad."""
     turned = twist.turn * time
-    # The arc is replaced by a chord in the mean direction; exact enough for a second.
+    # The arc is approximated by a line in its mean
+    # direction, which is accurate enough for one second.
     return twist.speed * time * complex(
         math.cos(turned / 2), math.sin(turned / 2)
     ), turned
@@ -394,7 +398,7 @@ def _stands(twist: Twist) -> bool:
 
 
 def _footprint_outline(length: float, width: float) -> tuple[Points, Points]:
-    """Return points on the outline and the directions outward there, robot's frame.
+    """Return points on the outline and their outward normals, robot's frame.
 
     Returns:
         (N,) each; every corner is a point of both of its sides.

@@ -82,7 +82,8 @@ def run_mission(
         share=mission.share,
         rule=mission.rule,
     )
-    # Checked before the robot drives, since it would hit obstacles at a blind bumper.
+    # The check is made before the robot drives, since
+    # it would hit obstacles at a bumper without beams.
     check_field_of_view(bumpers, scanner)
     footprint = footprint_for(info, mission)
     settings = ControllerSettings(mission, bumpers, speed_limits, footprint)

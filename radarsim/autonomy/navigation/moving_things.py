@@ -2,13 +2,13 @@
 
 Theory of operation
 ===================
-Each scan is compared with a scan from a moment before. A point in a region that an
-earlier beam passed through has moved there. A point in a region that was hidden behind
-a nearer obstacle may have stood there, and is ignored.
+Each scan is compared with a scan from a moment before. A point where an earlier beam
+passed through belongs to an object that has moved there. A point that was hidden behind
+a nearer obstacle may have been there before, and is ignored.
 
 The first and the current position of the object give its velocity after half a second,
-so objects are tracked from a few metres away. The robot stops if the two would come too
-close to each other within the next seconds, and stopping increases their distance.
+so objects are tracked from a few metres away. The robot stops if it would come too
+close to the object within the next seconds, and if stopping increases the distance.
 
 Stopping does not help against an object that approaches head-on without stopping. A
 robot that plans paths does not wait for such an object. Its paths avoid the current
@@ -21,9 +21,9 @@ object that has stopped is an obstacle like any other.
 
 An object that does not give way may drive into the robot. Then the robot neither turns
 nor drives on, since both would press it against the object: it backs off until it has
-room to turn. It backs off only from positions where an object has moved, since it would
-have no room among standing obstacles. In a mirror next to the robot, its image moves
-with it. So backing off only considers motion that the robot saw while it stood.
+room to turn. The robot backs off only near positions where an object has moved, since
+among standing obstacles there may be no room. In a mirror next to the robot, the image
+of the robot moves with it. So only motion counts that was seen while the robot stood.
 """
 
 import math
@@ -45,9 +45,9 @@ HORIZON: Final = 4.0  # s for which motion is predicted
 MORE: Final = 2.5  # m beyond the reach of the bumpers in which motion is detected
 LEAST_TRACK: Final = 0.5  # s of tracking before the velocity is known
 PAUSE: Final = 1.0  # s without motion before the robot drives on
-CONFIRMED_WITHIN: Final = 1.0  # s within which a second scan has to confirm the motion
+CONFIRMED_WITHIN: Final = 1.0  # s until a second scan has to confirm the motion
 PATIENCE: Final = 15.0  # s of waiting before the robot drives on anyway
-IMPATIENCE: Final = 5.0  # s after waiting in which the robot does not wait again
+IMPATIENCE: Final = 5.0  # s after waiting, before the robot may wait again
 SEEN_COMING: Final = 2.0  # m beyond ``MORE`` in which approaching objects are seen
 MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s; predicted times of a meeting
 KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s; predicted times that paths avoid
@@ -57,15 +57,15 @@ STRAIGHT_AT: Final = 0.1  # m off the robot's centre that counts as head-on
 ASIDE: Final = 0.3  # m beyond the safety distance, to pass an object
 REMEMBERED: Final = 0.5  # s for which an unseen object's motion is extrapolated
 ONE_THING: Final = 1.5  # m; a wider group of points is more than one object
-BACK_SPEED: Final = 0.3  # m/s away from an object that has driven into the robot
-RECENT: Final = 30.0  # s after a motion in which the robot backs off
+BACK_SPEED: Final = 0.3  # m/s; speed away from an object that hit the robot
+RECENT: Final = 30.0  # s; older motions do not make the robot back off
 MOVED_NEAR: Final = 0.5  # m between an earlier motion and the obstacle to back off from
-# m and rad between the compared scans of a standing robot
+# largest change of pose between two scans of a standing robot, m and rad
 STOOD: Final = (0.05, 0.05)
 
 
 class Waiting:
-    """Decides when to stop because an object moves into the robot's path."""
+    """Decides whether the robot has to stop for an object that moves into its path."""
 
     def __init__(self, bumpers: Bumpers, clearance: float) -> None:
         """Create the detector.
@@ -76,21 +76,23 @@ class Waiting:
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        # the scan for the comparison, once it is old enough, and all later scans
+        # The first of these scans is compared with
+        # the newest one, once it is old enough.
         self._earlier: deque[Observation] = deque()
-        # times and positions of moving objects, s and m, map frame
+        # times, s, and positions, m, map frame, of moving objects
         self._seen: deque[tuple[float, complex]] = deque()
         self._ahead = 1.0  # 1 or -1: whether the robot drives forward or backward
         self._moved = -math.inf  # s; when an object last moved into the path
         self._crossed = -math.inf  # s; when a scan last showed such an object
-        # times and positions of motion while the robot stood, s and m, map frame
+        # times, s, and positions, m, map frame, of moving objects while the robot stood
         self._motions: deque[tuple[float, complex]] = deque()
-        self._since = math.inf  # s; since when the robot waits
+        self._since = math.inf  # s; time at which the robot began to wait
         self._passing_distance = bumpers.safety_distance + ASIDE
-        # time, beam ends on a single moving object, m, map frame, and its velocity, m/s
+        # time, s, of the last scan of a single moving object, the ends of beams on the
+        # object, m, map frame, and its velocity, m/s
         self._thing: tuple[float, NDArray[np.complex128], complex] | None = None
         self._track: deque[tuple[float, complex]] = deque()  # times and positions
-        self._closed_side = -1j  # right or left of its track, to keep clear
+        self._closed_side = -1j  # side of the object that paths avoid
         self._meets = False  # whether the object approaches the robot
         self._impatient_until = -math.inf  # s
 
@@ -100,7 +102,7 @@ class Waiting:
         twist: Twist,
         still: NDArray[np.bool_] | None = None,
     ) -> bool:
-        """Return whether to stand until the next scan; call it at every scan.
+        """Return whether the robot has to wait for the next scan; call it at each scan.
 
         Args:
             observation: The newest scan.
@@ -108,7 +110,8 @@ class Waiting:
             still: Beams that end on known standing obstacles, (N,); None for none.
         """
         now = observation.time
-        # A standing robot keeps its direction, since it will drive on in it.
+        # A standing robot will drive on in its last
+        # direction, so that direction is kept.
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
         if self._detect_crossing(observation, still):
@@ -121,7 +124,8 @@ class Waiting:
         self._since = min(self._since, now)
         if now - self._since < PATIENCE:
             return True
-        # The robot drives on for a while, or the next scan would stop it again.
+        # Waiting is disabled for a while; otherwise
+        # the next scan would stop the robot again.
         self._impatient_until = now + IMPATIENCE
         return False
 
@@ -161,15 +165,16 @@ class Waiting:
         off = np.abs(to_robot[:, None] - velocity * MET_WITHIN).min()
         heading = complex(math.cos(pose.yaw), math.sin(pose.yaw))
         against = (velocity * heading.conjugate()).real < -HEAD_ON * abs(velocity)
-        # While the robot turns aside, the same object still counts as approaching.
+        # While the robot turns aside, an object
+        # that was approaching still counts as such.
         met_before = self._meets
         least = self._passing_distance * (1.5 if met_before else 1.0)
         self._meets = bool(off < least and (met_before or against))
         if not self._meets:
             return np.zeros((0, 2))
         along = velocity / abs(velocity)
-        # The side is chosen once, or the shorter side may change from plan to plan. In
-        # a head-on approach both keep to the right.
+        # The side is chosen only once, since the shorter side may change from plan to
+        # plan. In a head-on approach, the robot passes on the right.
         if not met_before:
             is_left_of_it = (complex(to_robot.mean()) / along).imag > -STRAIGHT_AT
             self._closed_side = -1j if is_left_of_it else 1j
@@ -189,7 +194,8 @@ class Waiting:
             return None
         if not self._has_moved(observation):
             return None
-        # Away from the nearest point, without a turn that would swing corners into it.
+        # The robot drives away from the nearest point without turning, since a turn
+        # would swing its corners into the object.
         forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
         ahead = forward * np.cos(bearings) > 0.5
         if (ranges[ahead] < self._clearance + BEHIND).any():
@@ -197,7 +203,7 @@ class Waiting:
         return Twist(forward * BACK_SPEED, 0.0)
 
     def _has_moved(self, observation: Observation) -> bool:
-        """Return whether the nearest point is where an object moved recently."""
+        """Return whether an object has moved recently near the nearest point."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
         (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))
@@ -238,8 +244,9 @@ class Waiting:
             self._motions.append((now, place))
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
-        # Both move: the least distance is found in steps of a quarter second. A robot
-        # in the path of the object gains nothing by standing.
+        # Both the robot and the object move, so the least
+        # distance is found in steps of a quarter second. Stopping
+        # does not help a robot that stands in the object's path.
         driving = np.abs(ends[:, None] + (velocity - going) * times).min()
         standing = np.abs(ends[:, None] + velocity * times).min()
         return bool(driving < min(self._bumpers.pressed_below, standing))
@@ -248,7 +255,7 @@ class Waiting:
 def _add_to_track(
     track: deque[tuple[float, complex]], now: float, place: complex
 ) -> complex:
-    """Add time and position of an object; return its velocity, m/s, 0 until known."""
+    """Add an object's time and position; return its velocity, m/s, 0 until known."""
     track.append((now, place))
     while now - track[0][0] > INTERVAL:
         track.popleft()

@@ -7,11 +7,11 @@ that blocks a robot.
 Theory of operation
 ===================
 The range of a radar beam is the distance where the beam ended, and thin foliage does
-not end it: a bush of 1 m and density .7 absorbs less than the power of a beam. The
-echoes still show where the beam entered the bush, which robots cannot pass. So the
-nearest echo of an obstacle counts in each beam, however thin the obstacle is. Materials
-that robots pass, such as smoke, count where a beam ends in them, since the beam saw
-nothing beyond.
+not end it: a bush of 1 m and density .7 absorbs less than the power of a beam. Robots
+cannot pass the bush, and the echoes show where the beam entered it. So in each beam the
+nearest echo of an obstacle counts, even if the obstacle is thin. Materials that robots
+can pass, such as smoke, count only if a beam ends in them, since the space beyond is
+unknown.
 
 Echo lines arrive before the scan that they belong to. Servers without echo support send
 none; then only ranges count.
@@ -49,17 +49,17 @@ from radarsim.protocol.reports import (
     Touch,
 )
 
-ECHO_WAIT: Final = 0.5  # s without echoes, after which ranges are used alone
-BEHIND: Final = 0.25  # m; a beam that is longer by this passes a position
-_BESIDE: Final = 0.3  # m from a position to the beams that look at it
+ECHO_WAIT: Final = 0.5  # s without echoes, after which only ranges are used
+BEHIND: Final = 0.25  # m beyond a position; a longer beam passes the position
+_BESIDE: Final = 0.3  # m from a position, within which beams belong to it
 _LEAST_SPREAD: Final = math.radians(2.5)  # least angle from a position to such beams
 _AIR: Final = "rain"  # an echo kind that blocks no robot
-# Side beams of a radar see the end of a wall next to the beam, with a different error
-# from each side. So a scan match with few points is off by that error, and an INS is
-# better over a few metres where there is little to see.
-INS_DRIFT: Final = 0.03  # drift as a share of the motion
+# The side rays of a radar beam see the end of a wall that is next to the beam, with a
+# different error from each side. So a scan match with few points has this error, and
+# where few points are seen, an INS is more accurate over a few metres.
+INS_DRIFT: Final = 0.03  # share of the motion by which an INS drifts
 INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad; noise at rest
-JUMP: Final = (0.1, 0.03)  # m and rad; after smaller corrections stored scans still fit
+JUMP: Final = (0.1, 0.03)  # m and rad; smaller corrections are no jumps
 POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
     PoseSource.INS: Ins,
     PoseSource.ODOMETRY: Odometry,
@@ -82,7 +82,7 @@ class ScanClock:
         self._clock = clock
         self._stamp = math.nan
         self._last_read = math.nan
-        self._offset = 0.0  # s by the clock while the stamps did not advance
+        self._offset = 0.0  # s that passed while the stamps stood still
 
     def time_of(self, stamp: float) -> float:
         """Return the time of the next scan, s.
@@ -128,7 +128,7 @@ class Observation:
         return self._points(self.bearings[returned], self.ranges[returned])
 
     def blocking_points(self) -> Floats:
-        """Return ``points()`` and the points of ``farther``, (M, 2) m, map frame."""
+        """Return the points of ``points()`` and ``farther``, (M, 2) m, map frame."""
         return np.vstack([self.points(), self._points(*self.farther.T)])
 
     def offsets(self, beams: NDArray[np.generic]) -> NDArray[np.complex128]:
@@ -140,9 +140,9 @@ class Observation:
     def looks_through(self, points: NDArray[np.complex128]) -> NDArray[np.bool_]:
         """Return whether beams passed through positions and none ended there, (N,).
 
-        Beams next to a position count as well: a pole may be between two of them, and a
-        radar with side beams sees it up to 0.2 m off its position. False is returned
-        for positions that no beam looks at.
+        Beams next to a position count as well: a pole may be between two beams, and a
+        radar with side rays sees the pole up to 0.2 m off its position. The result is
+        False for positions without any beam.
 
         Args:
             points: (N,) m, map frame, x + iy.
@@ -166,7 +166,7 @@ class Observation:
 
 def wrap_angles(angles: Floats) -> Floats:
     """Wrap angles to [-pi, pi), rad."""
-    # numpy's remainder takes three times as long
+    # ``numpy.remainder`` takes three times as long.
     turns = np.floor((angles + math.pi) / (2 * math.pi))
     wrapped: Floats = angles - 2 * math.pi * turns
     return wrapped
@@ -190,7 +190,7 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
 def blocking_echoes(
     beam_count: int, echoes: Sequence[TargetEchoes]
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Return the echoes of obstacles that robots cannot pass, near and far.
+    """Return the echoes of all obstacles that robots cannot pass.
 
     Args:
         beam_count: Number of beams of the scan; other beam numbers are ignored.
@@ -237,12 +237,12 @@ class ScanReader(ABC):
         self._scan_clock = ScanClock(clock)
         self._echoes = EchoCollector()
         self._echo_wait = echo_wait
-        self._echoes_due = math.nan  # s; until when scans wait for their echoes
+        self._echoes_due = math.nan  # s; end of the wait for echoes
 
     @property
     @abstractmethod
     def hint(self) -> str:
-        """Alternatives to the missing report, for messages; may be empty."""
+        """Hint for messages: alternatives to the missing report; may be empty."""
 
     def take(self, report: Report) -> Observation | None:
         """Process a report; return the observation that it completes, or None."""
@@ -268,7 +268,8 @@ class ScanReader(ABC):
         Once a server has sent echoes, a scan without echoes has lost them.
         """
         time, echoes = self._scan_clock.time_of(report.time), self._echoes.of(report)
-        # The wait begins at the first scan, with or without echoes.
+        # The time limit for echoes starts at the
+        # first scan, even if the scan has no echoes.
         if echoes is not None or math.isnan(self._echoes_due):
             self._echoes_due = time + self._echo_wait
         return time, echoes, echoes is None and time < self._echoes_due
@@ -310,7 +311,7 @@ class ObservationBuilder(ScanReader):
 
     @property
     def hint(self) -> str:
-        """Other sources that sent poses, if the requested source sent none."""
+        """Names of other sources that sent poses, if the requested source sent none."""
         names = [source.value for source in PoseSource if source in self._others]
         if self._pose is not None or not names:
             return ""
@@ -346,8 +347,7 @@ class ObservationBuilder(ScanReader):
                 self._motion.add(report.time, pose)
         elif isinstance(report, Odometry) and self._start is not None:
             pose = self._start.compose(report.pose)
-        # Stored for the message that proposes other
-        # sources if the requested poses are missing.
+        # If the requested poses are missing, a message proposes these other sources.
         if not isinstance(report, self._pose_report):
             self._others |= {s for s, t in POSE_REPORTS.items() if type(report) is t}
         elif pose is not None:
@@ -360,27 +360,29 @@ class ObservationBuilder(ScanReader):
             return None
         check_beams(len(report.ranges), scanner)
         time, echoes, lacks_echoes = self._time_and_echoes(report)
-        # SLAM also needs scans without echoes, to match the next scan with them.
+        # SLAM also needs scans that lack echoes,
+        # since it matches the next scan with them.
         if self._slam is not None:
             pose = self._locate(self._slam, report, echoes, time)
-        # Without echoes, thin foliage would look like gaps to drive through.
+        # Without its echoes, thin foliage would
+        # look like a gap that the robot can pass.
         if lacks_echoes:
             return None
         angles, farther = beam_angles(report), np.zeros((0, 2))
         known = np.array(report.ranges, np.float64)
         if echoes is not None:
-            # the nearest echo of an obstacle, at most the range
+            # Each beam ends at its nearest echo of an obstacle, or else at its range.
             beams, lengths = blocking_echoes(len(known), echoes)
             np.minimum.at(known, beams, lengths)
-            # stored apart: planners use all obstacles, bumpers only the nearest
+            # Farther echoes are stored separately:
+            # planners use them, and bumpers do not.
             behind = lengths > known[beams]
             beams, lengths = beams[behind], lengths[behind]
             farther = np.column_stack(
                 from_centre(lengths, angles[beams], scanner.mount, math.inf)
             )
         bearings, ranges = from_centre(known, angles, scanner.mount, scanner.max_range)
-        # Pressed touch sensors report less often
-        # than scans arrive, so they stay pressed.
+        # Touch sensors report less often than scanners, so their last state is kept.
         touched, self._touched = self._touched, any(self._pressed.values())
         return Observation(time, pose, bearings, ranges, farther, touched)
 
@@ -396,6 +398,7 @@ class ObservationBuilder(ScanReader):
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # The previous scan's pose is compared, which only the correction has moved.
+            # Only the correction has moved the previous
+            # scan's pose, so that pose is compared.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose

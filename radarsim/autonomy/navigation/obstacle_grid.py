@@ -3,21 +3,21 @@
 Theory of operation
 ===================
 The evidence of a cell increases when a beam ends in it, and decreases when a beam
-passes through. So obstacles that have driven away are forgotten, and one stray echo
-does not close a cell for long. A beam that passes through a cell away from the point
-that was seen in it is ignored, since it may have passed next to a pole. Unseen cells
-are open. The grid covers start, goals and a margin around them; points outside are
-ignored until the grid grows.
+passes through. So obstacles that have driven away are removed, and a single stray echo
+does not close a cell for long. A beam that passes through a cell, but not near the
+point that was seen in the cell, is ignored, since it may have passed next to a pole.
+Unseen cells are open. The grid covers start, goals and a margin around them; points
+outside are ignored until the grid grows.
 
 Some beams pass a pane of glass and others end in it, so its cells close and open again.
 A cell that closes for the third time, with seconds in between and seen from nearby,
-therefore stays closed. Otherwise a robot would drive to and fro in front of the pane
-forever.
+therefore stays closed. Otherwise a robot would drive back and forth in front of the
+pane forever.
 
-A mirror shows an image of an obstacle behind it, where there is none. A robot that is
-near the image has driven past the mirror or has touched it. So a closed cell is certain
-once the robot has seen it from nearby, together with cells within the drift of poses.
-Before that, it may be an image.
+A mirror shows images of obstacles in the space behind the mirror, where there are no
+obstacles. A robot that is near such an image has driven past the mirror or has touched
+it. So a closed cell is certain once the robot has seen it from nearby, together with
+the cells within the drift of poses. Until then, the cell may be an image.
 
 A radar that sends its echoes also shows obstacles behind a first thin hedge, so a dead
 end is known before the robot has entered it.
@@ -42,16 +42,16 @@ _GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell: steps and limi
 _SHORT: Final = 0.15  # m before the end of a beam in which no cell is marked free
 _POINT: Final = 0.02  # m; side of a square in which only the newest point is stored
 _BESIDE: Final = 0.015  # m from a point, within which a beam passes through the point
-_NEAR: Final = 1.5  # m from the robot, within which no point is an image
+_NEAR: Final = 1.5  # m; nearer points cannot be images in mirrors
 _DRIFT: Final = 0.3  # m; drift of poses between two sightings of one obstacle
 _REOPENED: Final = 5.0  # s between two closings of a cell that are counted separately
 _STAYS_CLOSED: Final = 3  # closings after which a cell is not opened again
-_AROUND: Final = 3  # cells around such a cell that are not opened either
+_AROUND: Final = 3  # neighbouring cells that stay closed as well
 _MOST_CELLS: Final = 1 << 24
 
 
 class ObstacleGrid:
-    """Square cells with the evidence for an obstacle in each.
+    """Square cells, each with its evidence for an obstacle.
 
     Attributes:
         points: Points seen in closed cells, (N, 2) m, map frame; the newest point in
@@ -75,11 +75,11 @@ class ObstacleGrid:
             )
         columns, rows = math.ceil(width / CELL), math.ceil(height / CELL)
         self._evidence = np.zeros((rows, columns), np.int16)
-        # the last point seen in each cell, m, map frame
+        # newest point seen in each cell, m, map frame
         self._places = np.zeros((rows, columns, 2))
-        # cells with a point that was seen from nearby
+        # whether a point in each cell was seen from nearby
         self._seen_near = np.zeros((rows, columns), np.bool_)
-        # time of the last closing of each cell, s, and number of closings
+        # time, s, at which each cell was last closed, and how often it was closed
         self._closed_at = np.full((rows, columns), -np.inf)
         self._closings = np.zeros((rows, columns), np.int16)
         self.points: Floats = np.zeros((0, 2))
@@ -118,13 +118,13 @@ class ObstacleGrid:
         self._places[rows, columns] = ends[inside]
         is_near = np.hypot(*(ends[inside] - (pose.x, pose.y)).T) < _NEAR
         self._seen_near[rows[is_near], columns[is_near]] = True
-        # A cell where one beam ends and another
-        # passes is an edge: its evidence increases.
+        # A cell where one beam ends and another one passes contains an edge of an
+        # obstacle, so its evidence increases.
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
-        # Evidence is limited, so that old obstacles are soon
-        # forgotten, too. A pane that reappears in a cell may
-        # reappear in a neighbouring cell, so cells around count.
+        # Evidence is limited, so that old obstacles that have moved away are removed
+        # soon. A pane that reappears in a cell may also reappear in a neighbouring
+        # cell, so closings of the neighbours count as well.
         closings = ndimage.maximum_filter(self._closings, 2 * _AROUND + 1)
         change[passed & ~met & (closings >= _STAYS_CLOSED)] = 0
         was_open = self._evidence <= 0
@@ -177,7 +177,7 @@ class ObstacleGrid:
         if places is not None:
             rows, columns, _ = self._inside(places)
             is_open[rows, columns] = False
-        # A distance transform needs a closed cell to measure from.
+        # A distance transform needs at least one closed cell.
         if is_open.all():
             return np.full(is_open.shape, math.inf)
         clearance: Floats = ndimage.distance_transform_edt(is_open) * CELL

@@ -15,11 +15,11 @@ from radarsim.geometry import Floats, Point
 
 HORIZON: Final = 10.0  # m; points farther away are ignored
 MOST_DIRECTIONS: Final = 720  # directions computed; all beams still count as obstacles
-JUMP: Final = 0.5  # m between neighbouring directions, where an obstacle ends
+JUMP: Final = 0.5  # m; a larger jump of the free distance is an edge
 PAST: Final = 0.3  # m from the end of an obstacle to its edge point
-TOO_NEAR: Final = 0.1  # m less than the safety distance to keep free ahead
+TOO_NEAR: Final = 0.1  # m by which the space ahead may be too small
 _FACING: Final = math.cos(math.radians(60.0))  # towards a touched point
-_PLACES: Final = 20  # checked per direction by ``place_nearer_than``
+_PLACES: Final = 20  # positions checked in each direction
 _STEP: Final = 0.15  # m; length of the step in ``leads_too_near``
 
 
@@ -41,19 +41,20 @@ class OpenDirections:
         """
         self._pose = observation.pose
         step = 1 + (len(observation.bearings) - 1) // MOST_DIRECTIONS
-        # Bearings wrap around in a scan; sorting puts neighbours next to each other.
+        # Bearings of a scan may jump from pi to -pi, so they are sorted.
         self.bearings = np.sort(observation.bearings)[::step]
         self.lengths, ends = _first_touches(observation, self.bearings, radius)
         self._ends = ends
         after = np.roll(ends, -1, axis=0)
-        # a disc cannot pass between two points closer than its diameter
+        # A disc cannot pass between two points that are closer than its diameter.
         is_linked = np.hypot(*(after - ends).T) <= 2 * radius
         grows = np.roll(self.lengths, -1) - self.lengths
         self._is_wall = is_linked | (np.abs(grows) <= JUMP)
         opens = np.flatnonzero(~self._is_wall & (grows > 0))
         closes = np.flatnonzero(~self._is_wall & (grows < 0))
         beyond = len(grows)
-        # the two directions at each end of an obstacle: the open one and the closed one
+        # Each end of an obstacle is between two
+        # directions: an open one and a closed one.
         self._open = np.concatenate([(opens + 1) % beyond, closes])
         self._beside = np.concatenate([opens, (closes + 1) % beyond])
 
@@ -61,7 +62,8 @@ class OpenDirections:
         """Return whether the disc can move straight to a point, m, map frame."""
         dx, dy = point[0] - self._pose.x, point[1] - self._pose.y
         bearing = math.atan2(dy, dx) - self._pose.yaw
-        # the nearest computed direction decides
+        # The free distance is known only for some
+        # directions, so the nearest one is used.
         nearest = np.abs(wrap_angles(self.bearings - bearing)).argmin()
         return bool(self.lengths[nearest] >= min(math.hypot(dx, dy), HORIZON))
 
@@ -77,13 +79,13 @@ class OpenDirections:
         return self._points(self._open, np.minimum(past, self.lengths[self._open]))
 
     def hidden_ends(self) -> Floats:
-        """Return where walls go out of sight at edges, (M, 2) m, map frame."""
+        """Return points where walls disappear behind edges, (M, 2) m, map frame."""
         lengths = self.lengths[self._open]
         is_wall = lengths < HORIZON
         return self._points(self._beside[is_wall], lengths[is_wall])
 
     def walls(self) -> tuple[Floats, Floats]:
-        """Return the limits of the free distances as thin walls, by their end points.
+        """Return the seen parts of obstacles as thin walls, given by their end points.
 
         Returns:
             Two arrays, (K, 2) m, map frame.
@@ -95,9 +97,9 @@ class OpenDirections:
         return places[is_wall], np.roll(places, -1, axis=0)[is_wall]
 
     def place_nearer_than(self, distance: float, goal: Point) -> Point | None:
-        """Return a position closer to a goal that the disc can reach straight.
+        """Return a position closer to a goal that the disc reaches in a straight line.
 
-        Of all such positions, it has the shortest path over it to the goal.
+        Of all such positions, the one on the shortest path to the goal is returned.
 
         Args:
             distance: Greatest distance of the position from the goal, m.
@@ -156,17 +158,18 @@ def _first_touches(
     x, y = ranges * np.cos(angles), ranges * np.sin(angles)
     c, s = np.cos(bearings)[:, None], np.sin(bearings)[:, None]
     along, off = c * x + s * y, np.abs(c * y - s * x)
-    # the disc's centre where its edge meets a point that is ``off`` its way
+    # distance of the disc's centre when its edge touches
+    # a point that is ``off`` from the line of motion
     before = along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))
-    # What the disc touches already closes only the ways towards it: a robot that is too
-    # near to something has to get away.
+    # A point inside the disc blocks only the directions towards it, so that a robot
+    # that is too close to an obstacle can drive away.
     touches = ranges <= radius
     closes = np.where(touches, along > _FACING * ranges, off < radius) & (along > 0)
     lengths = np.where(closes, np.where(touches, 0.0, before), HORIZON)
     first = lengths.argmin(axis=1)
     shortest = np.clip(lengths.min(axis=1), 0.0, HORIZON)
     ends = np.column_stack([x[first], y[first]])
-    ends[shortest >= HORIZON] = np.nan  # compares false, so that nothing is linked
+    ends[shortest >= HORIZON] = np.nan  # nan compares false, so no points are linked
     return shortest, ends
 
 
@@ -180,6 +183,7 @@ def leads_too_near(observation: Observation, safety_distance: float) -> bool:
     near = observation.ranges < safety_distance + 2 * _STEP
     ranges, bearings = observation.ranges[near], observation.bearings[near]
     x, y = ranges * np.cos(bearings), ranges * np.sin(bearings)
-    # Never stricter than the current distance, or a robot too close could not leave.
+    # The limit is at most the current distance, so that a
+    # robot that is too close to an obstacle can drive away.
     after = float(np.hypot(x - _STEP, y).min(initial=math.inf))
     return after < min(safety_distance - TOO_NEAR, float(ranges.min(initial=math.inf)))

@@ -1,16 +1,16 @@
 """Path planning: follow the cheapest path to the goal on a grid of seen obstacles.
 
 Unseen cells count as open, so paths are as short as possible, and are planned again
-while the robot drives. The planner gives up if neither the grid nor its surroundings
-have a path, after the robot has stood and looked for a moment.
+while the robot drives. The planner gives up if there is no path on the grid or around
+it, even after the robot has waited for a moment.
 
 Paths are planned for a disc, which keeps the safety distance. Once it is certain that
 no such path leads to the goal, the robot follows paths of its footprint from positions
 without a path for the disc.
 
-A point that was only seen from afar may be an image in a mirror. So before the robot
-gives up, it drives through uncertain cells on the shortest path, until it has seen them
-from nearby: no path exists if certain cells close all paths.
+A point that was only seen from far away may be an image in a mirror. So before the
+robot gives up, it drives through such uncertain cells on the shortest path, until it
+has seen them from nearby. No path exists if certain cells block all paths.
 """
 
 import math
@@ -44,34 +44,35 @@ from radarsim.geometry import Floats, Point, Pose2
 
 INTERVAL: Final = 0.5  # s between two plans
 LOOKAHEAD: Final = 2.0  # m of a path that a straight line may cut short
-SURE_AFTER: Final = 5.0  # s without a path after which none exists
-NEARER: Final = 10.0  # times the cost, for cells nearer to an obstacle than the robot
+SURE_AFTER: Final = 5.0  # s; after this time without a path the robot gives up
+NEARER: Final = 10.0  # cost factor of cells nearer to an obstacle than the robot
 PAUSE: Final = 2.0  # s; after a longer gap the wait for a path restarts
 APART: Final = (0.3, 0.3)  # m and rad between two stored scans
-DOUBT: Final = 5.0  # times the cost of a step through a possible image
-MOST_DOUBTED: Final = 200.0  # s on such paths to a goal, so that each run ends
-_MOST_GROWN: Final = 10  # margins added to the first grid
+DOUBT: Final = 5.0  # cost factor of cells that may be mirror images
+MOST_DOUBTED: Final = 200.0  # s on paths through such cells, so that each run ends
+_MOST_GROWN: Final = 10  # times that a margin is added to the first grid
 
 
 class PathPlanning(Controller):
-    """Follows planned paths; has no hit points, leave points or circuits."""
+    """Follows planned paths; it records no hit points, leave points or circuits."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
         self._grid: ObstacleGrid | None = None
-        self._scans: list[Observation] = []  # to rebuild the grid
+        self._scans: list[Observation] = []  # stored for a rebuild of the grid
         self._cost: Floats = np.zeros((0, 0))
         self._path: Floats = np.zeros((0, 2))
         self._planned = -math.inf  # s; time of the last plan
-        self._hopeless_since: float | None = None  # s; since when no path exists
+        self._hopeless_since: float | None = None  # s; start of the wait
         self._looked_at = -math.inf  # s; time of the last plan without a path
-        # positions of an approaching object, (M, 2) m, map frame
+        # current and predicted positions of an approaching object, (M, 2) m, map frame
         self._moving: Floats = np.zeros((0, 2))
         self._grown = 0  # number of times that the grid has grown
         self._footprint = settings.footprint
         self._is_narrow = False  # whether no path for the disc exists
         self._follower: FootprintFollower | None = None
-        # s; since when the robot drives through uncertain cells; None before
+        # time, s, at which the robot began to drive
+        # through uncertain cells; None before
         self._doubts_since: float | None = None
 
     def reconsider(
@@ -88,8 +89,9 @@ class PathPlanning(Controller):
                 self._grid.add(scan)
 
     def avoid(self, places: Floats) -> bool:
-        """See ``Controller``; paths of the footprint have no room for detours."""
-        # The object will have left the goal by then; a closed goal would have no path.
+        """See ``Controller``; footprint paths are too narrow to avoid objects."""
+        # Positions near the goal are ignored: the object will have left them, and a
+        # blocked goal would have no path.
         if self.goals:
             least = self._settings.bumpers.safety_distance + 2 * CELL
             places = places[np.hypot(*(places - self.goals[0]).T) > least]
@@ -135,12 +137,13 @@ class PathPlanning(Controller):
         if doubts and not len(self._path):
             self._plan_disc(pose, goal, doubts=True)
         if len(self._path):
-            # The centre of the goal's cell may be 7 cm off, and 10 cm are allowed.
+            # The centre of the goal's cell may be 7 cm
+            # from the goal, and the tolerance is 10 cm.
             self._path[-1] = goal
             self._follower = None
             return
-        # A footprint plan takes long, so a doubting
-        # robot makes one only before it gives up.
+        # Planning for the footprint is slow, so a robot that drives through uncertain
+        # cells does so only before it gives up.
         is_due = since is None or self._follower is not None
         if self._is_narrow and is_due and self._plan_footprint(observation):
             return
@@ -150,11 +153,11 @@ class PathPlanning(Controller):
         ):
             self._grid.grow()
             self._grown += 1
-            # The larger grid has no plan yet.
+            # No path has been searched on the larger grid, so the wait starts again.
             self._hopeless_since = None
 
     def _plan_disc(self, pose: Pose2, goal: Point, *, doubts: bool = False) -> None:
-        """Plan a path of the disc; with doubts, also through possible mirror images."""
+        """Plan a path of the disc; ``doubts`` allows paths through mirror images."""
         assert self._grid is not None
         safety_distance = self._settings.bumpers.safety_distance
         clearance = self._grid.clearance(self._moving)
@@ -165,8 +168,9 @@ class PathPlanning(Controller):
             )
             cost = np.where(np.isfinite(cost), cost, DOUBT * sure)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
-        # The robot is too close to an obstacle, by noise or because the obstacle moved.
-        # It may leave, and comes closer only where no other path exists.
+        # The robot may be too close to an obstacle, by noise or
+        # because the obstacle moved. Nearby cells are then open
+        # at a high cost, so that the robot can drive away.
         is_near = not math.isfinite(cost[start])
         if is_near and (doubts or not self._is_narrow):
             rows, columns = np.indices(cost.shape)
@@ -178,21 +182,22 @@ class PathPlanning(Controller):
         targets[end] = True
         self._cost = cost
         self._path = np.zeros((0, 2))
-        # Where only the footprint fits, a path of the disc is useless.
+        # Where only the footprint fits, the robot cannot follow a path of the disc.
         if doubts or not (is_near and self._is_narrow):
             self._path = self._grid.centres(shortest_path(cost, start, targets))
 
     def _look(self, observation: Observation) -> Twist:
-        """Stand while no path exists; give up if none appears."""
+        """Wait while no path exists; give up if no path appears."""
         looked, self._looked_at = self._looked_at, observation.time
-        # A robot that waited for a moving object meanwhile has not looked.
+        # The robot may have waited for a moving object since the last call, so the time
+        # without a path starts again after a pause.
         is_new = self._hopeless_since is None or observation.time > looked + PAUSE
-        # A moving object in the path will soon be gone.
+        # A moving object will soon have left the path, so the wait starts again.
         if is_new or len(self._moving):
             self._hopeless_since = observation.time
         assert self._hopeless_since is not None
         if observation.time - self._hopeless_since >= SURE_AFTER:
-            # The disc has no path; the footprint may still fit through.
+            # There is no path for the disc, but there may be one for the footprint.
             self._is_narrow = self._footprint is not None
             if self._is_narrow and self._plan_footprint(observation):
                 return STOP
@@ -219,7 +224,7 @@ class PathPlanning(Controller):
         return path is not None
 
     def _outside(self, points: Floats, pose: Pose2) -> Floats:
-        """Return the points outside the footprint; inside points are outdated."""
+        """Return the points outside the footprint; points inside it are outdated."""
         assert self._footprint is not None
         here = np.array([[pose.x, pose.y, pose.yaw]])
         outside: Floats = points[self._footprint.distances(points, here)[0] > 0]
@@ -231,8 +236,8 @@ class PathPlanning(Controller):
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
         within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
-        # Never the nearest points: a robot that
-        # heads for its own position turns forever.
+        # The two nearest points are skipped: a robot that
+        # heads for its own position would turn forever.
         chosen = ahead[min(2, len(ahead) - 1)]
         for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):
@@ -241,11 +246,12 @@ class PathPlanning(Controller):
         return float(chosen[0]), float(chosen[1])
 
     def _is_cheap(self, pose: Pose2, point: Floats) -> bool:
-        """Return whether a straight line to a point costs hardly more than open."""
+        """Return whether a straight line to a point is about as cheap as free space."""
         assert self._grid is not None
         end = Pose2(float(point[0]), float(point[1]))
         count = max(2, math.ceil(pose.distance(end) / CELL * 2))
         line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
         costs = self._cost[self._grid.cells(line)]
-        # Near a wall, or at a goal next to one, the ends alone cost more than that.
+        # At a wall, an end of the line alone may
+        # cost more than the limit, which is allowed.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))

@@ -1,4 +1,4 @@
-"""The log of a run, with a row for each scan, for traces and plots."""
+"""Log of a run: a row for each scan, from which traces and plots are made."""
 
 import csv
 import io
@@ -15,7 +15,7 @@ from radarsim.geometry import Floats, Point, wrap_angle
 
 CELL = 0.05  # m; end points of beams are counted in square cells of this size
 AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
-# the first line of a trace
+# first line of a trace file: the names of the columns
 TRACE_HEADER = "time,x,y,yaw,doing,goal_x,goal_y,speed,turn,nearest,pressed\n"
 _DIGITS = 4  # for metres and radians in a trace
 
@@ -51,14 +51,14 @@ class Row:
 
     @property
     def goal_distance(self) -> float:
-        """Distance to the next goal, m; 0 once there is none."""
+        """Distance to the next goal, m; 0 after the last goal."""
         goal = self.goal
         return 0.0 if goal is None else math.hypot(goal[0] - self.x, goal[1] - self.y)
 
 
 @dataclass(slots=True)
 class Leg:
-    """The part of a run that leads to one of the goals.
+    """The part of a run on the way to one goal.
 
     Attributes:
         start: Position where the robot first headed for the goal, m, map frame.
@@ -86,7 +86,7 @@ def rounded(value: Any, digits: int) -> Any:
     if isinstance(value, list | tuple):
         return [rounded(each, digits) for each in value]
     if isinstance(value, float):
-        # zero is added, since -0.0 would give a different text
+        # Adding zero turns -0.0 into 0.0, so both are written alike.
         return round(value, digits) + 0.0 if math.isfinite(value) else None
     return value
 
@@ -171,7 +171,7 @@ class RunLog:
         text.write(TRACE_HEADER)
         writer = csv.writer(text, lineterminator="\n")
         for row in self.rows:
-            # the goal has two columns
+            # The goal is written as two columns, x and y.
             *before, goal, speed, turn, nearest, pressed = astuple(row)
             values = *before, *(goal or (None, None)), speed, turn, nearest, pressed
             writer.writerow(rounded(values, _DIGITS))
@@ -179,13 +179,14 @@ class RunLog:
 
     def _update(self, previous: Row | None, row: Row) -> None:
         here = (row.x, row.y)
-        # Hit and leave points belong to one goal, so none carries over.
+        # The counts of hit and leave points start again at each goal.
         same_goal = previous is not None and previous.goal == row.goal
         was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY
         if previous is not None:
             step = math.hypot(row.x - previous.x, row.y - previous.y)
             self.path_length += step
-            # The step up to here belongs to the previous goal, even if it ends here.
+            # This step was driven towards the previous
+            # goal, even if a new goal starts here.
             for leg in self.legs[-1:]:
                 leg.path_length += step
                 leg.ended = row.time

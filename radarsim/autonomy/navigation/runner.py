@@ -38,7 +38,7 @@ START_NOISE: Final = 0.05  # m; noise of the distance of obstacles at the start
 GOAL_NOISE: Final = 0.1  # m; noise of the distance of obstacles at the goal
 DRIFT: Final = 0.005  # m of goal position error for each m of path
 GOAL_IN_SIGHT: Final = 1.5  # m; goals within this distance are checked
-STANDING_AFTER: Final = 4.0  # s near the goal, after which an obstacle stands
+STANDING_AFTER: Final = 4.0  # s; an obstacle stands if it stays this long
 _PLACE: Final = 0.15  # m between two sightings of the same obstacle
 
 
@@ -49,7 +49,7 @@ def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
         safety_distance: m.
         travelled: Length of the path to the goal so far, m.
     """
-    # A distant point and a drifting pose make the clearance at the goal uncertain.
+    # Noise and the drift of the pose make the clearance at the goal uncertain.
     unsure = min(GOAL_NOISE + DRIFT * travelled, safety_distance / 2)
     return safety_distance - unsure
 
@@ -83,14 +83,15 @@ class TripMeter:
             self._start_time = observation.time
         self.time = observation.time - self._start_time
         step = observation.pose.distance(self._last)
-        # The noise of a standing robot would add up to a long path.
+        # Small steps are ignored, since noise of a
+        # standing robot would add up to a long path.
         if step > self._noise:
             self.length += step
             self._last = observation.pose
 
 
 class ClearanceCheck:
-    """Checks the clearance at the start once, and at the next goal in each scan.
+    """Checks the clearance once at the start, and in each scan at the next goal.
 
     Attributes:
         trip: Time and path length so far.
@@ -120,7 +121,7 @@ class ClearanceCheck:
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)
                 self._raise("start", place, nearest)
-        # An obstacle seen from afar may be an image in a mirror.
+        # An obstacle that is seen only from far away may be an image in a mirror.
         if goal is not None and distance(observation.pose, *goal) <= GOAL_IN_SIGHT:
             self._check_goal(observation, goal)
 
@@ -132,7 +133,7 @@ class ClearanceCheck:
         if not near.any():
             self._place = (math.inf, math.inf)
             return
-        # A different obstacle: one that drives past a goal does not stand there.
+        # The obstacle has moved, or it is another obstacle, so the time starts again.
         if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
             x, y = points[distances.argmin()].tolist()
             self._place, self._since = (x, y), observation.time
@@ -249,7 +250,7 @@ class Navigator:
                 observation = self._decide(scan)
                 is_over = controller.is_done or trip.time > mission.time_limit
                 if not is_over:
-                    loop.drive(self._twist)  # before ``observe``, which may take long
+                    loop.drive(self._twist)  # first, since ``observe`` may be slow
                 pressed = pressed_names(bumpers.read(observation))
                 activity, goal = controller.activity, controller.goal
                 observe(
@@ -279,18 +280,19 @@ class Navigator:
             controller.reconsider(scan.pose, self._corrected)
         observation = touches.places.hide(self._transient.add_to(scan))
         self._clearance.check(observation, controller.goal)
-        # Waiting compares scans, so it is called at every scan.
+        # ``has_to_wait`` compares successive scans, so it is called at every scan.
         has_to_wait = waiting.has_to_wait(
             observation, self._twist, observation.ranges < scan.ranges
         )
         goes_round = controller.avoid(waiting.meeting(observation))
         waits = has_to_wait and not goes_round
-        # A motion away from contact overrides the path to the goal.
+        # A motion away from an obstacle in contact overrides the path to the goal.
         away = touches.retreat(observation) or waiting.back_off(observation)
         if away is not None:
             self._twist = away
         elif waits:
-            # A waiting robot skips the controller, so a passing object is no obstacle.
+            # The controller is not called, so it does
+            # not treat a passing object as an obstacle.
             self._twist = STOP
         else:
             self._twist = touches.keep_off(observation, controller.step(observation))

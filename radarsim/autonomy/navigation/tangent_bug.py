@@ -1,11 +1,11 @@
-"""TangentBug: drive to the goal over the edges of obstacles that a scan shows.
+"""TangentBug: drive to the goal by way of obstacle edges that are found in a scan.
 
 Theory of operation
 ===================
 A scan gives the free distance of the robot in each direction. Where that distance
-jumps, an obstacle ends: its edge is a possible target. The robot heads for the edge
-with the shortest path over it to the goal, around everything that the scan shows, or
-for the goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around
+jumps, an obstacle ends: its edge is a possible target. The robot heads for the edge on
+the shortest path to the goal around all obstacles in the scan, or for the goal itself
+if no obstacle is in between. So unlike Bug1 and Bug2, it starts to drive around
 obstacles before it reaches them.
 
 The robot is in a dead end if no edge leads to the goal, or if the path over the best
@@ -13,9 +13,9 @@ edge becomes longer while the robot drives and leads away from the goal. It is a
 dead end if the path becomes no shorter over twice its length, as in a circle around the
 goal. Then it drives to the obstacle that hides the goal and follows its boundary in the
 direction with the shorter path, and stores the least distance of that boundary from the
-goal. As soon as it can go straight to a position closer to the goal, it does, and never
-heads for a farther one again, so the algorithm ends. If it completes a circuit of the
-same boundary, no path exists.
+goal. As soon as it can drive straight to a position closer to the goal than this
+distance, it does so. It never heads for a position farther from the goal again, so the
+algorithm ends. If it completes a circuit of the same boundary, no path exists.
 
 Noise opens and closes gaps that are barely wide enough for the robot. So an edge is
 kept while the path to it is nearly open, and a robot that cannot go on where it has
@@ -56,14 +56,14 @@ from radarsim.autonomy.navigation.wall_following import (
 )
 from radarsim.geometry import Floats, Point, Pose2
 
-MOST_PAIRS: Final = 1_000_000  # segment and wall pairs at once, to limit the memory
+MOST_PAIRS: Final = 1_000_000  # pairs of a segment and a wall, to limit memory
 LONGER: Final = 0.5  # m; a larger increase of the path means a dead end, not noise
 SHORTER: Final = 0.5  # m; least decrease of the path that counts as progress
-DRIVEN: Final = 2.0  # times the path length plus 1 m, for which progress may fail
-NEARER: Final = 0.2  # m closer to the goal than the boundary, to leave it
+DRIVEN: Final = 2.0  # times the path length plus 1 m without progress
+NEARER: Final = 0.2  # m; a leave target is this much closer to the goal
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
 ARRIVED: Final = 0.3  # m from a target position, within which it is reached
-AGAIN: Final = 0.5  # m from the last leave point; the boundary is followed again
+AGAIN: Final = 0.5  # m from a leave point, to follow the boundary again
 MOST_ALIGNING: Final = 8.0  # s; time for a full turn
 _SURE: Final = 3  # scans in a row before leaving; a single scan may miss a pane
 _SAME: Final = 0.7  # m between two sightings of the same edge
@@ -85,7 +85,7 @@ def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floa
     lengths = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     first, second = np.triu_indices(len(places), 1)
     closed = crosses_any(places[first], places[second], directions.walls())
-    # Only the upper half is set, since only that half is passed on.
+    # Only the upper triangle is set, since ``dijkstra`` gets only that triangle.
     lengths[first[closed], second[closed]] = np.inf
     ways: Floats = dijkstra(np.triu(lengths), directed=False, indices=0)
     return ways[1 : len(edges) + 1]
@@ -112,13 +112,14 @@ def crosses_any(
         a, b = begins[rows, None], ends[rows, None]
         sides_of_wall = _side(c, d, a) * _side(c, d, b)
         sides_of_segment = _side(a, b, c) * _side(a, b, d)
-        # A strict test, since paths run along the ends of walls, where edges are.
+        # The comparison is strict, since paths may
+        # touch the ends of walls, where edges are.
         closed[rows] = ((sides_of_wall < 0) & (sides_of_segment < 0)).any(axis=1)
     return closed
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    # the sign of the cross product
+    # The sign of the cross product is the side of the line on which the point is.
     along, to = end - begin, point - begin
     cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
     return cross
@@ -129,20 +130,20 @@ class TangentBug(BoundaryController):
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
-        # an entered gap has to be open for a wall follower inside, too
+        # A gap that the robot enters has to be wide enough for a wall follower, too.
         self._radius = settings.bumpers.safety_distance + GRAZE
-        self._edge: Point | None = None  # that the robot heads for
+        self._edge: Point | None = None  # edge that the robot drives to
         self._shortest_way = math.inf  # m; shortest path over the best edge so far
-        # m; the path length to improve on, and the distance driven since it was set
+        # shortest path length so far, m, and distance driven since it was found, m
         self._way, self._driven = math.inf, 0.0
         self._place: Point | None = None  # target position after leaving a boundary
-        self._left_at = math.inf  # m; greatest goal distance of the next edges
+        self._left_at = math.inf  # m; new edges have to be closer to the goal
         self._open = 0  # scans in a row that allow leaving a boundary
         self._left: FollowedBoundary | None = None  # the boundary that was left last
-        # Number of boundaries followed again after leaving, in the whole run. The limit
-        # ends a run even if images in mirrors restart circuits again and again.
+        # how often a boundary was followed again after the robot left it, in the whole
+        # run; limited, since reflections in mirrors could restart circuits forever
         self._resumed = 0
-        self._last_hand: bool | None = None  # side of the last boundary, left or not
+        self._last_hand: bool | None = None  # whether the last boundary was on the left
 
     def _begin_goal(self, pose: Pose2) -> None:
         super()._begin_goal(pose)
@@ -153,7 +154,7 @@ class TangentBug(BoundaryController):
         self._driven += driven
         if self.activity is not Activity.GOING:
             return self._follow(observation, driven)
-        # straight to the goal, or to the edge with the shortest path to the goal
+        # The robot drives straight to the goal, or to the edge with the shortest path.
         point = self._choose(observation)
         if point is None or self._is_held(observation, point):
             return self._hit(observation)
@@ -165,7 +166,7 @@ class TangentBug(BoundaryController):
         self._way, self._driven = math.inf, 0.0
 
     def _choose(self, observation: Observation) -> Point | None:
-        """Return the position to head for; None in a dead end."""
+        """Return the position to drive to; None in a dead end."""
         goal, pose = self.goals[0], observation.pose
         if self._sees_goal(observation):
             return goal
@@ -180,12 +181,13 @@ class TangentBug(BoundaryController):
     def _choose_edge(
         self, observation: Observation, directions: OpenDirections
     ) -> Point | None:
-        """Return the edge with the shortest path over it to the goal, or None."""
+        """Return the edge on the shortest acceptable path to the goal, or None."""
         edges = directions.edges()
-        # Noise may hide the last edge in one scan, so it stays while nearly reachable.
+        # Noise may hide the last edge in one scan, so
+        # the edge is kept while it is nearly reachable.
         if self._edge is not None and self._is_open(observation, self._edge):
             edges = np.vstack([edges, self._edge])
-        # Positions come closer and closer to the goal, so the algorithm ends.
+        # New edges have to be closer to the goal than the limit, so the algorithm ends.
         edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
         edge, way = self._best_edge(edges, directions, observation.pose)
         if edge is None or not self._accept_way(edge, way, observation.pose):
@@ -196,15 +198,15 @@ class TangentBug(BoundaryController):
     def _best_edge(
         self, edges: Floats, directions: OpenDirections, pose: Pose2
     ) -> tuple[Point | None, float]:
-        """Return the edge with the shortest path to the goal, and its length."""
+        """Return the edge on the shortest path to the goal, and the path's length."""
         if not len(edges):
             return None, math.inf
         ways = ways_to_goal(edges, self.goals[0], directions)
         offsets = edges - (pose.x, pose.y)
         ways += np.hypot(*offsets.T)
         if self._edge is not None:
-            # along an obstacle, an edge ahead and an
-            # edge behind may be close to each other
+            # An edge ahead of the robot and an edge
+            # behind it may be close to each other.
             is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
             is_near = np.hypot(*(edges - self._edge).T) < _SAME
             ways -= KEPT * (is_near & is_ahead)
@@ -214,7 +216,7 @@ class TangentBug(BoundaryController):
         return (float(edges[best, 0]), float(edges[best, 1])), float(ways[best])
 
     def _accept_way(self, edge: Point, way: float, pose: Pose2) -> bool:
-        """Return whether the path over an edge is not longer, or leads nearer.
+        """Return whether to accept the path over an edge, given its length, m.
 
         A path may become longer when more of an obstacle comes into view. Then the
         robot goes on only if it is closer to the goal than at all earlier such events,
@@ -223,7 +225,8 @@ class TangentBug(BoundaryController):
         if way < self._way - SHORTER:
             self._way, self._driven = way, 0.0
         if self._driven > DRIVEN * (self._way + 1.0):
-            # The robot then leaves the boundary only for a position closer to the goal.
+            # Later, the robot leaves the boundary
+            # only for a position closer to the goal.
             self._left_at = min(self._left_at, self._goal_distance(pose))
             return False
         if way <= self._shortest_way + LONGER:
@@ -248,14 +251,14 @@ class TangentBug(BoundaryController):
 
     def _sees_goal(self, observation: Observation) -> bool:
         left = self._goal_distance(observation.pose)
-        # a goal may be at exactly the safety distance from an obstacle
+        # A goal may be exactly at the safety distance from an obstacle.
         is_last = left < self._settings.bumpers.pressed_below
         radius = self._radius - (GRAZE + NOISE / 2) * is_last
         length = open_length(observation, self._goal_bearing(observation.pose), radius)
         return length >= min(left, HORIZON)
 
     def _is_held(self, observation: Observation, point: Point) -> bool:
-        """Return whether the robot faces a point and cannot drive towards it."""
+        """Return whether the robot faces a point but is blocked by a near obstacle."""
         safety_distance = self._settings.bumpers.safety_distance
         is_faced = abs(bearing_of(observation.pose, *point)) < ALIGNED
         return is_faced and leads_too_near(observation, safety_distance)
@@ -266,20 +269,22 @@ class TangentBug(BoundaryController):
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
             # The robot could not go on after it left, so it continues on that boundary.
             boundary, self.activity = self._left, Activity.FOLLOWING
-            # otherwise it might leave at the same position at once
+            # Without a least distance, the robot
+            # might leave again at the same position.
             boundary.least = boundary.travelled + AGAIN
             if self._resumed < _MOST_RESUMED:
-                # The robot was away in between, so a new circuit begins here.
+                # The robot has been away from the
+                # boundary, so a new circuit begins here.
                 boundary.landmarks = []
             self._boundary, self._resumed = boundary, self._resumed + 1
             return STOP
-        # on the side with the shorter visible path
+        # The boundary is followed on the side with the shorter visible path.
         wall_on_left = self._settings.mission.side == "left"
         directions = OpenDirections(observation, self._radius)
         edge, _ = self._best_edge(directions.edges(), directions, pose)
         if edge is not None:
             offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
-            # A path to the right of the goal has the obstacle on its left.
+            # A path that passes to the right of the goal has the obstacle on its left.
             wall_on_left = math.sin(offset) < 0
         if self._last_hand is not None:
             wall_on_left, self._last_hand = not self._last_hand, None
@@ -328,7 +333,7 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, self.goals[0])
 
     def _leave(self, observation: Observation, place: Point) -> Twist:
-        """Leave the boundary for a position; it may have to be followed again."""
+        """Leave the boundary for a position, and store the boundary for another hit."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self._left = self._boundary if self._boundary.is_reached else None
         self._restart()
@@ -336,11 +341,12 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, place)
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
-        # The limit belonged to a boundary that has gone, or to a different one.
+        # The limit was set for an obstacle that
+        # has driven away, or for another obstacle.
         self._left_at = math.inf
         twist = self._leave(observation, self.goals[0])
-        # The next hit may be the same obstacle,
-        # which is followed on the other side then.
+        # The robot may hit the same obstacle next,
+        # and then follows it on the other side.
         self._left = None
         hand = self._boundary.follower.wall_on_left
         self._last_hand = hand if is_other else None

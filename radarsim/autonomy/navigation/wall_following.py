@@ -5,10 +5,11 @@ Theory of operation
 The rules are those of the thesis: with a side bumper pressed, drive along the boundary;
 after losing the boundary, drive towards it; with the front bumper pressed as well, turn
 away until it is released. Before that the robot aligns itself: it turns on the spot
-until the obstacle that it hit is abeam.
+until the obstacle that it hit is at its side.
 
-To drive along a boundary means to keep its nearest point abeam, at a distance in the
-middle of the band. So the robot's path is the boundary, offset outward by that
+To drive along a boundary means to keep its nearest point at the robot's side, at a
+distance in the middle of the band. So the robot's path is the boundary, offset outward
+by that
 distance: around an outer corner or the end of a thin wall it is an arc about the
 nearest point, and in an inner corner it turns from one wall to the next. In a gap the
 robot keeps to the middle, if that is the safety distance from both sides.
@@ -16,14 +17,13 @@ robot keeps to the middle, if that is the safety distance from both sides.
 Rule 1: everything is computed for a boundary on the left and a robot that goes forward.
 For the other side the scan is mirrored, and for going backward it is rotated by pi.
 Rule 2: the boundary is where the nearest beam ends, not the nearest share of beams: the
-end of a thin wall reflects no more than one or two beams.
-Rule 3: obstacles ahead are judged in the direction of the next step, not in the
-direction that the robot faces: of all directions in which the next step is clear, the
-closest to the boundary's direction is chosen. So the robot does not oscillate in
-corners.
-Rule 4: a robot that heads for a goal must not enter a gap that a wall follower would
-not enter, or it might never pass its hit point again. So a wall follower drives through
-all gaps that are twice the safety distance wide, plus 0.4 m for turning and noise.
+end of a thin wall may reflect only one or two beams. Rule 3: obstacles ahead are judged
+in the direction of the next step, not in the direction that the robot faces: of all
+directions in which the next step is clear, the closest to the boundary's direction is
+chosen. So the robot does not oscillate in corners. Rule 4: a robot that heads for a
+goal must not enter a gap that a wall follower would not enter, or it might never pass
+its hit point again. So a wall follower drives through all gaps that are twice the
+safety distance wide, plus 0.4 m for turning and noise.
 
 The literal method of the thesis follows a boundary by the pressed bumpers alone.
 
@@ -32,8 +32,8 @@ Theory of operation of the literal method
 While only the bumper on the boundary's side is pressed, the robot drives straight on.
 When that bumper is released, the robot is too far from the boundary and turns towards
 it. When the front bumper is pressed as well, the robot turns away on the spot until the
-back bumper is pressed instead; after a press of the front bumper alone, until only the
-side bumper is pressed.
+back bumper is pressed instead. When the front bumper alone is pressed, the robot turns
+until only the side bumper is pressed.
 
 Three rules are added for obstacles that the thesis does not mention: the robot turns
 away from a side that is too near, stops to turn if an obstacle ahead is too near, and
@@ -56,14 +56,14 @@ from radarsim.geometry import Floats, Point, wrap_angle
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m beyond the target distance
 MAX_TURN = 0.8  # rad; largest correction of the heading
-HEADING_STEP = math.radians(5.0)  # between the tested directions
+HEADING_STEP = math.radians(5.0)  # between two tested directions
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
-CORNER_DEPTH = 0.15  # m beyond its nearest point that still belong to a boundary
+CORNER_DEPTH = 0.15  # m beyond the nearest point that belong to a boundary
 SIDE_ANGLE = math.radians(10.0)  # off the heading; the other side of a gap begins there
-# off the boundary's direction; smaller angles lead into the boundary
+# Directions at smaller angles to the boundary lead into it.
 FACING_ANGLE = math.radians(60.0)
-_LOST_MARGIN = 0.1  # m beyond the band; a farther boundary is lost
+_LOST_MARGIN = 0.1  # m beyond the band, after which a boundary is lost
 _STEP_TOLERANCE = 0.02  # m of tolerance when a step is checked
 _EQUAL_RANGE = 0.05  # m between ranges that count as equally near
 _AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; directions to keep free
@@ -94,7 +94,7 @@ class WallFollower:
 
     @property
     def _mirrored(self) -> bool:
-        # going backward, the robot's left is to the right of its motion
+        # When the robot drives backward, its left is on the right of the motion.
         return self.wall_on_left != self.forward
 
     def _view(self, observation: Observation) -> Observation:
@@ -140,25 +140,26 @@ class WallFollower:
         view = self._view(observation)
         boundary = self._boundary(view if obstacle is None else self._view(obstacle))
         if boundary is None:
-            # drive the circle around a corner that is out of view
+            # The boundary is out of view, so the robot
+            # drives an arc around its last corner.
             speed = self.speed_limits.speed
             return self._twist(speed, speed / self.target_distance), False
-        # Rule 3: obstacles are judged in the direction of the next step.
+        # Rule 3: obstacles ahead are judged in the direction of the next step.
         heading = self._clear_heading(view, self._along(view, *boundary))
-        # The robot faces its direction, and yet a bumper
-        # there is too near, so it would stand forever.
+        # The robot faces the chosen heading, but an obstacle there is too near: without
+        # another heading the robot would stand forever.
         is_too_near = self.bumpers.towards(view, 0.0).too_near
         if abs(heading) < ALIGNED and is_too_near:
             heading = self._way_out(view, heading)
-        # Headings are not wrapped: one a full turn away would seem to be ahead.
+        # The heading is limited instead of wrapped, since a full turn would wrap to 0.
         twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
-        # No step leads nearer to an obstacle while the robot turns away from it.
+        # The robot does not drive nearer to an obstacle that it turns away from.
         leads_there = leads_too_near(view, self.bumpers.safety_distance)
         speed = 0.0 if is_too_near or leads_there else twist.speed
         return self._twist(speed, twist.turn), True
 
     def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
-        """Turn on the spot until an obstacle is abeam.
+        """Turn on the spot until an obstacle is at the robot's side.
 
         Args:
             observation: The newest scan.
@@ -192,7 +193,7 @@ class WallFollower:
         return observation.pose.point(self._bearing(bearing), distance), distance
 
     def hit(self, observation: Observation, obstacle: float) -> tuple[Point, float]:
-        """Return the nearest point of a hit obstacle, and the direction along it.
+        """Return an obstacle's nearest point, and the direction along the obstacle.
 
         The arguments are those of ``align``.
 
@@ -225,23 +226,25 @@ class WallFollower:
         return bool((np.abs(offsets) <= FACING_ANGLE).any())
 
     def _near_side(self, view: Observation) -> NDArray[np.bool_]:
-        """Return which beams look ahead or to the left, (N,)."""
-        # Bearings jump from pi to -pi straight behind; the left side ends beyond that.
+        """Return which beams point ahead or to the left, (N,)."""
+        # Bearings jump from pi to -pi straight behind the robot. The left side also
+        # includes beams slightly beyond this jump.
         left: NDArray[np.bool_] = view.bearings >= -SIDE_ANGLE
         return left | (view.bearings < self.bumpers.width / 2 - math.pi)
 
     def _abeam_heading(self, view: Observation, obstacle: float) -> float:
-        """Return the heading that brings the nearest part of an obstacle abeam, rad."""
+        """Return the heading, rad, at which an obstacle is at the robot's side."""
         centre = self._bearing(obstacle)
-        # A hit obstacle is ahead of the robot; any other one is next to its path.
+        # An obstacle that the robot has hit is ahead.
+        # Any other obstacle is next to the path.
         ahead = self.bumpers.towards(view, centre).blocked
         half_width = (0.5 if ahead else 1.5) * self.bumpers.width
         within = np.abs(wrap_angles(view.bearings - centre)) <= half_width
         ranges = np.where(within, view.ranges, math.inf)
         if not np.isfinite(ranges).any():
             return centre - ABEAM
-        # Neighbours of the nearest beam are about as near, and noise picks one of them:
-        # their mean is steadier.
+        # Beams next to the nearest one are about as short, and noise decides which is
+        # the shortest. The mean of their bearings is steadier.
         nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
@@ -255,8 +258,8 @@ class WallFollower:
         return _mean_bearing(bearings[ranges <= distance + _EQUAL_RANGE]), distance
 
     def _along(self, view: Observation, bearing: float, distance: float) -> float:
-        """Return the heading that keeps the boundary abeam and at its distance, rad."""
-        # In a view along the boundary, the other side of a gap is on the right.
+        """Return the heading, rad, that keeps the boundary at the target distance."""
+        # Seen along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
         # The other side begins ``SIDE_ANGLE`` off, so that the boundary itself, seen at
@@ -266,8 +269,8 @@ class WallFollower:
         x -= distance * math.cos(bearing)
         y -= distance * math.sin(bearing)
         gap = float(np.hypot(x, y).min(initial=math.inf))
-        # In a narrow gap the robot keeps to the middle; where that is too close to both
-        # sides, it keeps the safety distance from the boundary.
+        # In a narrow gap the robot keeps to the middle. If the middle is too close to
+        # both sides, it keeps the safety distance from the boundary.
         half = max(gap / 2, self.bumpers.safety_distance)
         # A positive value turns to the left, towards the boundary.
         turn = DISTANCE_GAIN * (distance - min(self.target_distance, half))
@@ -297,7 +300,7 @@ class WallFollower:
         return float(headings[clear[0]])
 
     def _way_out(self, view: Observation, heading: float) -> float:
-        """Turn a heading away from the boundary until no bumper there is too near.
+        """Turn a heading away from the boundary until no obstacle there is too near.
 
         A robot whose front bumper is too near does not move.
         """
@@ -316,23 +319,24 @@ def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
 def _mean_bearing(bearings: Floats) -> float:
     x, y = float(np.cos(bearings).sum()), float(np.sin(bearings).sum())
     mean = math.atan2(y, x)
-    # The mean is continuous on the left and behind, where a boundary is.
+    # The mean bearing is continuous to the left and behind, where a boundary may be.
     return mean + 2 * math.pi if mean < -ABEAM else mean
 
 
 class BumperWallFollower(WallFollower):
-    """Follows a boundary like a ``WallFollower``, but by bumper states alone."""
+    """A ``WallFollower`` that uses only the states of the bumpers."""
 
     _is_turning = False
     _is_in_corner = False  # whether the side was pressed when the turn began
     _turned = 0.0  # rad; angle turned since the turn began
-    _yaw = 0.0  # rad; of the last step
+    _yaw = 0.0  # rad; yaw at the last step
 
     def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
         """Turn until only the bumper on the boundary's side is pressed.
 
-        The turn also ends with the obstacle abeam, as obstacles that are not flat may
-        press no bumper. Arguments and result are those of ``WallFollower.align``.
+        The turn also ends when the obstacle is at the robot's side, since obstacles
+        that are not flat may press no bumper. See ``WallFollower.align`` for arguments
+        and result.
         """
         self._is_turning = False
         twist, is_abeam = super().align(observation, obstacle)
@@ -362,12 +366,12 @@ class BumperWallFollower(WallFollower):
             self._is_in_corner = bumpers.towards(view, math.pi / 2).pressed
         elif not front.blocked:
             only_side = not self._is_in_corner and self._has_only_side(view)
-            # No bumper ends the turn after a full circle.
+            # After a full circle the turn ends, since no bumper has ended it.
             is_over = back.pressed or only_side or self._turned >= 2 * math.pi
             self._is_turning = not is_over
 
     def _motion(self, view: Observation) -> tuple[float, float]:
-        """Return speed, m/s, and turn rate, rad/s, for a boundary on the left."""
+        """Return the speed, m/s, and turn rate, rad/s, for a boundary on the left."""
         limits = self.speed_limits
         if self._is_turning:
             return 0.0, -limits.turn

@@ -66,7 +66,7 @@ _FILM_EDGE: Final = 0.5  # m around the first extent of a film
 _EDGE: Final = 0.2  # m around a scene
 _MOST_NAMES: Final = 15  # most objects that are named; with more, none is
 _LETTER: Final = 0.65  # width of a letter, relative to the height of the text
-# Sides for the label of the start, the best first: horizontal and vertical.
+# Possible sides of the start for its label, best first: horizontal and vertical.
 _SIDES: Final = ((0, 1), (0, -1), (-1, 0), (1, 0))
 _ALIGNMENTS: Final = ("center", "left", "right")  # by side: 0, 1, -1
 _LEVELS: Final = ("center", "bottom", "top")
@@ -156,7 +156,7 @@ class MapPanel:
         self._robot = draw_robot(self._axes, self._robot_class, end, zorder=4)
 
     def _place_label(self, path: Floats) -> None:
-        """Place the label of the start where it covers least of the path."""
+        """Place the start's label on the side where it covers least of the path."""
         pixels = self._axes.transData.transform(path)
         points = (pixels - pixels[0]) * 72 / figure_of(self._axes).dpi
         high = float(self._label.get_fontsize())
@@ -211,7 +211,8 @@ def pixels_per_metre(extent: Bbox, resolution: float) -> float:
         resolution: Side of a cell, m.
     """
     room = min(_WIDEST / extent.width, _TALLEST / extent.height)
-    # Whole pixels, so that all cells look equally wide; not for cells below one pixel.
+    # Cells of at least one pixel get a whole number
+    # of pixels, so that all look equally wide.
     pixels = room * resolution
     return min(pixels if pixels < 1 else int(pixels), _LARGEST_CELL) / resolution
 
@@ -271,7 +272,8 @@ class MapFrames:
         scale = pixels_per_metre(extent, first.grid.frame.resolution)
         self._panels = Panels(extent, scale, [first.title], [""])
         self._panel = MapPanel(self._panels.axes[0], first)
-        # the classes that may appear: all of them, if the scene is unknown
+        # These classes may appear on the map. If the
+        # scene is unknown, any class may appear.
         kinds = {outline.kind for outline in first.outlines} or {*CellClass}
         shown = {*CellClass} - ({CellClass.FOLIAGE, CellClass.SMOKE} - kinds)
         self._panels.add_legend(map_rows(shown, truth=bool(first.outlines)))
@@ -285,14 +287,13 @@ class MapFrames:
 
 
 def draw_area_curve(curve: AreaCurve, name: str, title: str, form: str) -> bytes:
-    """Draw how much is known over time, as a file.
+    """Return a file with a plot of the known area or share over time.
 
-    The share of the floor that the robot can get to if it is known, else the area that
-    is sensed.
+    The share of the reachable floor is drawn if it is known, otherwise the sensed area.
 
     Args:
         curve: The curve; it has a sample.
-        name: What it is called in the legend.
+        name: Name of the curve in the legend.
         title: What is explored.
         form: One of ``radarsim.plotting.style.FORMS``.
     """

@@ -71,7 +71,7 @@ def box_around(points: Floats) -> Bbox:
 
 
 def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
-    """Return an extent enlarged to show each object whole that it cuts off.
+    """Return an extent that is enlarged to show objects whole that it cuts off.
 
     Objects that are too large, such as the walls around a room, stay cut off.
     """
@@ -81,7 +81,8 @@ def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
             box = box_around(line)
             whole = Bbox.union([extent, box.padded(_EDGE)])
             larger = max(whole.width / extent.width, whole.height / extent.height)
-            # walls around a whole room would shrink the run to a spot
+            # Walls of a large room are not included,
+            # since the run would then appear tiny.
             if box.fully_overlaps(extent) and larger <= _MUCH_LARGER:
                 wanted = Bbox.union([wanted, whole])
     return wanted

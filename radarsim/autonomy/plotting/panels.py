@@ -1,4 +1,4 @@
-"""Panels of one scale next to each other, laid out in whole pixels, with a legend.
+"""Panels next to each other at one scale, laid out in whole pixels, with a legend.
 
 Plots of runs and maps share this layout: panels of equal size, so that they can be
 compared, each with a title above it, and one legend below all of them.
@@ -76,7 +76,7 @@ class Panels:
         self.figure = Figure(dpi=DPI)
         self.axes: list[Axes] = []
         self.titles: list[Text] = []
-        # Rounded up to whole pixels, with a tolerance for rounding errors.
+        # Sizes are rounded up to whole pixels, with a tolerance for rounding errors.
         self._size = (
             math.ceil(extent.width * pixels_per_metre - 1e-6),
             math.ceil(extent.height * pixels_per_metre - 1e-6),
@@ -132,8 +132,8 @@ class Panels:
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
         """Place a legend below the panels, in as many lines as it needs."""
-        # The size of a legend is known only after
-        # drawing, so wide ones are tried first.
+        # The size of a legend is known only after it is
+        # drawn, so layouts are tried, the widest first.
         for columns in range(len(rows), 0, -1):
             legend = self.figure.legend(
                 handles=list(rows),
@@ -161,7 +161,8 @@ class Panels:
         share = max(wanted.width / shown.width, wanted.height / shown.height) * _ZOOM
         middle_x = (wanted.x0 + wanted.x1) / 2
         middle_y = (wanted.y0 + wanted.y1) / 2
-        # one factor for both axes, so that a metre has the same length on both
+        # Both axes are scaled by one factor, so
+        # that a metre has the same length on both.
         across, up = shown.width * share / 2, shown.height * share / 2
         for axes in self.axes:
             axes.set_xlim(middle_x - across, middle_x + across)
@@ -188,8 +189,8 @@ class Panels:
     def _draw_scale(self) -> None:
         for artist in self.scale_bar:
             artist.remove()
-        # Above the right corner of a panel, where it covers nothing. The scale bar of
-        # ``annotations.draw_scale_bar`` would cover cells of a map.
+        # The scale bar is drawn above the right corner of a panel, where it covers
+        # nothing. ``annotations.draw_scale_bar`` would draw it over cells of the map.
         axes = self.axes[0]
         west, east = axes.get_xlim()
         length = round_length(_BAR_SHARE * (east - west))
@@ -246,7 +247,7 @@ class Panels:
             left += across + gap
 
     def _pixels(self, lines: float) -> int:
-        """Convert a length in text heights to pixels."""
+        """Convert a length, given in multiples of the text height, to pixels."""
         return round(lines * self._text * DPI / 72)
 
 

@@ -224,8 +224,8 @@ class SensedCells:
         columns, rows = last - first
         pixels = np.zeros((rows, columns, 4), np.uint8)
         pixels[:, :, :3] = np.round(255 * np.array(to_rgb(self._colour)))
-        # On a log scale, since near the robot a
-        # hundred times as many beams end as far away.
+        # Counts are drawn on a log scale, since cells near the robot contain a hundred
+        # times as many beam ends as distant cells.
         often = np.log1p(ends[:, 2]) / np.log1p(most)
         opacity = (FAINTEST + (STRONGEST - FAINTEST) * often) * (ends[:, 2] > 0)
         x, y = (cells - first).T
@@ -239,8 +239,7 @@ class SensedCells:
         side = _BLOCK * CELL
         squares = np.floor(ends[:, :2] / side).astype(np.int64)
         places, numbers = np.unique(squares, axis=0, return_inverse=True)
-        # In numpy 2.0, the inverse has another
-        # shape than in earlier and later versions.
+        # numpy 2.0 returns the inverse in another shape than all other versions.
         counts = np.bincount(numbers.reshape(-1), ends[:, 2])
         often = np.minimum(np.log1p(counts) / np.log1p(most), 1.0)
         axes = self._axes

@@ -96,7 +96,7 @@ def arrow_places(path: Floats, spacing: float) -> Floats:
     def at(lengths: Floats) -> Floats:
         return np.column_stack([np.interp(lengths, along, axis) for axis in path.T])
 
-    # The direction is averaged, since noise changes the direction of single steps.
+    # The direction is averaged over several steps, since single steps are noisy.
     x, y = (at(places + _AROUND) - at(places - _AROUND)).T
     return np.column_stack([at(places), np.arctan2(y, x)])
 
@@ -180,7 +180,7 @@ class RunView:
         """Extent of the plot: paths, goals, near beam ends, and whole objects."""
         shown, around = self.paths, self.paths.padded(AROUND)
         beam_ends = self.run_log.beam_ends[:, :2]
-        # Distant beam ends are excluded, since they would make the run tiny.
+        # Distant beam ends are excluded, since the run would otherwise appear tiny.
         near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
         if near.any():
             shown = Bbox.union([shown, box_around(beam_ends[near])])
@@ -384,7 +384,8 @@ class RunFrames:
         self.axes = self._panels.axes[0]
         self._panel = RunPanel(self.axes, first)
         styles, outlines = PATH_STYLES[: 2 + returns], first.outlines
-        # All possible rows, since the legend of a film does not change.
+        # The legend of a film does not change, so
+        # it contains all rows that may be needed.
         rows = _legend_rows(
             styles, first.medium, outlines, [HIT, LEAVE], truth=bool(outlines)
         )
