@@ -46,7 +46,7 @@ def drive(
     problem = ""
     for name, stream in (("stdout", sys.stdout), ("stdin", sys.stdin)):
         if not stream.isatty():
-            problem = f"{name} is no terminal"
+            problem = f"{name} is not a terminal"
     terminal = os.environ.get("TERM", "")
     if terminal in ("dumb", "unknown"):
         problem = problem or f"terminal {terminal!r} cannot position text"

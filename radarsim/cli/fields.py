@@ -191,5 +191,5 @@ def check_robot(robot: str, served: object | None) -> None:
     if served is None:
         if package or not did_you_mean(name, robot_names()):
             return
-        text += f"; a class of another server has a package: USARBot.{name[:80]}"
+        text += f"; for a class of another server, write USARBot.{name[:80]}"
     raise click.BadParameter(text, param_hint="--robot")

@@ -48,7 +48,7 @@ WRONG = {
         "--set Odometer.sigma=1": "item 'Odometer': type Odometry has no settings",
     },
     "drive": {
-        "": "stdin is no terminal, expected a terminal to drive at",
+        "": "stdin is not a terminal, expected a terminal to drive at",
         "--port 3001": "'--port', expected --connect HOST:PORT",
         "--connect a:0": "--connect: 'a:0', expected HOST:PORT",
     },
