@@ -73,7 +73,7 @@ def _properties(material: Material) -> str:
 
 
 def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
-    """Return the losses of a material per metre as text; dB only if there are any."""
+    """Return the losses of a material per metre as text; 0 dB per m is left out."""
     from radarsim.presets.sensor_settings import BANDS_GHZ
 
     losses = []

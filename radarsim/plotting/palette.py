@@ -39,7 +39,7 @@ PAPER: Final = "#ffffff"
 PALE: Final = 0.45  # share of a colour in its mixture with white
 INK: Final = "#191818"  # text, outlines, markers, robots
 
-# Appearance on white paper; translucent colours are drawn darker, see ``area_style``.
+# Colours as they appear on white paper; ``area_style`` computes translucent fills.
 FAMILY_COLOURS: Final = {
     Family.FOLIAGE: "#a5c262",
     Family.WOOD: "#6b2610",
@@ -130,7 +130,7 @@ def family_of(material: Material) -> Family:
 
 
 def names_by_family(materials: Iterable[Material]) -> dict[Family, list[str]]:
-    """Group the names of materials by family, without duplicates, in their order."""
+    """Group the names of materials by family, in order and without duplicates."""
     names: dict[Family, dict[str, None]] = {}
     for material in materials:
         names.setdefault(family_of(material), {})[material.name] = None
@@ -148,6 +148,6 @@ def sensor_colour(medium: str) -> str:
 
 
 def paler(colour: str) -> str:
-    """Return a colour mixed with white, for areas that marks are drawn on."""
+    """Return a colour mixed with white, for areas behind markers and lines."""
     red, green, blue = (1 - PALE * (1 - part) for part in to_rgb(colour))
     return to_hex((red, green, blue))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
 _NAVTECH: Final = "--navtech"
-ALIKE: Final = 1e-3  # relative difference of bin sizes that gives no warning
+ALIKE: Final = 1e-3  # largest relative difference of bin sizes without a warning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -65,7 +65,7 @@ class Antenna:
         observers: Functions that receive all data, but do not start the rotation.
         since: Tick in which the rotation began.
         turned: Last tick in which the antenna rotated.
-        pose: Pose in that tick; None at first.
+        pose: Pose of the antenna in the tick ``turned``; None before.
         computed: Data that is being computed, or not yet available: the tick, the tick
             in which the rotation began, and the result.
     """
@@ -141,7 +141,7 @@ class Antenna:
                     f"in the thread of antennas: {name!r} of robot {robot!r}"
                 )
                 raise
-            # Data of a robot that has left meanwhile is dropped.
+            # The robot may have been removed in the meantime; then its data is dropped.
             if not self.vehicle.alive:
                 continue
             for sector in sectors:
@@ -171,7 +171,7 @@ class Antenna:
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:
-    """Return the time at which an antenna completes revolutions after the first, s."""
+    """Return the time, s, at which an antenna has rotated ``turns`` + 1 times."""
     return (since - 1) * TICK + (turns + 1) / settings.rotation_hz
 
 

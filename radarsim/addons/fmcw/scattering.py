@@ -79,7 +79,7 @@ def _find_ground(tracer: Tracer, gamma: Floats, edges: Floats) -> dict[str, Any]
         edges[i] = low[0], low[1], high[0], high[1]
         own = float((high[0] - low[0]) * (high[1] - low[1]))
         if part.material.constant_gamma:
-            # The largest part of open ground continues beyond the edge of the map.
+            # Open ground has no edges: it continues beyond the edge of the map.
             edges[i] = -math.inf, -math.inf, math.inf, math.inf
             if own > area:
                 open_part, area = i, own
