@@ -2,9 +2,9 @@
 //
 // A function is called with a block of 8-byte words: a table that the class Arguments describes, and a word for each
 // argument. This word is a number, the address of a Python object that must be a numpy array, or the address of a
-// structure that Python has packed. The descriptions are generated from C++ types, so both sides cannot differ. Only
-// the names of the lengths of arrays are written by hand: a letter for each axis, where equal letters are equal
-// lengths, or a digit for a fixed length:
+// structure that Python has packed. The descriptions are generated from C++ types, so Python and C++ always agree. Only
+// the lengths of arrays are described by hand: by a letter for each axis, where equal letters mean equal lengths, or by
+// a digit for a fixed length:
 //
 //     int64_t count_near(Array<const Vector> points, Array<uint8_t> is_near, double radius);
 //     BIND(count_near, "n n")
@@ -74,10 +74,10 @@ class Arguments {
     }
 
     Word next() { return count_++, *++word_; }
-    // Read an array. The lengths of the first axes have names; the lengths of the others are given.
+    // Read an array. The lengths of its first axes have names, and its other axes have fixed lengths.
     NumpyArray next_array(bool is_written, int named, const int64_t* others, int axes) {
         auto head = static_cast<const char*>(next().address) + table_[0].integer;
-        // Other objects may be shorter, so nothing behind their heads is read.
+        // Objects of other types may be shorter, so nothing behind their heads is read.
         bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address;
         NumpyArray array = fits ? *reinterpret_cast<const NumpyArray*>(head) : NumpyArray{};
         int flags = NumpyArray::CONTIGUOUS | NumpyArray::ALIGNED | (is_written ? NumpyArray::WRITEABLE : 0);

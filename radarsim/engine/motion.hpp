@@ -6,8 +6,8 @@
 //
 // Rule 1: in a move no point of the robot travels farther than its sweep. So once the gap to the nearest wall is known,
 // walls need not be checked until the sum of sweeps reaches it. This makes moves on open floor cheap.
-// Rule 2: a move displaces the centre by at most max_displacement_ratio sweeps, so the same holds for the gap to the
-// other robots, which also move.
+// Rule 2: a move displaces the centre by at most max_displacement_ratio sweeps. So other robots need not be checked
+// until the displacements of all robots can have used up the gap.
 //
 // Robots near a position are found by a spatial hash of square cells, so the floor may have any size. Robots are
 // entered once per step, and the search radius includes the distance that robots can move during the step.
@@ -30,7 +30,7 @@ constexpr double FARTHEST_CELL = 1e15;
 constexpr double CONTACT_GAP = 1e-3;   // m, remaining gap between a robot and an obstacle after a collision
 constexpr double TOUCH_RANGE = 2e-3;   // m; closer obstacles touch the robot
 constexpr double OUTLINE_RANGE = 0.1;  // m; gap between the circles of robots below which outlines are compared
-constexpr int MAX_PUSHES = 8;          // alternately out of two walls; more pushes would not leave a wedge either
+constexpr int MAX_PUSHES = 8;          // in a wedge two walls alternate; more pushes would not leave it either
 
 struct Surroundings { // the robots and the walls with which they can collide
     Array<Robot> robots;
@@ -170,7 +170,7 @@ class Mover {
         grid_.visit_near(pose, radius, [&](const Robot& other) {
             if (&other == &robot_) return;
             double gap = hypot(other.x - pose.x, other.y - pose.y) - (other.radius + radius);
-            // A robot may fly over another robot, and descend next to it later.
+            // A robot may fly over another robot, and descend next to that robot later.
             bool is_level = other.bottom < robot_.top && robot_.bottom < other.top;
             if (gap < OUTLINE_RANGE && is_level) add_outline(other, double(walls.lines.size()) + 4 * other.number);
             else nearest = minimum(nearest, gap);
@@ -283,8 +283,8 @@ inline void move(const Surroundings& around, const RobotGrid& grid, Robot& robot
                  double dt) {
     robot.wall_gap -= sweep;
     robot.robot_gap -= sweep + grid.max_speed() * dt;
-    // No collision is possible until the gaps are used up (rules 1 and 2). Most moves end here; a search for walls in
-    // each move would double the time of a step (row j of the benchmarks).
+    // No collision is possible until the gaps are used up (rules 1 and 2). Most moves return here; a search for walls
+    // in each move would double the time of a step (row j of the benchmarks).
     bool robots_are_far = robot.robot_gap > around.margin;
     if (robots_are_far && robot.wall_gap > around.margin) {
         robot.blocked = false;
@@ -386,8 +386,8 @@ inline bool find_touched(const Surroundings& around, Array<const int64_t> slots)
 }
 BIND(find_touched, "s")
 
-// Move some robots for several time steps, as if no other robots existed; if not together, each robot as if it were
-// alone. Sets touched for robots that touch an obstacle after any step.
+// Move some robots for several time steps, as if no other robots existed. If together is false, each robot moves as if
+// it were alone. Sets touched for robots that touch an obstacle after any step.
 inline bool drive_on(const Surroundings& around, Array<const int64_t> slots, double dt, int64_t steps, bool together,
                      Array<bool> touched) {
     if (!are_valid(around, slots) || steps > MAX_STEPS) return false;

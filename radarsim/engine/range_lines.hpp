@@ -32,7 +32,7 @@ struct Scattering {
     double air;                        // radar cross section of the air per volume, m^2/m^3
     int64_t open_part;                 // index of the largest part that is open ground; -1 for none
     double open_height, open_gamma;    // height of open_part, m, map frame, and its gamma
-    Array<const double, 2> patches;    // gamma of open ground in each patch; empty if it is the same everywhere
+    Array<const double, 2> patches;    // gamma of open ground in each patch; empty if ground is the same everywhere
     Array<const double> corner;        // minimum x and y of the patches, m
     double cell;                       // side of a patch, m
     Array<const double, 2> relief;     // factor of the heights in each patch
