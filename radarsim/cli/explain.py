@@ -164,7 +164,7 @@ def _explain_events(
     # exit.
     for row in entered.values():
         row["power_after"] = _finite(end.power)
-    # The power behind the end of the ray, after the absorption there.
+    # The power that is left after the absorption at the end of the ray.
     left = _finite(end.power - end.absorbed)
     if end.kind is EventKind.ABSORBED:
         left = 0.0

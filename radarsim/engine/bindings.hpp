@@ -35,7 +35,7 @@ union Word {
     const void* address;
 };
 
-// Text of limited length. If a description is longer, it is truncated, and the library cannot be opened.
+// A text buffer of limited length. A description that is too long is truncated, and the library cannot be opened.
 class Text {
   public:
     __attribute__((format(printf, 2, 3))) void add(const char* format, ...) {
@@ -91,11 +91,12 @@ class Arguments {
         if (!fits && !refused_) refused_ = REFUSED + count_;
         return array;
     }
-    // 0, or the code that Python receives instead of a result.
+    // Return 0 if all arguments are valid, otherwise the code that Python receives instead of a result.
     int64_t refused() const { return refused_; }
 
   private:
-    // The expected length of an axis: the length of the first axis of that name, or the digit.
+    // Return the expected length of an axis: the length of the first axis with the same letter, or the value of the
+    // digit.
     int64_t length_named(char name, int64_t length) {
         if (name <= '9') return name - '0';
         int64_t& known = known_[name - 'a'];
@@ -116,7 +117,7 @@ template <typename T> requires(!__is_class(T) && !__is_enum(T)) struct Code<T> {
     static constexpr char name[3] = {kind, char('0' + sizeof(T))};
 };
 
-// The element of an array: a number, or a fixed number of numbers.
+// The element type of an array: a single number, or several numbers.
 template <typename T> struct Element {
     static constexpr const char* name = Code<T>::name;
     static constexpr int axes = 0;
@@ -182,7 +183,8 @@ template <> struct Parameter<void*> {
     static void describe(Text& text, const char*&) { text.add("u8"); }
 };
 
-// Calls a function if its arguments are valid. Only initialisation by braces evaluates arguments from first to last.
+// Calls a function if its arguments are valid. Arguments are read by initialisation with braces, since only this
+// evaluates them from first to last.
 template <typename R, typename... A> struct Call {
     int64_t result;
     Call(const Arguments& arguments, R (*function)(A...), A... values) : result(arguments.refused()) {

@@ -209,7 +209,7 @@ inline int64_t extract_echoes(Array<const Event> events, Array<const double> wei
             bool hit = kind == Kind::HIT;
             double strength = returns[row].strength;
             if (has_incidence) strength *= hit ? incidence[ray] : LEAF_BACKSCATTER;
-            // Rounding errors can add up to slightly more than the full power.
+            // By rounding errors the strength may be slightly greater than the full power.
             strength = minimum(weights[ray] * strength, 1.0);
             echoes[total++] = {beam, ray, range, t, part, power - (hit ? absorbed : 0.0), strength, uint8_t(kind),
                                hit || kind == Kind::SPENT};

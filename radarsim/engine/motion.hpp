@@ -135,8 +135,8 @@ class Mover {
                                      by_walls ? start.yaw : NOT_A_NUMBER, wanted.x, wanted.y, wanted.yaw};
             memcpy(robot_.rejected, moves, sizeof(moves));
         }
-        // Lines were searched around the wanted pose, so the range around the reached pose is smaller by the distance
-        // between both.
+        // Lines were searched around the wanted pose, so the searched range around the reached pose is smaller by the
+        // distance between the two poses.
         note_gaps(contact(reached).gap, hypot(reached.x - wanted.x, reached.y - wanted.y));
         return reached;
     }
@@ -193,13 +193,13 @@ class Mover {
         }
     }
 
-    // Return the pose that replaces a wanted pose with a collision.
+    // Return a pose without collision in place of a wanted pose with a collision.
     Pose2 avoid(const Pose2& wanted, double sweep) const {
         Pose2 start = robot_.pose();
         double start_gap = contact(start).gap;
         // A robot closer than CONTACT_GAP keeps sliding and is not pushed back.
         double clearance = maximum(2 * around_.margin, minimum(CONTACT_GAP, start_gap));
-        // The second attempt is without rotation, since next to a wall the rotation may be the cause.
+        // The second attempt is without rotation, since next to a wall the rotation may cause the collision.
         const double yaws[2] = {wanted.yaw, start.yaw};
         for (double yaw : yaws) {
             Pose2 freed = {wanted.x, wanted.y, yaw};

@@ -137,7 +137,7 @@ class RayTracer {
 
     // Find how the ray continues at the end of a segment: it ends, is reflected, or passes a pane.
     WayOn find_way_on(const Progress& progress, const SegmentEnd& end) const {
-        // Robots have numbers above the parts, and are not mirrors.
+        // Robots have indices above the indices of parts, and are not mirrors.
         if (progress.spent_in >= 0 || end.part < 0 || end.part >= materials.parts())
             return {Way::ENDS, 0.0, false};
         WayOn on = way_on_from(end.part);
@@ -280,7 +280,7 @@ class RayTracer {
         }
         int64_t box;
         double t = box_grid.intersect(carrier_, origin, direction, max_range, box);
-        // Boxes of robots have numbers above the parts.
+        // Boxes of robots have indices above the indices of parts.
         SegmentEnd limit = {0, t, box >= 0 ? materials.parts() + box : -1};
         // After a reflection the ray keeps its min_power, and START_INSIDE events are not recorded again.
         if (state.segment.before == 0.0) start_ray(row_, progress, state);

@@ -183,7 +183,7 @@ class BoxGrid {
                 cell_at(y - radius, layout_.rows), cell_at(y + radius, layout_.rows)};
     }
 
-    // Call a function with the head of each cell that a box reaches.
+    // Call a function with the list head of each cell that the circle of a box overlaps.
     template <typename Visit> void visit_cells(const RobotBox& box, Visit visit) {
         Cells around = cells_around(box.x, box.y, box.footprint_radius + SLACK);
         for (int64_t row = around.low; row <= around.high; row++)

@@ -64,7 +64,7 @@ struct Scans {
     Array<int8_t> sides;            // side of each ray
 
     int64_t rays_per_scan() const { return nodes.size() / places.size(); }
-    // Whether each ray has a node in the table.
+    // Whether the node of each ray is in the table.
     bool fit(const NodeTable& table) const {
         int64_t beams = table.beams(), all = table.nodes();
         if (!beams || !table.is_valid() || nodes.size() % (places.size() * beams)) return false;

@@ -128,7 +128,8 @@ __attribute__((always_inline)) inline void spread_line(const Beams& beams, const
     lines.spans(here, 0) = lines.count(), lines.spans(here, 1) = -1;
 }
 
-// spread_line compiled for AVX2, which adds eight numbers at once: most of the time of a revolution is spent here.
+// This is spread_line compiled for AVX2, which adds eight numbers at once, since it takes most of the time of a
+// revolution.
 __attribute__((target("avx2"))) inline void spread_line_by_eights(const Beams& beams, const RangeLines& lines,
                                                                   const Scatterers& scatterers,
                                                                   Array<const HashLevel> levels, int64_t column) {

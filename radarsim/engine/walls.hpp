@@ -166,7 +166,8 @@ inline int64_t find_boxes(Array<const double, 2> lows, Array<const double, 2> hi
 }
 BIND(find_boxes, "3b 3b b")
 
-// Extend a box to a point. The box has three numbers for its lower corner and three for its upper corner.
+// Enlarge a box so that it contains a point. The first three numbers of the box are its lower corner, the others are
+// its upper corner.
 inline void extend(double* box, const Vector& point) {
     for (int axis = 0; axis < 3; axis++) { // the corners of an empty box are nan
         if (!(box[axis] <= point[axis])) box[axis] = point[axis];

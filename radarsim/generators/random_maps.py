@@ -130,7 +130,7 @@ def make_random_map(number: int) -> RandomMap:
 
 
 class MapMaker:
-    """Draws one map with a random generator.
+    """Creates one map by drawing random numbers.
 
     Attributes:
         rng: The random generator.
@@ -147,11 +147,11 @@ class MapMaker:
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
         self.goal = (HALF_LENGTH - 1.0, self.between(-side, side))
 
-    # The order and number of draws define each map. A change gives other maps for all
-    # numbers, and results of trials are no longer comparable.
+    # Random numbers must be drawn in the same order in all versions. Otherwise all maps
+    # change, and results of trials cannot be compared with earlier results.
 
     def between(self, low: float, high: float) -> float:
-        """Draw a uniformly distributed number."""
+        """Draw a uniformly distributed random number."""
         return float(self.rng.uniform(low, high))
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:

@@ -282,7 +282,7 @@ class Film:
             )
             self._encoder.start()
         for _ in range(times):
-            # Blocks while the queue is full, since frames need much memory.
+            # put() blocks while the queue is full, since frames need much memory.
             self._queue.put(pixels)
             self.frames += 1
 

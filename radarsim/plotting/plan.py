@@ -317,7 +317,7 @@ def _plural(word: str) -> str:
 
 
 def fit_plan(figure: Figure, axes: Axes, *, coordinates: bool = False) -> None:
-    """Set the size of a figure to its plan with title and legend; wrap long lines.
+    """Fit the size of a figure to its plan, title and legend, and wrap long lines.
 
     Args:
         figure: The figure, without a layout engine.

@@ -109,7 +109,7 @@ _corners: WeakKeyDictionary[Tracer, NDArray[np.void]] = WeakKeyDictionary()
 
 
 def corner_points(tracer: Tracer, origin: Floats, settings: FmcwSettings) -> Points:
-    """Return the strongest corners of a scene as points, for an antenna.
+    """Return points for the strongest corners of a scene, as seen from an antenna.
 
     Args:
         tracer: Tracer of the scene.
@@ -312,7 +312,7 @@ _edges: WeakKeyDictionary[Tracer, Floats] = WeakKeyDictionary()
 
 
 def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
-    """Return the edges of metal plates of a scene as points, for an antenna.
+    """Return points for the edges of a scene's metal plates, as seen from an antenna.
 
     Args:
         tracer: Tracer of the scene.

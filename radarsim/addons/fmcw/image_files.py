@@ -40,7 +40,7 @@ VALID: Final = 255
 def put_metadata(
     counts: NDArray[np.uint8], times: NDArray[np.int64], encoder: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
-    """Return rows in Oxford's layout, (R, 11 + B).
+    """Return rows of an image in the layout of the Oxford data set, (R, 11 + B).
 
     Args:
         counts: Counts of each azimuth, (R, B).

@@ -104,7 +104,7 @@ class NavtechServer(PeerServer, HostObserver):
         self._listen_to(antenna if is_wanted else None)
 
     def _listen_to(self, antenna: Antenna | None) -> None:
-        """Subscribe to the data of an antenna, or to none."""
+        """Subscribe to the data of an antenna; None ends the subscription."""
         if self._antenna is None:
             return
         listeners = self._antenna.listeners

@@ -89,7 +89,7 @@ class Antenna:
     def advance(
         self, scene: Scene, ticks: int, boxes: Boxes, worker: BackgroundThread
     ) -> None:
-        """Rotate for a tick; start again if the antenna was at rest in the last tick.
+        """Rotate the antenna for a tick; after a rest a new revolution begins.
 
         Args:
             scene: The map.

@@ -79,7 +79,7 @@ def round_parts(tracer: Tracer) -> NDArray[np.bool_]:
 
 
 def round_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
-    """Return the strongest points of round metal objects, for an antenna.
+    """Return the strongest points of round metal objects, as seen from an antenna.
 
     Args:
         tracer: Tracer of the scene.

@@ -74,7 +74,7 @@ Scatterers: TypeAlias = NDArray[np.void]
 def scatterers_in(
     settings: FmcwSettings, azimuths: Floats, view: Viewpoints, key: int, salt: int
 ) -> Scatterers:
-    """Return the scatterers at azimuths, (N,).
+    """Return the scatterers at N azimuths, (N,).
 
     Args:
         settings: Settings of the radar.

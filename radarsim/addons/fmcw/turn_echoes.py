@@ -171,7 +171,7 @@ class TurnEchoes:
         width, bins = math.ceil(2 * settings.padding), ranges / settings.bin_size
         for row, bin_, speed in zip(rows, np.rint(bins).astype(int), away, strict=True):
             assert self._velocity is not None
-            # A robot at the antenna may have a negative range by the Doppler shift.
+            # The Doppler shift may give a robot at the antenna a negative range.
             first, last = max(bin_ - width, 0), max(bin_ + width + 1, 0)
             self._velocity[max(row - beam, 0) : row + beam + 1, first:last] = speed
 
