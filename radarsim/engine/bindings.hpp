@@ -138,7 +138,7 @@ template <> struct Element<const Vector> : Element<Vector> {};
 template <typename T> struct IsConst { static constexpr bool value = false; };
 template <typename T> struct IsConst<const T> { static constexpr bool value = true; };
 
-// A parameter of a function, or a field of a structure: how it is read and described.
+// Reads and describes a parameter of a function, or a field of a structure.
 template <typename T> struct Parameter { // a number
     static T read(Arguments& arguments) {
         if constexpr (__is_same(T, double)) return arguments.next().number;

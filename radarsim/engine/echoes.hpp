@@ -225,7 +225,8 @@ inline bool represents(const Echo& one, const Echo& other) {
     return one.strength > other.strength * (1.0 + EQUAL_STRENGTHS);
 }
 
-// Return the first echo from i on, in the same beam, that has strength or ends the ray; the number of echoes if none.
+// Return the index of the first echo from i on, in the same beam, that has strength or ends the ray; the number of
+// echoes if there is none.
 inline int64_t first_with_power(Array<const Echo> echoes, int64_t i) {
     for (int64_t beam = echoes[i].beam; i < echoes.size() && echoes[i].beam == beam; i++)
         if (echoes[i].strength > 0.0 || echoes[i].ends) return i;

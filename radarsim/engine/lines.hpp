@@ -94,8 +94,9 @@ inline uint8_t* write_truth(bool value, uint8_t* at) {
     return at;
 }
 
-// Write lines from templates; returns the number of bytes, MISFIT or TOO_LARGE. Numbers and entries of series are in
-// the order of their marks. A single call writes the lines of all robots, since a tick can have hundreds of lines.
+// Write lines from templates; returns the number of bytes, or the error code MISFIT or TOO_LARGE. Numbers and entries
+// of series are in the order of the marks for them. A single call writes the lines of all robots, since a tick can have
+// hundreds of lines.
 inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> numbers, Array<const double> series,
                            Array<uint8_t> out) {
     if (out.size() < 2 * templates.size() + LONGEST_NUMBER * (numbers.size() + series.size())) return MISFIT;

@@ -281,8 +281,8 @@ inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
     return columns > 0 || !due.size();
 }
 
-// Do the due jobs of robots, one after the other. Returns the number of robots with used-up random numbers; -1 if the
-// length of out is wrong, or jobs or robots are not in the tables.
+// Do the due jobs of robots, one after the other. Returns the number of robots whose random numbers are used up; -1 if
+// the length of out is wrong, or jobs or robots are not in the tables.
 inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& tables, double ticks, Array<double> out) {
     if (!are_due(due, tables)) return -1;
     Numbers numbers = {out, 0};

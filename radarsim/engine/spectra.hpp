@@ -64,7 +64,7 @@ inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> 
 }
 BIND(square_spectra, "rs b rb")
 
-// SIMD vectors; the compiler splits them to the width of the registers.
+// SIMD vectors, which the compiler splits into vectors of the width of the registers.
 using Doubles = double __attribute__((vector_size(128)));
 using Floats = float __attribute__((vector_size(64)));
 constexpr int64_t LANES = 16;

@@ -1,4 +1,4 @@
-"""Plans of maps: the section of a scene at a height, filled by material.
+"""Plans of maps: sections of a scene at a height, with areas coloured by material.
 
 Robots are drawn as seen from above.
 

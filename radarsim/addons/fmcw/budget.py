@@ -164,7 +164,7 @@ def _echo_of(
     scattering: NDArray[np.void],
     radar: FmcwRadar,
 ) -> tuple[str, str, float] | None:
-    """Return the kind, the cause and the gamma of an event's echo; None for no echo."""
+    """Return kind, cause and gamma of an event's echo; None if it has no echo."""
     # All robots share the last row of the table.
     part = scattering[min(event.part, len(scattering) - 1)]
     if event.kind is EventKind.HIT:

@@ -82,7 +82,7 @@ class Antenna:
 
     @property
     def turns(self) -> bool:
-        """Whether the antenna rotates: if a detector or a listener needs its data."""
+        """Whether the antenna rotates because a detector or a listener needs data."""
         needed = self.mounted.scanner.settings.has_detector or bool(self.listeners)
         return needed and self.vehicle.alive
 
@@ -99,8 +99,8 @@ class Antenna:
         """
         from radarsim.addons.fmcw import rotation  # noqa: PLC0415 - scipy is slow
 
-        # During a rest the robot may have moved, so old and new azimuths must not be
-        # mixed in a revolution.
+        # The robot may have moved while the antenna did not rotate, so a revolution
+        # must not contain azimuths from before and after the rest.
         if self.receiver is None or self.turned != ticks - 1:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
             self.receiver = rotation.TurnReceiver(radar, scene, rng)

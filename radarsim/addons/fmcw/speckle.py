@@ -120,7 +120,7 @@ def scatterers_in(
 
 @lru_cache(maxsize=4)
 def clutter_texture(shape: float) -> NDArray[np.float32]:
-    """Return the factors of the power by position, (N, N); (0, 0) for a shape of 0."""
+    """Return the factors of the power by position, (N, N); empty if ``shape`` is 0."""
     if not shape:
         return np.zeros((0, 0), np.float32)
     noise = generator_for(0, "clutter").standard_normal([TEXTURE_CELLS] * 2)

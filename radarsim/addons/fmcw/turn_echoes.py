@@ -180,8 +180,8 @@ class TurnEchoes:
     ) -> Power:
         half, count = self._half, self._settings.azimuths
         sums = own[half + first : half + last]
-        # Beams overlap the ends of a revolution: its first and last azimuths include
-        # the echoes that rays of the previous and the next revolution gave in them.
+        # Beams overlap the ends of a revolution, so rays of the previous and the next
+        # revolution also give echoes at its first and last azimuths.
         end = min(last, half + 2)
         if first < end:
             edge = half + count
