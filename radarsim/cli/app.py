@@ -192,7 +192,7 @@ class _Program(EntryGroup):
             sys.exit(INTERRUPTED)
 
     def make_context(self, *args: Any, **options: Any) -> click.Context:
-        """Parse the options of the program, of which ``--version`` and others print."""
+        """Parse the program's options; ``--version`` and others print text and exit."""
         with _ending_with_its_reader():
             return super().make_context(*args, **options)
 

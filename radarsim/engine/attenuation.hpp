@@ -175,7 +175,7 @@ inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& co
             kind = change > 0 ? Kind::ENTER : change < 0 ? Kind::LEAVE : Kind::NONE;
         }
         if (kind == Kind::NONE) continue;
-        // An infinite power minus itself would be NaN.
+        // The powers are subtracted only if they differ, since an infinite power minus itself would be NaN.
         record_event(state, ray, at, kind, crossing.part, arriving, power < arriving ? arriving - power : 0.0);
         if (kind == Kind::SHEET && power <= min_power) return note(0.0, crossing.part);
         density = density_around(state, costs);
@@ -185,7 +185,7 @@ inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& co
 
 // Whether a surface absorbs all the power of a ray.
 inline bool is_absorbed(double power, double min_power, double absorption) {
-    // An infinite power minus an infinite absorption would be NaN.
+    // An infinite absorption is a special case, since subtracting an infinite power from it would give NaN.
     return isinf(absorption) || absorption - power > min_power;
 }
 

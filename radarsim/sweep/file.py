@@ -129,7 +129,7 @@ class SweepFile(_Model):
         ]
 
     def _ways(self) -> list[Parameters]:
-        """Return the poses, the algorithms or the strategies, for each kind of task."""
+        """Return the poses, algorithms or strategies that tasks of this kind vary."""
         if self.pose is not None:
             places = product(self.pose.x, self.pose.y, self.pose.yaw_deg)
             return [{"x": x, "y": y, "yaw_deg": yaw} for x, y, yaw in places]
