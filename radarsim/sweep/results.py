@@ -176,7 +176,7 @@ class SweepFolder:
         """Log the rows of a task, or its error."""
         whole = {"version": __version__, "task": key, **result}
         line = as_line(whole)
-        # The log is written before the line is stored in memory, so the log is complete.
+        # The log is written before memory is updated, so the log is always complete.
         with (self.path / LOG).open("a", encoding="utf-8") as log:
             log.write(line)
         self._keep(line, whole)
