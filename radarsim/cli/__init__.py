@@ -1,8 +1,8 @@
 """Command line of radarsim: data goes to stdout, everything else to stderr.
 
-Exit codes: 0 success, 1 failure, 2 wrong usage, 129 SIGHUP, 130 SIGINT, 141 stdout was
-closed, 143 SIGTERM before the work was done. Commands that run until they are stopped
-exit with 0 on SIGTERM.
+The exit code is 0 after success, 1 after a failure, 2 after wrong usage, 129 after
+SIGHUP, 130 after SIGINT, 141 if stdout was closed, and 143 after SIGTERM before the
+work was done. Commands that run until they are stopped exit with 0 after SIGTERM.
 """
 
 import os
@@ -17,8 +17,8 @@ def main() -> None:
     # print a traceback. A signal that the parent process ignores stays ignored.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: os._exit(130))
-    # Pictures need no window. Matplotlib cannot be imported if the variable names a
-    # missing backend, such as a notebook backend of another environment.
+    # Commands write pictures without a window. Matplotlib cannot be imported if this
+    # variable names a missing backend, such as the backend of another environment.
     os.environ["MPLBACKEND"] = "agg"
     from radarsim.processes import (
         TERMINATED,

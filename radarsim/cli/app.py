@@ -33,7 +33,7 @@ from radarsim.processes import BROKEN_PIPE, INTERRUPTED, ignore_signals
 
 
 def describe_usage_error(error: click.UsageError) -> str:
-    """Return the message for a usage error, with the option or argument it is about."""
+    """Return the message for a usage error, with the name of the wrong option."""
     ctx = error.ctx
     if isinstance(error, click.MissingParameter):
         missing = ["COMMAND"]
@@ -42,11 +42,11 @@ def describe_usage_error(error: click.UsageError) -> str:
         return f"missing: {', '.join(missing)}{_see_help(ctx)}"
     if isinstance(error, click.NoSuchOption):
         return _describe_unknown_option(error)
-    # Only click's message shows whether a value is missing or not allowed.
+    # Only the message of click's error shows whether a value is missing or not allowed.
     if isinstance(error, click.BadOptionUsage):
         expected = "a" if "requires" in error.message else "no"
         return f"{error.option_name}: expected {expected} value with it"
-    # click has no class for this error, so its message is parsed.
+    # click has no class for surplus arguments, so the error's message is parsed.
     extra = re.match(r"Got unexpected extra arguments? \((.*)\)", error.message)
     if extra is not None:
         return f"'{extra[1]}', expected no more arguments{_see_help(ctx)}"
@@ -58,7 +58,7 @@ def describe_usage_error(error: click.UsageError) -> str:
 
 
 def _name_source(error: click.BadParameter) -> str:
-    """Return the name of the parameter, or the environment variable that set it."""
+    """Return the name of the wrong parameter, or of the variable that has set it."""
     param, ctx = error.param, error.ctx
     if param is None:
         return ""
@@ -110,7 +110,7 @@ class EntryGroup(click.Group):
             options: Keyword arguments of ``click.Group``.
         """
         super().__init__(name, no_args_is_help=True, **options)
-        self.params.append(help_all_option(is_listed=False))  # no option is rare
+        self.params.append(help_all_option(is_listed=False))  # has no rare options
         self._given = entries
 
     @cached_property
@@ -157,13 +157,13 @@ class EntryGroup(click.Group):
 
 
 def _drop_output() -> None:
-    # Python flushes stdout again at exit, and would report the error a second time.
+    # Python flushes stdout again at exit, and would report the broken pipe once more.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def _ending_with_its_reader() -> Iterator[None]:
-    """Exit with 141 when the reader of stdout has closed the pipe; click exits with 1.
+    """Exit with 141 instead of click's 1 when the reader of stdout has closed the pipe.
 
     Raises:
         SystemExit: If stdout is closed.
@@ -181,18 +181,18 @@ def _ending_with_its_reader() -> Iterator[None]:
 
 class _Program(EntryGroup):
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command; by default click prints an empty line on an interrupt."""
+        """Run a command without the empty line that click prints on an interrupt."""
         try:
             with _ending_with_its_reader():
                 code = super().invoke(ctx)
-                # At exit Python would print a flush error in its own format.
+                # Python would flush at exit, and print an error in its own format.
                 sys.stdout.flush()
                 return code
         except KeyboardInterrupt:
             sys.exit(INTERRUPTED)
 
     def make_context(self, *args: Any, **options: Any) -> click.Context:
-        """Parse the options of the program; some, such as ``--version``, print text."""
+        """Parse the program's options; ``--version`` and others print text and exit."""
         with _ending_with_its_reader():
             return super().make_context(*args, **options)
 

@@ -73,7 +73,7 @@ def _properties(material: Material) -> str:
 
 
 def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
-    """Return the losses of a material per metre as text; dB only if there are any."""
+    """Return the losses of a material per metre as text; 0 dB per m is left out."""
     from radarsim.presets.sensor_settings import BANDS_GHZ
 
     losses = []
@@ -101,7 +101,7 @@ def _objects(scene: Scene) -> list[str]:
 
 
 def _listed(every: Iterable[Part]) -> Iterator[tuple[str, list[Part]]]:
-    """Yield name and parts of each object, or of objects that differ only by number."""
+    """Yield name and parts of each object, or group of objects with numbered names."""
     groups: dict[tuple[str, str], list[Part]] = {}
     for part in every:
         stem = part.object_name.rstrip("0123456789")
@@ -179,7 +179,7 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
             "doubts of the trial": trial_warnings(scene),
         }
     except MapError as error:
-        # Errors of the map are the result of this command, so all are on stdout.
+        # Errors of the map are the result of this command, so they go to stdout.
         print_lines(error.problems)
         return 1
     print_lines(summary)

@@ -1,7 +1,7 @@
 """Commands made from functions: parameters become options and arguments.
 
-If the type of a parameter is a dataclass, each of its fields becomes an option, so
-command line and Python users have the same options with the same documentation::
+If the type of a parameter is a dataclass, each field of the dataclass becomes an
+option, so the command line has the same options and documentation as Python::
 
     def scan(map_: MapName, plan: PlacedSensor, *, count: Annotated[int, Ge(1)] = 1):
         '''Scan a map without a server.
@@ -13,8 +13,8 @@ Args:
 A function returns its exit code, or None for 0. A parameter that is marked with
 ``PlansOf`` receives the plans that the parts of the program have registered.
 
-Values of options come from the command line, from environment variables, and, if a
-command has an option for it such as ``serve --config FILE``, from a YAML file.
+Values of options come from the command line and from environment variables. A command
+may also read them from a YAML file, such as ``serve --config FILE``.
 """
 
 from __future__ import annotations
@@ -173,10 +173,10 @@ class PlanCommand(click.Command):
         """
         self.fields: dict[str, PlanField] = {}
         self._function = function
-        # For each plan: the parameter, the class, click's keys by field, and whether
-        # the parameter receives several plans.
+        # Each entry describes a plan: the parameter, the class, click's keys by field,
+        # and whether the parameter receives several plans.
         self._plans: list[tuple[str, type, dict[str, str], bool]] = []
-        self._values: dict[str, str] = {}  # click's keys to parameters without plans
+        self._values: dict[str, str] = {}  # other parameters, by click's keys
         params: list[click.Parameter] = []
 
         def add(field: PlanField) -> str:
@@ -212,7 +212,7 @@ class PlanCommand(click.Command):
         Raises:
             click.UsageError: If an option is wrong, missing, or not allowed.
         """
-        # Click names only the first missing parameter, so ``missing`` checks them.
+        # Click names only the first missing parameter; ``missing`` finds all of them.
         rest = super().parse_args(ctx, args)
         if ctx.resilient_parsing:  # a shell asks for completions
             return rest
@@ -224,7 +224,7 @@ class PlanCommand(click.Command):
             found = [key for key in names if key in given]
             typed = [key for key in found if _is_typed(ctx, key)]
             if len(found) > 1 and len(typed) == 1:
-                # Typed options take precedence over exported variables.
+                # The command line takes precedence over environment variables.
                 for key in {*found} - {*typed}:
                     ctx.set_parameter_source(key, ParameterSource.DEFAULT)
                     given.discard(key)
@@ -286,7 +286,7 @@ class PlanCommand(click.Command):
                 formatter.write_dl(groups[title], col_max=NAMES_WIDTH)
 
     def _warn_of_unknown_variables(self, ctx: click.Context) -> None:
-        """Warn of environment variables with the prefix that match no option."""
+        """Warn of environment variables with radarsim's prefix that match no option."""
         prefix = f"{ctx.auto_envvar_prefix}_"
         known = [
             f"{prefix}{str(param.name).upper()}"
@@ -300,8 +300,7 @@ class PlanCommand(click.Command):
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return the fields set by the command line, the environment or a file."""
-        # A value that equals the default counts as given if the user typed it, so the
-        # source of each value decides.
+        # The source of each value decides, since a given value may equal the default.
         absent = (None, ParameterSource.DEFAULT)
         return {
             key for key in self.fields if ctx.get_parameter_source(key) not in absent
@@ -386,15 +385,15 @@ def _read_config(
     for each in ctx.command.params:  # repeatable options may have a single value
         if getattr(each, "multiple", False) and isinstance(given.get(each.name), str):
             given[str(each.name)] = [given[str(each.name)]]
-    # Click prefers the command line and environment variables to a default map, so the
-    # file has the lowest precedence.
+    # The command line and environment variables take precedence over click's default
+    # map, and so over the file.
     ctx.default_map = {**(ctx.default_map or {}), **given}
     ctx.meta[_CONFIG] = file
     return path
 
 
 def describe_place(error: click.BadParameter) -> str:
-    """Return the message for a wrong value in a file, with its line; else ""."""
+    """Return the message for a wrong value in a file, with the line; else ""."""
     ctx, param = error.ctx, error.param
     file: YamlFile | None = None if ctx is None else ctx.meta.get(_CONFIG)
     if file is None or ctx is None or param is None:
@@ -439,7 +438,7 @@ def _argument_usage(field: PlanField) -> str:
 
 
 def _names(param: click.Parameter, field: PlanField) -> str:
-    """Return the names of a parameter for help, with the placeholder for its value."""
+    """Return the names of a parameter and its placeholder, as shown in help."""
     if field.option.is_argument:
         return _argument_usage(field)
     names = ", ".join((*param.opts, *param.secondary_opts))
@@ -447,7 +446,7 @@ def _names(param: click.Parameter, field: PlanField) -> str:
 
 
 def _help(field: PlanField) -> str:
-    """Return the help of a field, with its default."""
+    """Return the help text of a field, with the default value."""
     default = field.default
     if default is REQUIRED and not field.option.is_argument:
         return f"{field.help} [required]"

@@ -1,7 +1,7 @@
 """Shell completion for names of maps, sensors and robot classes.
 
-A shell runs the program whenever Tab is pressed, so this module imports no large
-packages.
+A shell runs the program each time that the user presses Tab, so this module imports no
+large packages.
 """
 
 from collections.abc import Iterable, Iterator
@@ -10,7 +10,7 @@ from typing import Literal
 
 
 def complete_map(incomplete: str) -> Iterator[str]:
-    """Yield names of shipped maps, folders and map files that begin with a text."""
+    """Yield names of shipped maps, folders and map files that begin with the input."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "maps", package.parent / "maps"):
         yield from _beginning(incomplete, (p.stem for p in folder.glob("*.yaml")))
@@ -26,7 +26,7 @@ def complete_map(incomplete: str) -> Iterator[str]:
 def complete_words(
     kind: Literal["maps", "sensors", "robots"], incomplete: str
 ) -> Iterator[str]:
-    """Return the names of maps, sensors or robots that begin with a text."""
+    """Return the names of maps, sensors or robots that begin with the input."""
     if kind == "maps":
         return complete_map(incomplete)
     from radarsim.presets import preset_names

@@ -56,7 +56,7 @@ def drive(
     check_robot(robot, served=None)
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit)
     start_log(logging.WARNING, MESSAGE_FORM)
-    # Driving ends only when it is stopped, so after SIGTERM the exit code is 0 once the
-    # robot is there, and 143 before.
+    # The command runs until it is stopped, so SIGTERM gives exit code 0 after the robot
+    # has been spawned, and 143 before.
     on_start = partial(set_exit_code_of_sigterm, 0)
     return asyncio.run(drive_robot(*server.connect, settings, on_start))

@@ -1,4 +1,4 @@
-"""Entries of commands: ``radarsim --help`` lists them without importing the commands.
+"""Entries of commands, which let ``radarsim --help`` list commands without importing.
 
 This module has the entries of the core. A package registers its commands by an entry
 point of the group ``radarsim.commands``, which names a list of entries in a module that
@@ -25,8 +25,8 @@ MAPS: Final = "Maps and sensors"
 AUTONOMY: Final = "Autonomous robots"
 RESULTS: Final = "Results"
 PROGRAM: Final = "Program"
-# Commands of optional parts of the program; the error for a command of a missing part
-# names that part.
+# Commands of optional parts of the program; if a part is missing, the error for its
+# commands names the part.
 BEYOND_THE_CORE: Final = {
     "autonomy": ("navigate", "map", "trials"),
     "addons": ("commander", "ros", "replay", "recording", "import", "spectrum"),
@@ -86,10 +86,10 @@ def load_entries() -> Iterator[CommandEntry]:
 
 
 def own_entries(groups: Mapping[str, Mapping[str, str]]) -> tuple[CommandEntry, ...]:
-    """Return entries of commands of this package; functions give the names.
+    """Return entries of this package's commands, named after their functions.
 
     Args:
-        groups: For each heading the summaries of its commands by target,
+        groups: Summaries of commands, by heading and by target, which is
             ``module:function`` without the prefix ``radarsim.``.
     """
     return tuple(

@@ -130,7 +130,7 @@ def explain_beam(
 def _explain_events(
     events: Sequence[Event], parts: Sequence[Part], power: float
 ) -> dict[str, Any]:
-    """Return the volumes that a ray of this power crossed, and how it ended."""
+    """Return the volumes that a ray crossed, and how the ray ended."""
     from radarsim.raycast.rays import EventKind
 
     crossings: list[dict[str, Any]] = []
@@ -164,7 +164,7 @@ def _explain_events(
     # exit.
     for row in entered.values():
         row["power_after"] = _finite(end.power)
-    # The power behind the end of the ray, after the absorption there.
+    # The power that is left after the absorption at the end of the ray.
     left = _finite(end.power - end.absorbed)
     if end.kind is EventKind.ABSORBED:
         left = 0.0
@@ -181,7 +181,7 @@ def _explain_events(
 
 
 def _finite(value: float) -> float | None:
-    """Return a finite number, or None, since JSON has no infinite numbers."""
+    """Return a finite number unchanged; None otherwise, as JSON has no infinity."""
     return value if math.isfinite(value) else None
 
 
@@ -192,7 +192,7 @@ def as_text(report: dict[str, Any]) -> list[str]:
     degrees = math.degrees(report["angle"])
     if report["one_of"] > 1:
         ray += f", one of {report['one_of']} that answer together"
-    # The maximum one-way loss of a ray in dB, for scans with a detector; else None.
+    # For scans with a detector this is the maximum one-way loss of a ray, dB.
     full = report["power"] if report["targets"] is not None else None
     lines = [f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}"]
     if full is None:
@@ -260,7 +260,7 @@ def _mirror_text(row: dict[str, Any], full: float | None) -> str:
 
 
 def _change_text(row: dict[str, Any], full: float | None) -> str:
-    """Return the power before and after; as losses if ``full`` is a maximum in dB."""
+    """Return the change of the power as text; in dB of loss if ``full`` is given."""
     before, after = row["power_before"], row["power_after"]
     if full is None:
         return f"power {_power_text(before)} to {_power_text(after)}"

@@ -1,4 +1,4 @@
-"""Types of fields, and plans, that several commands share."""
+"""Types of option values, and groups of options, that several commands share."""
 
 from __future__ import annotations
 

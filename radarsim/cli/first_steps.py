@@ -1,7 +1,7 @@
 """First steps: ``radarsim demo``, ``radarsim new`` and ``radarsim docs``.
 
-They draw a picture of a radar and a laser scan, write a starter map, and show pages of
-the manual.
+The commands draw a radar scan and a laser scan in one picture, write a small map, and
+show pages of the manual.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def demo(
     hint = "OUT" if output is None else "-o"
     out = output or out or Path("radarsim_demo.png")
     form = check_picture(out, hint)
-    # The name has a default, so the command must not replace a file of the user.
+    # The default name may be the name of a user's file, which must not be replaced.
     if out.exists() and not is_by_radarsim(out):
         text = f"{out} is not by radarsim, expected another file"
         raise click.BadParameter(text, param_hint=hint)
@@ -122,12 +122,12 @@ def docs(topic: Annotated[str, Option(is_argument=True)] = "index") -> None:
     from rich.console import Console
     from rich.markdown import Markdown
 
-    # A terminal shows neither pictures nor comments, and links become commands.
+    # For a terminal, pictures and comments are removed, and links become commands.
     text = _COMMENT.sub("", _PICTURE.sub("", text))
     text = _LINK_TO_PAGE.sub(r"\1 (`radarsim docs \2`)", text)
     text = _LINK_TO_FILE.sub(r"\1", text)  # links to files and to the same page
-    # The options that git uses: less passes colours through, and exits at once if the
-    # page fits on the screen.
+    # With these options, which git also uses, less shows colours, and exits immediately
+    # if the page fits on the screen.
     os.environ.setdefault("LESS", "-FRX")
     console = Console()
     width = min(console.width, 100)

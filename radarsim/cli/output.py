@@ -31,14 +31,14 @@ def print_lines(lines: Iterable[object]) -> None:
 
 
 def print_bytes(data: bytes) -> None:
-    """Write all bytes to stdout; one write may be partial if stdout is unbuffered."""
+    """Write all bytes to stdout, by several writes if stdout is unbuffered."""
     left = memoryview(data)
     while left:
         left = left[sys.stdout.buffer.write(left) :]
 
 
 def print_now(line: str) -> None:
-    """Print a line on stdout and flush, for programs that wait for the line."""
+    """Print a line on stdout and flush, so that a waiting program receives the line."""
     click.echo(line)
     sys.stdout.flush()
 
@@ -58,7 +58,8 @@ def program_name() -> str:
     called = Path(sys.argv[0])
     if called.name == "__main__.py":
         return "python -m radarsim"
-    # If another program such as pytest runs the command, its name is not the answer.
+    # The command may run inside another program, such as pytest; then the name of that
+    # program is not returned.
     if called.stem != "radarsim" or shutil.which(called.name) is not None:
         return "radarsim"
     return shlex.quote(sys.argv[0])
@@ -201,19 +202,19 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
 
 @contextmanager
 def without_empty_folder(folder: Path) -> Iterator[None]:
-    """At exit, remove a folder that the context has created if it is empty."""
+    """On exit, remove the folder if the context has created it and it is empty."""
     is_new = not os.path.lexists(folder)  # unlike ``Path.exists``, raises no errors
     try:
         yield
     finally:
         if is_new:
-            # The usual error is that the folder is not empty; then it stays.
+            # rmdir() raises an error for a folder that is not empty, which then stays.
             with suppress(OSError):
                 folder.rmdir()
 
 
 def _obstacle_to_writing(path: Path) -> str:
-    # For a symbolic link the file that it points to is replaced.
+    # If the path is a symbolic link, the file that the link points to is replaced.
     target = Path(os.path.realpath(path))
     try:
         if not path.parent.is_dir() or not target.parent.is_dir():
@@ -222,6 +223,6 @@ def _obstacle_to_writing(path: Path) -> str:
             return "a folder of that name"
     except OSError as error:  # the folder may not be entered
         return describe_os_error(error)
-    # A temporary file is renamed to the path, so the permissions of the folder count,
-    # not those of an existing file.
+    # A temporary file is renamed to the path, so only the permissions of the folder
+    # matter, even if the file exists.
     return "" if os.access(path.parent, os.W_OK | os.X_OK) else "no permission"

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from radarsim.scene.material import LibraryEntry
 
 _Preset = TypeVar("_Preset", bound=BaseModel)
-_ANY_WIDTH: Final = 10_000  # columns
+_ANY_WIDTH: Final = 10_000  # columns, more than any table has
 _UNITS: Final = {"g_per_m3": "g/m3", "mm_per_h": "mm/h"}
 
 _Names = Annotated[tuple[str, ...], Option(is_argument=True, metavar="NAME")]
@@ -107,7 +107,7 @@ def _print(
 
 
 def _overview(*columns: str, numbers: Collection[str] = ()) -> Table:
-    """Return a table without rows; columns of numbers are aligned right."""
+    """Return a table without rows; columns in ``numbers`` are aligned right."""
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for column in columns:
         is_short = column in ("name", "amount", "size m")
@@ -117,7 +117,7 @@ def _overview(*columns: str, numbers: Collection[str] = ()) -> Table:
 
 
 def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
-    """Return a table with a row for each sensor and its first sentence."""
+    """Return a table with a row for each sensor: its name and its first sentence."""
     from radarsim.presets.sensors import load_settings, sensor_presets
 
     numeric = ("beams", "fov °", "step °", "range m")
@@ -134,7 +134,7 @@ def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
 
 
 def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
-    """Return a table with a row for each material and its losses in dB/m."""
+    """Return a table with a row for each material: its name and its losses in dB/m."""
     from radarsim.presets.sensor_settings import BANDS_GHZ
     from radarsim.scene.material import library_material
 
@@ -152,7 +152,7 @@ def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
 
 
 def _robot_overview(models: Mapping[str, RobotModel]) -> Table:
-    """Return a table with a row for each robot class and its items."""
+    """Return a table with a row for each robot class: its name and its items."""
     table = _overview("name", "steering", "size m", "items", "about")
     for name, model in models.items():
         types = list(dict.fromkeys(item.type for item in model.items))
@@ -177,7 +177,7 @@ def _robot_details(name: str, model: RobotModel) -> Iterator[Table]:
 
 
 def _value_text(value: Any) -> str:
-    """Return a value of a robot class as text; for an item its type and name."""
+    """Return a value of a robot class as text; an item becomes its type and name."""
     if isinstance(value, dict):
         if "type" in value:
             return f"{value['type']} {value['name']}"

@@ -11,7 +11,7 @@ from rich.text import Text
 from radarsim.errors import escape_unprintable
 
 REFRESH_RATE: Final = 8  # Hz
-_ESTIMATE_PERIOD: Final = 600.0  # s; results may take a minute each
+_ESTIMATE_PERIOD: Final = 600.0  # s; long, since a single result may take a minute
 
 _Result = TypeVar("_Result")
 
@@ -24,7 +24,7 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
         describe: Returns the status; called only when the line is drawn.
 
     Yields:
-        A function that prints a line if stderr is not a terminal, else does nothing.
+        A function that prints a line, but only if stderr is not a terminal.
     """
     console = Console(stderr=True)
     if not console.is_terminal or console.is_dumb_terminal:
@@ -49,7 +49,7 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
 
 
 def with_bar(results: Iterator[_Result], name: str, total: int) -> Iterator[_Result]:
-    """Yield results, and show their number and the remaining time on stderr."""
+    """Yield results, and show on stderr how many are done and the remaining time."""
     from rich.progress import MofNCompleteColumn, Progress
 
     console = Console(stderr=True)

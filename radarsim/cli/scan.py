@@ -49,7 +49,7 @@ class ScanFormat(StrEnum):
 
 
 def _read_pose(text: str) -> tuple[float, ...]:
-    """Parse ``X,Y,YAW_DEG`` or ``X,Y,Z,ROLL,PITCH,YAW_DEG`` into m and rad."""
+    """Parse ``X,Y,YAW_DEG`` or ``X,Y,Z,ROLL,PITCH,YAW_DEG``; return m and rad."""
     numbers = read_numbers(text)
     if len(numbers) not in (3, 6):
         raise ValueError(f"{text!r}, expected 3 or 6 numbers")
@@ -189,7 +189,7 @@ def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanForma
     """
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
     found = ScanFormat(ending) if ending in list(ScanFormat) else None
-    # With --format any ending is allowed, except those of other picture formats.
+    # With --format any ending is allowed, except the endings of other picture formats.
     if ending and found is None and (format_ is None or ending in _OTHER_PICTURES):
         text = f"{output}, expected {list_endings(list(ScanFormat))}"
         if ending not in _OTHER_PICTURES:
@@ -204,7 +204,7 @@ def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanForma
 def _as_bytes(
     scans: list[Scan], scene: Scene, start: str | None, form: ScanFormat
 ) -> bytes:
-    """Return scans in a format; a picture also shows the robot at the start pose."""
+    """Return scans in a format; a picture with a start pose also shows the robot."""
     if form is ScanFormat.JSON:  # an object for one scan, a list for several
         plain = [each.to_dict() for each in scans]
         data = plain if len(plain) > 1 else plain[0]
@@ -222,7 +222,7 @@ def _as_bytes(
 
 
 def _as_csv(scans: list[Scan]) -> str:
-    """Return CSV with a row for each beam; the range is empty without an echo."""
+    """Return CSV with a row for each beam; beams without echo have an empty range."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["scan", "beam", "angle", "range", "ray"])

@@ -33,8 +33,8 @@ from radarsim.plans import RARE, Option
 log = logging.getLogger("radarsim.server")
 
 DEFAULT_MAX_CLIENTS: Final = 1024
-OTHER_FILES: Final = 128  # open files of the server in addition to client sockets
-FEWEST_CLIENTS: Final = 32  # minimum, even if fewer files remain for other purposes
+OTHER_FILES: Final = 128  # open files that the server needs in addition to sockets
+FEWEST_CLIENTS: Final = 32  # least limit of clients, even if the system permits fewer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +155,7 @@ def _check_ports(host: str, port: int, others: Iterable[ServeExtension]) -> None
 
 
 def _permitted_clients(wanted: int) -> int:
-    """Return the number of clients that the system's limit of open files permits."""
+    """Return the wanted number of clients, or fewer if too few files may be open."""
     from radarsim.listening import raise_file_limit
 
     expected = wanted + OTHER_FILES

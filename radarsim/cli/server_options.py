@@ -1,8 +1,8 @@
-"""Options of all commands that serve a map, and extensions of a server.
+"""Options of the commands that serve a map, and extensions of a server.
 
-A part of the program extends ``radarsim serve`` by a plan that it registers in the
-group ``radarsim.serve``; see ``radarsim.plugins``. The fields of the plan become
-options of the command, and the plan creates an extension of the server from them.
+A part of the program can extend ``radarsim serve``: it registers a plan, a dataclass of
+options, in the group ``radarsim.serve``; see ``radarsim.plugins``. The fields of the
+plan become options of the command, and the plan creates the extension of the server.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class ServeExtension:
         """Receive the host of the simulation, before simulated time advances."""
 
     def follow_pace(self, pace: Pace) -> None:
-        """Receive the pace of simulated time; to be used only in the event loop."""
+        """Receive the pace of simulated time, which only the event loop may use."""
 
     async def start(self, address: str) -> None:
         """Start to listen.
@@ -184,7 +184,7 @@ class ServeExtension:
 
 
 class ExtensionOptions(Protocol):
-    """Options with which a part of the program extends ``radarsim serve``: a plan."""
+    """Interface of plans with which parts of the program extend ``radarsim serve``."""
 
     def extension(self, served: ServedMap) -> ServeExtension | None:
         """Create the extension of a server; None if the options ask for none.
@@ -226,7 +226,7 @@ class SideServers(ServeExtension):
     """The servers on ports other than the port of the robots."""
 
     def __init__(self, ports: Mapping[str, int]) -> None:
-        """Store the ports, by the options of ``SidePorts``; no server starts yet."""
+        """Store the ports by their options in ``SidePorts``; no server starts yet."""
         self.ports = ports
         self._servers: dict[str, ImageServer | QuestionServer] = {}
 
@@ -276,7 +276,7 @@ class SideServers(ServeExtension):
 
 @contextmanager
 def hint_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
-    """Add to a port's error the option with which the system chooses a free port.
+    """On an error of a port, add to its message the option that takes a free port.
 
     Args:
         options: Ports by their options; any other port belongs to ``--port``.
@@ -327,13 +327,13 @@ def check_item_settings(config: SimulationConfig) -> None:
 
 
 def announce(address: tuple[str, int]) -> None:
-    """Print on stdout that clients can connect; on a terminal also the next command."""
+    """Print on stdout that clients can connect; a terminal also shows a command."""
     set_exit_code_of_sigterm(0)  # a running server ends only when it is stopped
     host, port = address
     print_now(f"radarsim: listening on {join_address(host, port)}")
     if sys.stderr.isatty():  # logs of services do not get this line
         command = f"{program_name()} drive"
-        # 0.0.0.0 means all addresses of this machine; a client needs one of them.
+        # 0.0.0.0 means all addresses of this machine, but a client needs a single one.
         near = "127.0.0.1" if host == "0.0.0.0" else host
         if (near, port) != ("127.0.0.1", DEFAULT_PORT):
             command += f" --connect {near}:{port}"

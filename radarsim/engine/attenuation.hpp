@@ -2,7 +2,7 @@
 //
 // A ray starts with a penetration power. Per metre it loses the sum of the densities of all volumes that enclose the
 // point, and of the air. It ends at the first opaque surface, when its power is depleted, or at its maximum range. An
-// opaque surface absorbs a certain power; a ray that arrives with less returns nothing.
+// opaque surface absorbs a certain power; a ray that arrives with less power has no echo.
 //
 // A reflected ray consists of several straight segments. Each segment is traced separately and starts with the power
 // that is left from the previous segment. This header does not depend on the scene or on Embree: it follows a segment
@@ -10,8 +10,8 @@
 //
 // A part encloses a point of the ray if its winding number there is positive. The winding number is its value at the
 // start, plus one for each triangle that the ray enters through the front, minus one for each triangle that it leaves
-// through the back. So overlapping shells of a part count once, cavities are outside, and two crossings on a grazed
-// edge cancel in either order.
+// through the back. So overlapping shells of a part count once, cavities are outside of the part, and the two crossings
+// of a ray that grazes an edge cancel each other in either order.
 //
 // Rule 1: the list of crossings is complete and without duplicates; intersect.hpp ensures this.
 //
@@ -34,7 +34,7 @@ enum class Kind : int32_t {
 
 struct Event { // a row of EVENT
     int64_t ray;
-    double t; // m from the ray's origin
+    double t; // distance from the origin of the ray, m
     int32_t part;
     Kind kind;
     double power, absorbed, x, y, z;
@@ -84,13 +84,14 @@ struct SegmentEnd {
     int64_t part;    // the opaque part at the end; -1 for the maximum range
 };
 struct RayEnd {
-    double t; // m from the ray's origin
+    double t; // distance from the origin of the ray, m
     Outcome outcome;
     int64_t part;
     double power;
 };
 
-// Add to a part's winding number. Returns 1 if the ray thereby enters the part, -1 if it leaves it, otherwise 0.
+// Add to a part's winding number. Returns 1 if the ray enters the part by this change, -1 if it leaves the part,
+// otherwise 0.
 inline int update_winding(RayState& state, int32_t part, int32_t sign) {
     if (!state.seen[part]) {
         state.seen[part] = 1;
@@ -148,7 +149,7 @@ inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& co
         progress.t = at, progress.power = left, progress.spent_in = spent_in;
     };
     double density = density_around(state, costs);
-    // There is one interval more than surfaces: the last interval ends at the limit.
+    // There is one more interval than there are surfaces: the last interval ends at the limit.
     for (int64_t i = 0; i <= limit.crossed; i++) {
         double t = i < limit.crossed ? state.crossings[i].t : limit.t;
         if (density > 0.0) {
@@ -174,7 +175,7 @@ inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& co
             kind = change > 0 ? Kind::ENTER : change < 0 ? Kind::LEAVE : Kind::NONE;
         }
         if (kind == Kind::NONE) continue;
-        // An infinite power minus itself would be NaN.
+        // The powers are subtracted only if they differ, since an infinite power minus itself would be NaN.
         record_event(state, ray, at, kind, crossing.part, arriving, power < arriving ? arriving - power : 0.0);
         if (kind == Kind::SHEET && power <= min_power) return note(0.0, crossing.part);
         density = density_around(state, costs);
@@ -184,7 +185,7 @@ inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& co
 
 // Whether a surface absorbs all the power of a ray.
 inline bool is_absorbed(double power, double min_power, double absorption) {
-    // An infinite power minus an infinite absorption would be NaN.
+    // An infinite absorption is a special case, since subtracting an infinite power from it would give NaN.
     return isinf(absorption) || absorption - power > min_power;
 }
 

@@ -2,9 +2,9 @@
 //
 // A function is called with a block of 8-byte words: a table that the class Arguments describes, and a word for each
 // argument. This word is a number, the address of a Python object that must be a numpy array, or the address of a
-// structure that Python has packed. The descriptions are generated from C++ types, so both sides cannot differ. Only
-// the names of the lengths of arrays are written by hand: a letter for each axis, where equal letters are equal
-// lengths, or a digit for a fixed length:
+// structure that Python has packed. The descriptions are generated from C++ types, so Python and C++ always agree. Only
+// the lengths of arrays are described by hand: by a letter for each axis, where equal letters mean equal lengths, or by
+// a digit for a fixed length:
 //
 //     int64_t count_near(Array<const Vector> points, Array<uint8_t> is_near, double radius);
 //     BIND(count_near, "n n")
@@ -35,7 +35,7 @@ union Word {
     const void* address;
 };
 
-// Text of limited length. If a description is longer, it is truncated, and the library cannot be opened.
+// A text buffer of limited length. A description that is too long is truncated, and the library cannot be opened.
 class Text {
   public:
     __attribute__((format(printf, 2, 3))) void add(const char* format, ...) {
@@ -74,10 +74,10 @@ class Arguments {
     }
 
     Word next() { return count_++, *++word_; }
-    // Read an array. The lengths of the first axes have names; the lengths of the others are given.
+    // Read an array. The lengths of its first axes have names, and its other axes have fixed lengths.
     NumpyArray next_array(bool is_written, int named, const int64_t* others, int axes) {
         auto head = static_cast<const char*>(next().address) + table_[0].integer;
-        // Other objects may be shorter, so nothing behind their heads is read.
+        // Objects of other types may be shorter, so nothing behind their heads is read.
         bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address;
         NumpyArray array = fits ? *reinterpret_cast<const NumpyArray*>(head) : NumpyArray{};
         int flags = NumpyArray::CONTIGUOUS | NumpyArray::ALIGNED | (is_written ? NumpyArray::WRITEABLE : 0);
@@ -91,11 +91,12 @@ class Arguments {
         if (!fits && !refused_) refused_ = REFUSED + count_;
         return array;
     }
-    // 0, or the code that Python receives instead of a result.
+    // Return 0 if all arguments are valid, otherwise the code that Python receives instead of a result.
     int64_t refused() const { return refused_; }
 
   private:
-    // The expected length of an axis: the length of the first axis of that name, or the digit.
+    // Return the expected length of an axis: the length of the first axis with the same letter, or the value of the
+    // digit.
     int64_t length_named(char name, int64_t length) {
         if (name <= '9') return name - '0';
         int64_t& known = known_[name - 'a'];
@@ -116,7 +117,7 @@ template <typename T> requires(!__is_class(T) && !__is_enum(T)) struct Code<T> {
     static constexpr char name[3] = {kind, char('0' + sizeof(T))};
 };
 
-// The element of an array: a number, or a fixed number of numbers.
+// The element type of an array: a single number, or several numbers.
 template <typename T> struct Element {
     static constexpr const char* name = Code<T>::name;
     static constexpr int axes = 0;
@@ -137,7 +138,7 @@ template <> struct Element<const Vector> : Element<Vector> {};
 template <typename T> struct IsConst { static constexpr bool value = false; };
 template <typename T> struct IsConst<const T> { static constexpr bool value = true; };
 
-// A parameter of a function, or a field of a structure: how it is read and described.
+// Reads and describes a parameter of a function, or a field of a structure.
 template <typename T> struct Parameter { // a number
     static T read(Arguments& arguments) {
         if constexpr (__is_same(T, double)) return arguments.next().number;
@@ -182,7 +183,8 @@ template <> struct Parameter<void*> {
     static void describe(Text& text, const char*&) { text.add("u8"); }
 };
 
-// Calls a function if its arguments are valid. Only initialisation by braces evaluates arguments from first to last.
+// Calls a function if its arguments are valid. Arguments are read by initialisation with braces, since only this
+// evaluates them from first to last.
 template <typename R, typename... A> struct Call {
     int64_t result;
     Call(const Arguments& arguments, R (*function)(A...), A... values) : result(arguments.refused()) {

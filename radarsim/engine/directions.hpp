@@ -19,7 +19,7 @@ struct NodeTable {
 
     int64_t nodes() const { return sides.size() < directions.shape[0] ? sides.size() : directions.shape[0]; }
     int64_t beams() const { return directions.shape[1]; }
-    // Whether all nodes have starts, and the indices of nodes fit into 16 bits.
+    // Whether the table has a start for each node, and the indices of nodes fit into 16 bits.
     bool is_valid() const {
         return (starts.shape[0] == 1 || starts.shape[0] == directions.shape[0]) && directions.shape[0] <= INT16_MAX;
     }
@@ -31,10 +31,10 @@ struct Frame {
     Vector rotation[3]; // rows of the rotation matrix
 };
 
-// Return the node that a random number selects: the number of edges that are not greater.
+// Return the index of the node that a random number selects: the number of edges that are not greater than it.
 inline int64_t node_of(Array<const double> edges, double chance) {
-    // A number equal to an edge selects the node after it, as numpy.searchsorted does with side="right". The search has
-    // no branches, since processors cannot predict branches on random numbers.
+    // A number equal to an edge selects the node after the edge, as numpy.searchsorted does with side="right". The
+    // search has no branches, since processors cannot predict branches on random numbers.
     const double* edge = edges.data;
     int64_t left = edges.size();
     for (; left > 1; left -= left / 2) edge += left / 2 * (edge[left / 2 - 1] <= chance);
@@ -104,7 +104,8 @@ inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> p
             middle = middle + seen[corner];
         }
         middle = middle / 8.0;
-        // Angles from the middle have the same order as their tangents, except for a box around the antenna.
+        // Tangents are compared, which have the same order as the angles from the middle, except for a box around the
+        // antenna.
         double first = INFINITE, last = -INFINITE, bottom = INFINITE, top = -INFINITE;
         auto ahead = [&](const Vector& corner) { return middle[0] * corner[0] + middle[1] * corner[1]; };
         auto right = [&](const Vector& corner) { return middle[1] * corner[0] - middle[0] * corner[1]; };
@@ -123,8 +124,8 @@ inline void measure_extents(Array<const Vector[2]> bounds, Array<const double> p
 }
 BIND(measure_extents, "n 3 3 4n")
 
-// Rotate unit vectors from the sensor frame to the map frame; which has the index of the rotation for each vector.
-// Returns whether all indices are valid.
+// Rotate unit vectors from the sensor frame to the map frame. The value which[i] is the index of the rotation for
+// vector i. Returns whether all indices are valid.
 inline bool turn_directions(Array<const Vector> directions, Array<const Vector[3]> rotations,
                             Array<const int64_t> which, Array<Vector> turned) {
     for (int64_t ray = 0; ray < directions.size(); ray++) {

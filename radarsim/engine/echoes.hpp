@@ -16,7 +16,7 @@ struct ReturnLaw {
     double full, nepers;
     bool spreads; // whether the range of a volume's echo is the range at which half of its power has returned
 
-    // The returned power, as a share, of a ray that has this share of its power left.
+    // Return the share of the power that returns from a ray with this share of its power left.
     double returned(double share) const { return share <= NOTHING_LEFT ? 0.0 : exp(nepers * (share - 1.0)); }
     double share_left(const Event& event, double power) const {
         if (event.kind == Kind::SPENT) return 0.0;
@@ -31,7 +31,7 @@ struct Return {
     double strength; // strength of the echo if the ray were the whole beam
     double range;    // m, range of the echo
     double loss;     // decrease of the returned power over the interval before the event
-    double missing;  // power that is missing to half of the strength
+    double missing;  // power that has to return until half of the strength is reached
 };
 
 // A volume that encloses a point of a ray.
@@ -40,7 +40,7 @@ struct Volume {
     int64_t entry; // the event at which the ray entered it; -1 if it started inside
 };
 
-// Whether the ray of an event is valid and, unless the ray ends there, its part too.
+// Whether the ray of an event is valid and, unless the ray ends at the event, the part of the event is valid too.
 inline bool is_known(const Event& event, int64_t rays, int64_t parts) {
     if (event.ray < 0 || event.ray >= rays) return false;
     return event.kind > Kind::SHEET || (event.part >= 0 && event.part < parts);
@@ -64,9 +64,9 @@ inline void update_volumes(List<Volume>& volumes, const Event& event, int64_t i)
         }
 }
 
-// Distribute the loss in an interval to the volumes around it, in proportion to density: call a function with the
-// entry event and the share of each volume. The echo of a volume belongs to its entry. A volume around the start of the
-// ray has no entry, so its share, like the share of the air, gives no echo.
+// Distribute the loss in an interval to the volumes that enclose the interval, in proportion to their densities: call a
+// function with the entry event and the share of each volume. The echo of a volume belongs to its entry event. A volume
+// around the start of the ray has no entry, so its share, like the share of the air, gives no echo.
 template <typename F>
 void share_loss(double loss, const Densities& densities, const List<Volume>& volumes, F add) {
     double total = loss > 0.0 ? total_density(densities, volumes) : 0.0;
@@ -209,7 +209,7 @@ inline int64_t extract_echoes(Array<const Event> events, Array<const double> wei
             bool hit = kind == Kind::HIT;
             double strength = returns[row].strength;
             if (has_incidence) strength *= hit ? incidence[ray] : LEAF_BACKSCATTER;
-            // Rounding errors can add up to slightly more than the full power.
+            // By rounding errors the strength may be slightly greater than the full power.
             strength = minimum(weights[ray] * strength, 1.0);
             echoes[total++] = {beam, ray, range, t, part, power - (hit ? absorbed : 0.0), strength, uint8_t(kind),
                                hit || kind == Kind::SPENT};
@@ -219,13 +219,14 @@ inline int64_t extract_echoes(Array<const Event> events, Array<const double> wei
 }
 BIND(extract_echoes, "e r i p p e")
 
-// Whether an echo has precedence over another when a merged echo takes its kind from one of them.
+// Whether a merged echo takes its kind from the first of two echoes.
 inline bool represents(const Echo& one, const Echo& other) {
     if (one.ends != other.ends) return one.ends;
     return one.strength > other.strength * (1.0 + EQUAL_STRENGTHS);
 }
 
-// Return the first echo from i on, in the same beam, that has strength or ends the ray; the number of echoes if none.
+// Return the index of the first echo from i on, in the same beam, that has strength or ends the ray; the number of
+// echoes if there is none.
 inline int64_t first_with_power(Array<const Echo> echoes, int64_t i) {
     for (int64_t beam = echoes[i].beam; i < echoes.size() && echoes[i].beam == beam; i++)
         if (echoes[i].strength > 0.0 || echoes[i].ends) return i;
@@ -282,7 +283,7 @@ inline int64_t select_echoes(Array<const Echo> echoes, int64_t mode, double thre
 }
 BIND(select_echoes, "e b b b")
 
-constexpr double MOST_CELLS = 1e7; // maximum number of cells between two events; a search of more would not end
+constexpr double MOST_CELLS = 1e7; // maximum number of cells between two events; searching more would take too long
 
 // The state of a search for rain, range cell by range cell.
 struct Search {
@@ -294,7 +295,7 @@ struct Search {
 // cell rain is detected.
 inline Search search_rain(Search from, double end, double cell, double contrast) {
     auto [t, budget] = from;
-    // Without rain all cells are skipped, and the range stays a multiple of their depth.
+    // Without rain all cells are skipped; the range must remain a multiple of the depth of a cell.
     if (contrast <= 0.0) return {t + cell * maximum(ceil((end - t) / cell), 0.0), budget};
     for (; t < end; t += cell) {
         // log1p is exact even if the probability of a detection is tiny.
@@ -305,7 +306,7 @@ inline Search search_rain(Search from, double end, double cell, double contrast)
 }
 
 // Find the nearest cell of each beam in which rain is detected; return the number of beams with such a cell. Contrasts
-// are the contrasts of the parts at 1 m; see rain_and_clouds.py for the other arguments.
+// has the contrast of each part at 1 m; see rain_and_clouds.py for the other arguments.
 inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, Array<const double, 2> random,
                          int64_t air_part, Array<const double> contrasts, double cell, double margin_db,
                          double nearest, double full_power, Array<Echo> found) {

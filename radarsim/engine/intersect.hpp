@@ -33,7 +33,7 @@ struct Crossing {
     int32_t sign; // added to the part's winding number: 1 on entering, -1 on leaving
 };
 
-// The shear that maps a line to the third axis.
+// A line, and the shear that maps the line to the third axis.
 struct Line {
     int first, second, third; // permutation of the axes x, y, z
     double origin[3];         // m, in the permuted order
@@ -58,8 +58,8 @@ inline Line project_line(const Vector& origin, const Vector& direction) {
     return line;
 }
 
-// Twice the signed area of the triangle of the origin and an edge from a to b. Its sign is the side on which the line
-// passes the edge; it is 0 only if the edge is projected to a point.
+// Return twice the signed area of the triangle that the origin and the edge from a to b form. The sign shows on which
+// side of the edge the line passes; the area is 0 only if the edge is projected to a point.
 inline double edge_side(double ax, double ay, double bx, double by) {
     double area = ax * by - ay * bx;
     if (area != 0.0) return area;
@@ -172,7 +172,7 @@ namespace radarsim {
 
 constexpr double BEHIND = -5e-324; // m, the greatest number below 0
 
-enum Role : uint8_t { IGNORE, COLLECT, OPAQUE }; // a ray ignores a part, collects its crossings, or ends at it
+enum Role : uint8_t { IGNORE, COLLECT, OPAQUE }; // a ray ignores the part, collects its crossings, or ends at it
 
 // Triangles, and Embree's bounding volume hierarchy of them.
 struct Hierarchy {
@@ -233,7 +233,7 @@ inline void on_primitive(embree::IntersectCall* call) {
         break;
     }
     case COLLECT:
-        // The window begins at the nearest surface, which is not always found first.
+        // The window begins at the nearest surface, but a farther surface may be found first.
         far = minimum(far, t + query.window);
         if (query.count < query.crossings.size()) query.crossings[query.count] = {t, int32_t(part), sign};
         query.count++; // counted even without room, so that the caller allocates a longer array
@@ -286,7 +286,7 @@ inline void prepare_query(const SceneHandle& handle, Query& query, Array<Crossin
     select_hierarchy(handle, query, 0);
 }
 
-// Level rays for which there is no slice: the height of the last one, m, and their number.
+// Level rays without a slice at their height: the height of the last such ray, m, and the number of such rays.
 struct Unsliced {
     double height, rays;
 };

@@ -19,7 +19,7 @@ constexpr int64_t POWERS[] = {1, 10, 100, 1000, 10000, 100000, 1000000, 10000000
                               100000000000, 1000000000000, 10000000000000, 100000000000000, 1000000000000000,
                               10000000000000000, 100000000000000000};
 
-// Apply the changes that marks before a number demand: bit 0 for FLIPPED, bit 1 for WRAPPED, bit 2 for POSITIVE.
+// Apply the changes that the marks before a number specify: bit 0 is FLIPPED, bit 1 is WRAPPED, bit 2 is POSITIVE.
 inline double change_number(double value, int changes) {
     if (changes & 1) value = 0.0 - value;
     if (changes & 2) value = wrap_angle(value);
@@ -31,8 +31,8 @@ inline double change_number(double value, int changes) {
 inline int64_t scale_number(double size, double scale) {
     double product = size * scale, whole = rint(product);
     if (fabs(product - whole) == 0.5) {
-        // The product itself may have been rounded to the half. Its error is computed exactly, since the upper and the
-        // lower half of the digits times a scale of 20 bits are exact.
+        // The product itself may have been rounded to an exact half. Its rounding error can be computed exactly, since
+        // the products of a scale of 20 bits with the upper and with the lower half of the digits are exact.
         double split = size * 134217729.0, upper = split - (split - size); // 2^27 + 1
         double error = (upper * scale - product) + (size - upper) * scale;
         if (error != 0.0) whole = error > 0.0 ? product + 0.5 : product - 0.5;
@@ -49,7 +49,7 @@ struct Pairs {
 };
 constexpr Pairs PAIRS;
 
-// Write the last digits of a number before the position end; returns the number without these digits.
+// Write the last digits of a number so that they stop before end; returns the number without these digits.
 inline uint64_t write_last_digits(uint64_t number, int count, uint8_t* end) {
     for (; count > 1; count -= 2, number /= 100) memcpy(end -= 2, PAIRS.digits[number % 100], 2);
     if (!count) return number;
@@ -94,8 +94,9 @@ inline uint8_t* write_truth(bool value, uint8_t* at) {
     return at;
 }
 
-// Write lines from templates; returns the number of bytes, MISFIT or TOO_LARGE. Numbers and entries of series are in
-// the order of their marks. A single call writes the lines of all robots, since a tick can have hundreds of lines.
+// Write lines from templates; returns the number of bytes, or the error code MISFIT or TOO_LARGE. Numbers and entries
+// of series are in the order of the marks for them. A single call writes the lines of all robots, since a tick can have
+// hundreds of lines.
 inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> numbers, Array<const double> series,
                            Array<uint8_t> out) {
     if (out.size() < 2 * templates.size() + LONGEST_NUMBER * (numbers.size() + series.size())) return MISFIT;

@@ -6,8 +6,8 @@
 //
 // Rule 1: in a move no point of the robot travels farther than its sweep. So once the gap to the nearest wall is known,
 // walls need not be checked until the sum of sweeps reaches it. This makes moves on open floor cheap.
-// Rule 2: a move displaces the centre by at most max_displacement_ratio sweeps, so the same holds for the gap to the
-// other robots, which also move.
+// Rule 2: a move displaces the centre by at most max_displacement_ratio sweeps. So other robots need not be checked
+// until the displacements of all robots can have used up the gap.
 //
 // Robots near a position are found by a spatial hash of square cells, so the floor may have any size. Robots are
 // entered once per step, and the search radius includes the distance that robots can move during the step.
@@ -30,7 +30,7 @@ constexpr double FARTHEST_CELL = 1e15;
 constexpr double CONTACT_GAP = 1e-3;   // m, remaining gap between a robot and an obstacle after a collision
 constexpr double TOUCH_RANGE = 2e-3;   // m; closer obstacles touch the robot
 constexpr double OUTLINE_RANGE = 0.1;  // m; gap between the circles of robots below which outlines are compared
-constexpr int MAX_PUSHES = 8;          // alternately out of two walls; more pushes would not leave a wedge either
+constexpr int MAX_PUSHES = 8;          // in a wedge two walls alternate; more pushes would not leave it either
 
 struct Surroundings { // the robots and the walls with which they can collide
     Array<Robot> robots;
@@ -135,8 +135,8 @@ class Mover {
                                      by_walls ? start.yaw : NOT_A_NUMBER, wanted.x, wanted.y, wanted.yaw};
             memcpy(robot_.rejected, moves, sizeof(moves));
         }
-        // Lines were searched around the wanted pose, so the range around the reached pose is smaller by the distance
-        // between both.
+        // Lines were searched around the wanted pose, so the searched range around the reached pose is smaller by the
+        // distance between the two poses.
         note_gaps(contact(reached).gap, hypot(reached.x - wanted.x, reached.y - wanted.y));
         return reached;
     }
@@ -170,7 +170,7 @@ class Mover {
         grid_.visit_near(pose, radius, [&](const Robot& other) {
             if (&other == &robot_) return;
             double gap = hypot(other.x - pose.x, other.y - pose.y) - (other.radius + radius);
-            // A robot may fly over another robot, and descend next to it later.
+            // A robot may fly over another robot, and descend next to that robot later.
             bool is_level = other.bottom < robot_.top && robot_.bottom < other.top;
             if (gap < OUTLINE_RANGE && is_level) add_outline(other, double(walls.lines.size()) + 4 * other.number);
             else nearest = minimum(nearest, gap);
@@ -193,13 +193,13 @@ class Mover {
         }
     }
 
-    // Return the pose that replaces a wanted pose with a collision.
+    // Return a pose without collision in place of a wanted pose with a collision.
     Pose2 avoid(const Pose2& wanted, double sweep) const {
         Pose2 start = robot_.pose();
         double start_gap = contact(start).gap;
         // A robot closer than CONTACT_GAP keeps sliding and is not pushed back.
         double clearance = maximum(2 * around_.margin, minimum(CONTACT_GAP, start_gap));
-        // The second attempt is without rotation, since next to a wall the rotation may be the cause.
+        // The second attempt is without rotation, since next to a wall the rotation may cause the collision.
         const double yaws[2] = {wanted.yaw, start.yaw};
         for (double yaw : yaws) {
             Pose2 freed = {wanted.x, wanted.y, yaw};
@@ -283,8 +283,8 @@ inline void move(const Surroundings& around, const RobotGrid& grid, Robot& robot
                  double dt) {
     robot.wall_gap -= sweep;
     robot.robot_gap -= sweep + grid.max_speed() * dt;
-    // No collision is possible until the gaps are used up (rules 1 and 2). Most moves end here; a search for walls in
-    // each move would double the time of a step (row j of the benchmarks).
+    // No collision is possible until the gaps are used up (rules 1 and 2). Most moves return here; a search for walls
+    // in each move would double the time of a step (row j of the benchmarks).
     bool robots_are_far = robot.robot_gap > around.margin;
     if (robots_are_far && robot.wall_gap > around.margin) {
         robot.blocked = false;
@@ -386,8 +386,8 @@ inline bool find_touched(const Surroundings& around, Array<const int64_t> slots)
 }
 BIND(find_touched, "s")
 
-// Move some robots for several time steps, as if no other robots existed; if not together, each robot as if it were
-// alone. Sets touched for robots that touch an obstacle after any step.
+// Move some robots for several time steps, as if no other robots existed. If together is false, each robot moves as if
+// it were alone. Sets touched for robots that touch an obstacle after any step.
 inline bool drive_on(const Surroundings& around, Array<const int64_t> slots, double dt, int64_t steps, bool together,
                      Array<bool> touched) {
     if (!are_valid(around, slots) || steps > MAX_STEPS) return false;

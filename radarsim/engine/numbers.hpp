@@ -1,6 +1,6 @@
-// Numbers as Python treats them, and arrays.
+// Arithmetic with the results of Python, and arrays, buffers and lists.
 #pragma once
-#include <math.h> // and no header of C++: its library takes minutes to build
+#include <math.h> // no headers of C++, since building its standard library takes minutes
 #include <setjmp.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -10,7 +10,7 @@ namespace radarsim {
 
 class Memory;
 
-using Triangle = double[9]; // m, x, y, z of each corner in turn
+using Triangle = double[9]; // x, y and z of each corner, m
 
 struct Vector { // x, y and z
     double numbers[3];
@@ -25,21 +25,21 @@ inline Vector operator/(const Vector& a, double divisor) { return {a[0] / diviso
 inline double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 inline double length_of(const Vector& a) { return sqrt(dot(a, a)); }
 
-// One of the three corners.
+// Return one of the three corners of a triangle.
 inline const Vector& corner_of(const Triangle& triangle, int corner) {
     return reinterpret_cast<const Vector&>(triangle[3 * corner]);
 }
 
 constexpr double INFINITE = __builtin_inf(), NOT_A_NUMBER = __builtin_nan("");
 
-// Python's min and max: of equal numbers, and of numbers that are none, the first.
+// Minimum and maximum as in Python: the first argument if both are equal or one is NaN.
 template <typename T> T minimum(T a, T b) { return b < a ? b : a; }
 template <typename T> T maximum(T a, T b) { return b > a ? b : a; }
 template <typename T> T minimum(T a, T b, T c) { return minimum(minimum(a, b), c); }
 template <typename T> T maximum(T a, T b, T c) { return maximum(maximum(a, b), c); }
 
-// The first of the whole numbers from low on, and below high, for which something holds, as for all after it; high if
-// it holds for none.
+// Binary search: return the least integer from low to high - 1 for which a condition holds, or high if there is none.
+// If the condition holds for a number, it must hold for all greater numbers.
 template <typename F> int64_t first_where(int64_t low, int64_t high, F holds) {
     while (low < high) {
         int64_t middle = (low + high) / 2;
@@ -49,17 +49,17 @@ template <typename F> int64_t first_where(int64_t low, int64_t high, F holds) {
     return low;
 }
 
-// An angle, rad, wrapped to (-pi, pi].
+// Return an angle, rad, wrapped to (-pi, pi].
 inline double wrap_angle(double angle) {
-    if (fabs(angle) < M_PI) return angle; // the remainder takes as long as all else of a robot's move
+    if (fabs(angle) < M_PI) return angle; // remainder() takes as long as the rest of a robot's move
     double wrapped = remainder(angle, 2 * M_PI);
     return wrapped <= -M_PI ? M_PI : wrapped;
 }
 
-// The whole part of a number; the least of all integers where there is none.
+// Return a number truncated to an integer; INT64_MIN if it is too large or NaN.
 inline int64_t whole_of(double number) { return fabs(number) < 0x1p63 ? int64_t(number) : INT64_MIN; }
 
-// An array that numpy owns; T may be a row, as Vector is.
+// An array whose memory belongs to numpy; T is a number or a row such as Vector.
 template <typename T, int D = 1> struct Array {
     T* data;
     int64_t shape[D];
@@ -68,12 +68,12 @@ template <typename T, int D = 1> struct Array {
     T& operator[](int64_t i) const { return data[i]; }
     T& operator()(int64_t i, int64_t j) const { return data[i * shape[1] + j]; }
     T& operator()(int64_t i, int64_t j, int64_t k) const { return data[(i * shape[1] + j) * shape[2] + k]; }
-    T* row(int64_t i) const { return data + i * shape[1]; } // of a table
+    T* row(int64_t i) const { return data + i * shape[1]; } // for arrays with two axes
     T* begin() const { return data; }
     T* end() const { return data + size(); }
 };
 
-// Runs the work of a call, or of one of its threads. If memory ends before it does, its buffers are freed.
+// Runs the work of a call or of one of its threads. If memory runs out, the work is aborted and its buffers are freed.
 class Attempt {
   public:
     bool succeeds = true;
@@ -96,7 +96,7 @@ class Attempt {
     static inline thread_local Attempt* current_ = nullptr;
 };
 
-// Memory of an object; the attempt fails if there is none.
+// Base class that owns the memory of an object; the attempt fails if memory runs out.
 class Memory {
   protected:
     Memory() : before_(Attempt::current_->last_) { Attempt::current_->last_ = this; }
@@ -114,7 +114,7 @@ class Memory {
 
   private:
     friend class Attempt;
-    Memory* before_; // that of the objects of an attempt, which end from the last to the first
+    Memory* before_; // previous object of the attempt; objects are destroyed in reverse order
 };
 
 inline void Attempt::fail() {
@@ -122,7 +122,7 @@ inline void Attempt::fail() {
     longjmp(current_->start_, 1);
 }
 
-// Zeros, for as long as the object exists.
+// Memory for an array, initialised with zeros.
 template <typename T> class Buffer : Memory {
   public:
     explicit Buffer(int64_t size) { hold(calloc(size + 1, sizeof(T))); }
@@ -130,7 +130,7 @@ template <typename T> class Buffer : Memory {
     T& operator[](int64_t i) const { return data()[i]; }
 };
 
-// A list of a limited length.
+// A list with a fixed capacity; the caller must not exceed it.
 template <typename T> class List {
   public:
     explicit List(int64_t capacity) : room_(capacity), capacity_(capacity) {}
@@ -142,7 +142,7 @@ template <typename T> class List {
     void append(T value) { room_[size_++] = value; }
     void clear() { shorten(0); }
     void shorten(int64_t size) { size_ = size; }
-    // Remove a value if it is in the list; those behind it move up.
+    // Remove the first entry with a value, if there is one; later entries move forward.
     void remove(T value) {
         int64_t i = 0;
         while (i < size_ && room_[i] != value) i++;

@@ -1,9 +1,10 @@
 // Occupancy grids: updates of a map with the evidence of a scan, and a distance transform.
 //
 // Each layer stores the log-odds of a kind of obstacle as an integer in tenths. A beam that hits such an obstacle
-// raises it, a beam that passes through the cell lowers it. A cell is updated once per scan and layer, regardless of
-// the number of beams, and a hit has precedence over passing beams. So beams that graze a wall do not erase it while
-// others end at it, and cells near the robot, where beams are dense, do not become more certain than distant cells.
+// raises the log-odds, a beam that passes through the cell lowers them. A cell is updated once per scan and layer,
+// regardless of the number of beams, and a hit has precedence over passing beams. So beams that graze a wall do not
+// erase it while others end at it, and cells near the robot, where beams are dense, do not become more certain than
+// distant cells.
 #pragma once
 #include "bindings.hpp"
 
@@ -55,7 +56,7 @@ class BeamWalk {
                          place(floor(beams.y + far * dy) - cells.first_row, cells.flags.shape[0], last_row_);
         if (!is_inside) return;
         right_ = dx > 0.0 ? 1 : -1, up_ = dy > 0.0 ? 1 : -1;
-        step_x_ = fabs(1.0 / dx), step_y_ = fabs(1.0 / dy); // infinite along an axis
+        step_x_ = fabs(1.0 / dx), step_y_ = fabs(1.0 / dy); // infinite if the beam is parallel to an axis
         next_x_ = dx != 0.0 ? (floor(x) + (dx > 0.0) - x) / dx : INFINITE;
         next_y_ = dy != 0.0 ? (floor(y) + (dy > 0.0) - y) / dy : INFINITE;
         // The number of steps is the number of rows plus columns between both ends. Counting steps instead of measuring
@@ -102,7 +103,7 @@ inline void add_free(const GridCells& cells, int64_t row, int64_t column, bool s
     if (flags & IS_CROSSED) return;
     cells.flags(row, column) = flags | IS_CROSSED | SENSED;
     for (int layer = 0; layer < LAYERS; layer++) {
-        // A laser does not detect foliage and smoke, so its beams are no evidence that there is none.
+        // A laser does not detect foliage and smoke, so its beams are no evidence that a cell is free of them.
         if (!sees_through && (layer == FOLIAGE_LAYER || layer == SMOKE_LAYER)) continue;
         // Layers with a hit in this scan are skipped, since beams may graze a wall at which others end.
         if (flags & (HAS_HIT << layer)) continue;
@@ -115,7 +116,7 @@ inline void add_free(const GridCells& cells, int64_t row, int64_t column, bool s
 inline void add_free_cells(const GridCells& cells, const BeamsOverCells& beams, double short_range,
                            bool sees_through) {
     for (int64_t k = 0; k < beams.known_range.size(); k++) {
-        // The known range of a blinded beam is 0, which would still mark the cell of the scanner as free.
+        // A blinded beam has a known range of 0, but would still mark the cell of the scanner as free.
         if (beams.ends[k] == BeamEnd::BLIND) continue;
         BeamWalk walk(cells, beams, k, 0.0, beams.known_range[k]);
         // The cell of an obstacle is not free.
@@ -137,7 +138,8 @@ inline void add_scan(Array<int8_t, 3> evidence, Array<uint8_t, 2> flags, int64_t
                      Array<const double> far, Array<const int8_t> layers, double short_range, bool sees_through) {
     GridCells cells = {evidence, flags, double(first_row), double(first_column)};
     BeamsOverCells beams = {x, y, directions, known_range, ends};
-    // Hits come first, since passing beams must not weaken cells that other beams of the scan hit.
+    // Hits are processed first, since passing beams must not lower the log-odds of cells that other beams of the scan
+    // hit.
     for (int64_t k = 0; k < near.size(); k++) {
         if (hit_beams[k] < 0 || hit_beams[k] >= ends.size() || layers[k] < 0 || layers[k] >= LAYERS) continue;
         for (BeamWalk walk(cells, beams, hit_beams[k], near[k], far[k]); walk.left > 0; walk.step())

@@ -47,9 +47,9 @@ struct QueuedCell {
     }
 };
 
-// Find the cheapest path to a target cell (Dijkstra's algorithm); returns the target, or -1. Cost is the cost of a step
-// of one cell into each cell. Sets for visited cells the cost of the cheapest path, best, which must be infinite
-// before, and the previous cell, parents.
+// Find the cheapest path to a target cell (Dijkstra's algorithm); returns the target, or -1. The array cost has the
+// cost of a step of one cell into each cell. For visited cells, the function sets best, which must be infinite before,
+// to the cost of the cheapest path, and parents to the previous cell.
 inline int64_t search_grid(Array<const double, 2> cost, int64_t row, int64_t column, Array<const bool, 2> targets,
                            Array<int64_t, 2> parents, Array<double, 2> best) {
     int64_t rows = cost.shape[0], columns = cost.shape[1];
@@ -66,7 +66,8 @@ inline int64_t search_grid(Array<const double, 2> cost, int64_t row, int64_t col
             for (int64_t n = j - 1; n <= j + 1; n++) {
                 if (k < 0 || k >= rows || n < 0 || n >= columns || (k == i && n == j)) continue;
                 double total = so_far + cost(k, n) * (k == i || n == j ? 1.0 : sqrt(2.0));
-                // Only strictly cheaper paths replace others, so each cell is visited once. Negative costs are ignored.
+                // A path replaces another path only if it is strictly cheaper, so each cell is visited once. Negative
+                // costs are ignored.
                 if (!(so_far <= total && total < best(k, n))) continue;
                 best(k, n) = total;
                 parents(k, n) = cell;
@@ -92,7 +93,7 @@ struct PoseLattice {
         return cell >= 0 && cell < cells() && cells() < INT32_MAX / HEADINGS && steps.size() == HEADINGS;
     }
 
-    // Return the state after a motion, and set bits for the margins within which an obstacle is.
+    // Return the state after a motion, and set a bit for each margin that an obstacle intrudes on.
     int64_t after(int64_t state, int motion, int64_t& bits) const {
         int64_t cell = state / HEADINGS, heading = state % HEADINGS;
         if (motion >= 2) {

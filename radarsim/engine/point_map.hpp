@@ -79,7 +79,7 @@ BIND(copy_table, "")
 // short.
 inline int64_t add_points(const PointTable& packed, int64_t used, Array<const Vector2> points,
                           Array<const Vector2> normals) {
-    const PointTable table = packed; // a local copy, which the compiler knows that writes to arrays do not change
+    const PointTable table = packed; // a copy, so that the compiler knows that writes to arrays do not change it
     // At least half of the rows stay free, even if each point needs a new cell at every level.
     if (!is_valid(table) || used < 0 || table.keys.size() / 2 - used < LEVELS * points.size()) return -1;
     int64_t cells = 0;
@@ -190,7 +190,8 @@ inline LocalShape shape_around(const PointTable& table, double x, double y, cons
         a /= n, b /= n;
         LocalShape shape = {true, a, b, aa / n - a * a, ab / n - a * b, bb / n - b * b};
         if (is_line(shape.xx, shape.xy, shape.yy)) return shape;
-        // This window is used unless a slightly wider window has a line, which constrains the robot only across it.
+        // This window is used unless a slightly wider window has a line, which constrains the robot only perpendicular
+        // to it.
         if (first.found) continue;
         first = shape;
         if (level + wider < last) last = level + wider;

@@ -5,7 +5,7 @@
 
 namespace radarsim {
 
-constexpr int64_t UNKNOWN = -2; // instead of a part: the search window ended, and the ray continues
+constexpr int64_t UNKNOWN = -2; // used instead of a part if the search window ended and the ray continues
 // Surfaces are searched window by window. The first window is FIRST_WINDOW times the path on which the densest volume
 // absorbs all power; each following window is WINDOW_GROWTH times as long as the previous one.
 constexpr double FIRST_WINDOW = 1.4, WINDOW_GROWTH = 4.0;
@@ -137,7 +137,7 @@ class RayTracer {
 
     // Find how the ray continues at the end of a segment: it ends, is reflected, or passes a pane.
     WayOn find_way_on(const Progress& progress, const SegmentEnd& end) const {
-        // Robots have numbers above the parts, and are not mirrors.
+        // Robots have indices above the indices of parts, and are not mirrors.
         if (progress.spent_in >= 0 || end.part < 0 || end.part >= materials.parts())
             return {Way::ENDS, 0.0, false};
         WayOn on = way_on_from(end.part);
@@ -217,8 +217,8 @@ class RayTracer {
         return false;
     }
 
-    // Set the winding numbers at the origin from the crossings behind it; returns their number. If there is too little
-    // room for the crossings, no winding number is set.
+    // Set the winding numbers at the origin from the crossings behind it; returns their number. If the array is too
+    // short for the crossings, no winding number is set.
     int64_t find_enclosing() {
         run_query(handle, query_, materials.parts(), of_class(materials.backward_roles), origin, direction, -1.0,
                   -INFINITE, BEHIND, INFINITE);
@@ -231,7 +231,7 @@ class RayTracer {
     }
 
     // Find the opaque surface that stops the ray in an interval, and the crossings before it. The count exceeds the
-    // room if crossings did not fit; the part is UNKNOWN if the ray may continue.
+    // length of the array if crossings did not fit; the part is UNKNOWN if the ray may continue.
     void next_opaque(double near, double far, double window, const SegmentEnd& limit, SegmentEnd& end) {
         run_query(handle, query_, materials.parts(), of_class(materials.forward_roles), origin, direction, 1.0, near,
                   far, window);
@@ -256,8 +256,8 @@ class RayTracer {
     int64_t march(Progress& progress, const SegmentEnd& limit, SegmentEnd& end) {
         RayCosts costs = {of_class(materials.density), of_class(materials.sheet_loss), materials.air[class_],
                           materials.parts() - 1};
-        // The window is infinite if nothing absorbs power. A surface exactly at the range counts, even if a rounding
-        // error has put it beyond.
+        // The window is infinite if nothing absorbs power. A surface exactly at the maximum range counts, even if a
+        // rounding error has moved it beyond the range.
         double window = FIRST_WINDOW * progress.power / materials.max_density[class_], near = 0.0;
         while (true) {
             next_opaque(near, limit.t + RANGE_TOLERANCE, window, limit, end);
@@ -280,7 +280,7 @@ class RayTracer {
         }
         int64_t box;
         double t = box_grid.intersect(carrier_, origin, direction, max_range, box);
-        // Boxes of robots have numbers above the parts.
+        // Boxes of robots have indices above the indices of parts.
         SegmentEnd limit = {0, t, box >= 0 ? materials.parts() + box : -1};
         // After a reflection the ray keeps its min_power, and START_INSIDE events are not recorded again.
         if (state.segment.before == 0.0) start_ray(row_, progress, state);

@@ -1,53 +1,53 @@
-// What the surfaces of a scene scatter back, and the ground that rays graze; see scattering.py for the theory.
-// And power by range: where a ray adds what comes back along it.
+// Adds the echoes of surfaces, of grazed ground and of volumes to the power in range bins; see scattering.py for the
+// theory.
 //
-// A surface that is grazed takes up more than one bin, as the next ray of the beam meets it farther off: its power is
-// spread over that distance. From level ground at a depth h below the antenna, which rays meet metres apart,
-// elevations of d theta return at ranges
+// A grazed surface extends over several bins, since the next ray of the beam meets it farther away: its power is
+// spread over this distance. Rays meet level ground at points metres apart. If the antenna is at height h above the
+// ground, an interval d theta of elevation has its echoes in an interval of ranges
 //
 //     dR = R^2 / h sqrt(1 - h^2 / R^2) d theta.
 //
-// A volume adds to every bin that the ray passes, less and less as it takes from the wave.
+// A volume adds power to every bin that the ray passes, decreasing as the volume absorbs the wave.
 #pragma once
 #include "attenuation.hpp"
 
 namespace radarsim::fmcw {
 
-constexpr double RELIEF_STEP = 0.25; // m, between heights of uneven ground
-constexpr double FARTHEST = 1e5;     // m, as far as which uneven ground is looked at
-constexpr double LEVEL = 1e-6;       // how far the normal of level ground is off the vertical, at most
+constexpr double RELIEF_STEP = 0.25; // m, distance between the heights of uneven ground
+constexpr double FARTHEST = 1e5;     // m, maximum distance at which ground is treated as uneven
+constexpr double LEVEL = 1e-6;       // maximum deviation of a cosine for ground that counts as level
 
-struct PartScattering { // a row of scattering.py
+struct PartScattering { // a row for a part; the fields are described in scattering.py
     double gamma, glint, narrowness, area, volume, albedo, sway;
-    double edges[4];     // m, where level ground ends: least x, y and greatest ones
-    bool constant_gamma; // at all angles, as that of open ground; else it follows Lambert's law
+    double edges[4];     // m, minimum x and y, then maximum x and y of level ground
+    bool constant_gamma; // gamma is the same at all angles, as for open ground; if not, it follows Lambert's law
 };
 ROW(PartScattering, gamma, glint, narrowness, area, volume, albedo, sway, edges, constant_gamma)
 
-// The greatest integer up to a number; the least of all integers where there is none.
+// Return the greatest integer that is not above a number; INT64_MIN if the number is too large or NaN.
 inline int64_t floor_of(double number) { return whole_of(floor(number)); }
 
 struct Scattering {
-    Array<const PartScattering> parts; // the last row is that of robots
-    double air;                        // cross section of a cubic metre of the air, m^2/m^3
-    int64_t open_part;                 // the part that is open ground; -1 for none
-    double open_height, open_gamma;    // m, map frame; and its gamma
-    Array<const double, 2> patches;    // gamma of open ground by place, if it is not that of open_part everywhere
-    Array<const double> corner;        // m, least x and y of these
-    double cell;                       // m, side of a patch
-    Array<const double, 2> relief;     // by which heights are multiplied in each patch
-    double open_relief;                // likewise beyond
-    Array<const float, 2> heights;     // m, of uneven ground, which are repeated; sides are powers of two
+    Array<const PartScattering> parts; // the last row is for robots
+    double air;                        // radar cross section of the air per volume, m^2/m^3
+    int64_t open_part;                 // index of the largest part that is open ground; -1 for none
+    double open_height, open_gamma;    // height of open_part, m, map frame, and its gamma
+    Array<const double, 2> patches;    // gamma of open ground in each patch; empty if ground is the same everywhere
+    Array<const double> corner;        // minimum x and y of the patches, m
+    double cell;                       // side of a patch, m
+    Array<const double, 2> relief;     // factor of the heights in each patch
+    double open_relief;                // factor of the heights outside of the patches
+    Array<const float, 2> heights;     // heights of uneven ground, m, a texture; its sides are powers of two
 
     bool has_patches() const { return patches.shape[0] && patches.shape[1]; }
     bool has_relief() const { return has_patches() && heights.shape[0] && heights.shape[1]; }
-    // The value of a raster at a place, m; another one beyond its edges.
+    // Return the value of a raster at a position, m; beyond for positions outside of the raster.
     double at(Array<const double, 2> raster, double x, double y, double beyond) const {
         int64_t i = floor_of((x - corner[0]) / cell), j = floor_of((y - corner[1]) / cell);
         bool is_within = 0 <= i && i < raster.shape[0] && 0 <= j && j < raster.shape[1];
         return is_within ? raster(i, j) : beyond;
     }
-    // The height of uneven ground at a place, m.
+    // Return the height of uneven ground at a position, m; heights between the grid points are interpolated.
     double height_at(double x, double y) const {
         double u = x / RELIEF_STEP, v = y / RELIEF_STEP;
         int64_t i = floor_of(u), j = floor_of(v), last_i = heights.shape[0] - 1, last_j = heights.shape[1] - 1;
@@ -58,7 +58,7 @@ struct Scattering {
         double near = row(i);
         return at(relief, x, y, open_relief) * (near + (u - i) * (row(i + 1) - near));
     }
-    // The row of a part; robots share the last.
+    // Return the row of a part; all robots share the last row.
     const PartScattering& of(int64_t part) const {
         int64_t last = parts.size() - 1;
         return parts[part < 0 || part > last ? last : part];
@@ -68,14 +68,14 @@ LAYOUT(Scattering, "p xy 2 xy hw", parts, air, open_part, open_height, open_gamm
        open_relief, heights)
 
 struct Grazing { // a ray that meets level ground
-    double x, y;         // m, of the place above which it starts
-    double ahead, left;  // parts of its direction along x and y, of a level unit vector
-    double t, depth;     // m, its length; and from the antenna down to the ground
-    double angle;        // rad, of elevations for which it stands
+    double x, y;         // m, position of the antenna in the plan
+    double ahead, left;  // x and y of the horizontal unit vector along the ray
+    double t, depth;     // m, length of the ray, and height of the antenna above the ground
+    double angle;        // rad, interval of elevations that the ray stands for
     double near, far;    // m, ranges at which the ground begins and ends
 };
 
-// The gamma of a surface at an angle of incidence, whose cosine is above 0.
+// Return the gamma of a surface at an angle of incidence with a positive cosine.
 inline double gamma_at(double cosine, double gamma, bool constant_gamma, double glint, double narrowness) {
     double rough = constant_gamma ? gamma : gamma * cosine;
     if (glint <= 0.0) return rough;
@@ -89,13 +89,13 @@ inline double surface_gamma(const PartScattering& part, double cosine) {
     return gamma_at(cosine, part.gamma, part.constant_gamma, part.glint, part.narrowness);
 }
 
-// How much of uneven ground an antenna sees in one direction, step by step: what rises hides what is behind it. The
-// shares of its view that steps fill are relative to those of level ground, so that the whole view is always full.
+// The visible share of uneven ground in the azimuth of a column, step by step: rising ground hides the ground behind
+// it. The share of a step is the angle in elevation that it covers, divided by the angle that level ground would cover.
 class GroundView {
   public:
     explicit GroundView(double range) : shares_(floor_of(maximum(minimum(FARTHEST, range), 0.0) / RELIEF_STEP) + 2) {}
     void clear() { shares_.clear(); }
-    // Look as far as a distance, m, along the first ray that meets ground in this direction.
+    // Compute the shares up to a distance, m, along the first ray of the column that meets ground.
     void look(const Scattering& scattering, const Grazing& grazing, double distance) {
         if (!scattering.has_relief()) return;
         if (!shares_.size()) first_ = grazing, highest_ = -INFINITE, shares_.append(1.0);
@@ -107,7 +107,7 @@ class GroundView {
             highest_ = maximum(highest_, slope);
         }
     }
-    // The share that the ground has in a distance on the level, m.
+    // Return the share of the ground at a horizontal distance, m.
     double share(double along) const {
         int64_t step = floor_of(along / RELIEF_STEP) + 1;
         return 0 <= step && step < shares_.size() ? shares_[step] : 1.0;
@@ -116,10 +116,10 @@ class GroundView {
   private:
     List<double> shares_;
     Grazing first_;
-    double highest_; // slope at which the antenna looks over all so far
+    double highest_; // greatest slope from the antenna to the ground up to the last step
 };
 
-// The gamma of patched ground at a distance along a ray, m, as far as it is seen.
+// Return the gamma of the patch at a distance along a ray, m, times the visible share of the ground.
 inline double patch_gamma(const Scattering& scattering, const GroundView& view, const Grazing& grazing,
                           double distance) {
     double along = sqrt(maximum(distance * distance - grazing.depth * grazing.depth, 0.0));
@@ -127,17 +127,17 @@ inline double patch_gamma(const Scattering& scattering, const GroundView& view, 
     return scattering.at(scattering.patches, x, y, scattering.open_gamma) * view.share(along);
 }
 
-// Whether a surface is level that a ray from above meets at an angle of incidence.
+// Whether a surface is level; it is given by the direction and the cosine of incidence of a ray from above.
 inline bool is_level(const Vector& direction, double cosine) { return fabs(cosine + direction[2]) < LEVEL; }
 
-// A ray of length t from a place over level ground.
+// Return a ray of length t, m, from a position above level ground.
 inline Grazing over_ground(double x, double y, const Vector& direction, double t, double angle, double near,
                            double far) {
     double level = maximum(hypot(direction[0], direction[1]), 1e-9);
     return {x, y, direction[0] / level, direction[1] / level, t, -t * direction[2], angle, near, far};
 }
 
-// A ray that meets level ground of a part at an event; the view over the ground ends at a distance.
+// Return a ray that meets a part's level ground at an event; objects hide the ground beyond the range end, m.
 inline Grazing grazing_at(const PartScattering& part, const Event& event, const Vector& direction, double angle,
                           double end) {
     double back = INFINITE, ahead = INFINITE;
@@ -154,20 +154,20 @@ inline Grazing grazing_at(const PartScattering& part, const Event& event, const 
 }
 
 constexpr double NEPER_DB = 4.3429448190325175; // dB of power in a neper of power
-constexpr double STEEPEST = 0.999;             // square of h / R, at which the formula for ground ends
-constexpr double NEAREST = 0.3;                // m; nearer the far field, and 1 / R^2, do not hold
+constexpr double STEEPEST = 0.999;             // maximum of (h / R)^2 in the formula for ground
+constexpr double NEAREST = 0.3;                // m; at shorter ranges the far field, and 1 / R^2, are not valid
 
-struct RangeLines { // power by range, of one column and the next, which take turns
-    double bin_size;                // m; bin b is from b - 1/2 to b + 1/2 of it
-    Array<const double> per_square; // 1 / R^2 of each bin, 1/m^2; 0 where it is too near
+struct RangeLines { // power by range of two columns: odd and even columns use one line each
+    double bin_size;                // m; bin b extends from b - 1/2 to b + 1/2 times this size
+    Array<const double> per_square; // 1 / R^2 of each bin, 1/m^2; 0 for bins nearer than NEAREST
     Array<float, 2> power;
-    // What the wind moves, without bins if nothing does: its power, and that times its rms speed, m/s.
+    // Power of objects that the wind moves, and this power times their rms speed, m/s; no bins if nothing moves.
     Array<float, 3> sway;
-    Array<int64_t, 2> spans; // of each line the first and the last bin with power
+    Array<int64_t, 2> spans; // the first and the last bin with power of each line
 
     int64_t count() const { return per_square.size(); }
     double bin_at(double range) const { return range / bin_size + 0.5; }
-    // Note that bins have power.
+    // Extend the spans of both lines to bins that now have power.
     void widen(int64_t low, int64_t high) const {
         for (int64_t line = 0; line < 2; line++) {
             if (low < spans(line, 0)) spans(line, 0) = low;
@@ -177,17 +177,17 @@ struct RangeLines { // power by range, of one column and the next, which take tu
 };
 LAYOUT(RangeLines, "b 2b 22s 22", bin_size, per_square, power, sway, spans)
 
-struct Place { // where a ray's power goes
-    int64_t here;  // the line of its column
-    double across; // the share of the next column
-    double weight; // power at 1 m from a gamma of 1
+struct Place { // how the power of a ray is added to the lines
+    int64_t here;  // line of the ray's column
+    double across; // share of the power for the next column
+    double weight; // power from a gamma of 1 at 1 m
     double shift;  // m, added to ranges
-    double sway;   // rms speed at which the wind moves what returns it, m/s
+    double sway;   // rms speed at which the wind moves the object, m/s
 
     Place swaying(double speed) const { return {here, across, weight, shift, speed}; }
 };
 
-struct Span { // of ranges, in bins, and which bins it touches; none if high is below low
+struct Span { // an interval of ranges, in bins, and the bins that it overlaps; none if high is below low
     double start, end;
     int64_t low, high;
 
@@ -195,7 +195,7 @@ struct Span { // of ranges, in bins, and which bins it touches; none if high is 
         if (low < 0) low = 0;
         if (high > count - 1) high = count - 1;
     }
-    // Which part of a bin it covers.
+    // Return the share of a bin that the interval covers.
     double share(int64_t bin) const { return minimum(end, bin + 1.0) - maximum(start, double(bin)); }
 };
 
@@ -212,8 +212,8 @@ inline void add_to_bin(const RangeLines& lines, const Place& place, int64_t bin,
     }
 }
 
-// Add what a surface at a distance returns, evenly over a length along the ray, and at least over one bin: else its
-// power would jump from one to the next as the radar moves. Gamma is less the losses on the way.
+// Add the echo of a surface at a distance, spread evenly over a length along the ray, at least over one bin: otherwise
+// the power would jump from bin to bin as the radar moves. Gamma includes the losses on the path.
 inline void add_surface(const RangeLines& lines, const Place& place, double t, double gamma, double length) {
     if (gamma <= 0.0 || t < NEAREST) return;
     double power = place.weight * gamma / (t * t), half = 0.5 * maximum(length, lines.bin_size);
@@ -225,14 +225,14 @@ inline void add_surface(const RangeLines& lines, const Place& place, double t, d
     lines.widen(span.low, span.high);
 }
 
-// What level ground returns into a bin of 1 / R^2.
+// Return the power of level ground in a bin whose 1 / R^2 is per_square.
 inline double ground_at(double per_square, double depth, double scale) {
     double steep = minimum(depth * depth * per_square, STEEPEST);
     return scale * per_square * per_square / sqrt(1.0 - steep);
 }
 
-// Add ground to the whole bins between two; gamma_of has the rest of its gamma by bin and 1 / R^2. Without choices in
-// that, a processor computes several bins at once.
+// Add ground to the bins between the first and the last of a span. The function gamma_of returns a factor of gamma for
+// a bin and its 1 / R^2; if it has no branches, the loop can be vectorised.
 template <typename Gamma>
 inline void fill_ground(const RangeLines& lines, const Place& place, const Span& span, double depth, double scale,
                         Gamma gamma_of) {
@@ -246,30 +246,30 @@ inline void fill_ground(const RangeLines& lines, const Place& place, const Span&
     }
 }
 
-// Add what level ground returns. Gamma is that where the ray meets it, less the losses on the way; only these losses
-// if it is of patches.
+// Add the echo of level ground. Gamma is the gamma of the point that the ray meets, including the losses on the path;
+// for ground with patches it is only the losses.
 inline void add_ground(const RangeLines& lines, const Place& place, const Grazing& grazing, double gamma,
                        bool constant_gamma, const Scattering& scattering, GroundView& view) {
     bool is_patched = constant_gamma && scattering.has_patches();
     double t = grazing.t, depth = grazing.depth, size = lines.bin_size, shift = place.shift;
-    // The ray stands for elevations of half the angle to either side of its own.
+    // The ray stands for an interval of elevations with its own elevation in the middle.
     double here = asin(minimum(depth / t, 1.0)), half = 0.5 * grazing.angle;
-    // Beyond straight down, 1.57 rad, ranges would grow again.
+    // Elevations are limited to 1.5 rad, since beyond straight down (1.57 rad) ranges would increase again.
     double start = maximum(depth / sin(minimum(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
-    // Rays nearer the horizon than that stand for directions that meet no ground.
+    // If here is not above half, the interval reaches the horizon, where directions meet no ground.
     if (here > half) end = minimum(end, depth / sin(here - half));
     view.look(scattering, grazing, end);
-    // The share of the ray's power in a radian; what lies beyond the last bin is lost.
+    // The power is distributed over this angle; the power beyond the last bin is lost.
     double angle = asin(minimum(depth / start, 1.0)) - asin(minimum(depth / end, 1.0));
     double last = minimum(lines.bin_at(end + shift), double(lines.count()));
     Span span(lines.bin_at(start + shift), last, lines.count());
     if (span.high < span.low || angle <= 0.0) return;
     double scale = place.weight * gamma * depth * size / angle;
     lines.widen(span.low, span.high);
-    // Lambert's gamma falls with h / R; it is given for the range of the ray.
+    // By Lambert's law gamma is proportional to h / R; the given gamma is for the range of the ray, t.
     auto lambert = [&](int64_t, double per_square) { return t * sqrt(per_square); };
     auto patched = [&](double range) { return patch_gamma(scattering, view, grazing, range); };
-    // The first and the last bin are passed in part.
+    // The span covers the first and the last bin only partly.
     const int64_t ends[] = {span.low, span.high};
     for (int64_t bin : ends) {
         double per_square = lines.per_square[bin], power = ground_at(per_square, depth, scale * span.share(bin));
@@ -284,20 +284,20 @@ inline void add_ground(const RangeLines& lines, const Place& place, const Grazin
     else fill_ground(lines, place, span, depth, scale, [](int64_t, double) { return 1.0; });
 }
 
-// The integral of e^(-rate r) over a depth.
+// Return the integral of e^(-rate r) for r from 0 to depth.
 inline double mean_depth(double rate, double depth) {
-    if (rate * depth < 1e-6) return depth; // where the difference below would lose its digits
+    if (rate * depth < 1e-6) return depth; // the difference below would have too few digits
     return (1.0 - exp(-rate * depth)) / rate;
 }
 
-// Add what a volume, of a cross section of each cubic metre, m^2/m^3, returns along the way of a ray through it. Loss
-// is that up to there, and slope that of a metre within, dB one way.
+// Add the echo of a volume along the path of a ray through it; volume is its radar cross section per volume, m^2/m^3.
+// Loss is the one-way loss up to the volume, dB, and slope the one-way loss per metre in it, dB/m.
 inline void add_volume(const RangeLines& lines, const Place& place, double near, double far, double volume,
                        double loss, double slope) {
-    double size = lines.bin_size, rate = 2.0 * slope / NEPER_DB; // nepers of power per metre, out and back
+    double size = lines.bin_size, rate = 2.0 * slope / NEPER_DB; // two-way nepers of power per metre
     Span span(lines.bin_at(near + place.shift), lines.bin_at(far + place.shift), lines.count());
     if (span.high < span.low) return;
-    // Most bins are passed as a whole: their share is computed once.
+    // The ray passes most bins completely, so the factor of a complete bin is computed once.
     double fade = exp(-rate * size), whole = mean_depth(rate, size), begin = maximum(span.start, double(span.low));
     double left = place.weight * volume * pow(10.0, -0.2 * loss);
     left *= exp(-rate * (begin - span.start) * size);

@@ -1,26 +1,26 @@
-// What comes back along one ray: from the events on its way to power by range.
+// Computes the echoes of a ray from the events along it, and adds them to the power in range bins.
 #pragma once
 #include "range_lines.hpp"
 
 namespace radarsim::fmcw {
 
 constexpr double GRAZING = 1e-3;      // the smallest cosine of an angle of incidence
-constexpr double OVERLAP = 1.5;       // by how much the ranges of a ray reach over those of the next
-constexpr double STRAIGHT_BACK = 0.9; // cosine, beyond which no mirror glints
-constexpr double SECOND_GAMMA = 0.05; // of what a second bounce meets; estimate
-constexpr double SECOND_LENGTH = 4.0; // m, by which the way is longer then, on average; estimate
-constexpr double SECOND_ENDS = 4.0;   // of these lengths, at which too little is left
-constexpr double LONGEST_SPREAD = 3.0; // m, over which a grazed surface is spread
+constexpr double OVERLAP = 1.5;       // elevations that a ray of ground stands for, in spacings of rays
+constexpr double STRAIGHT_BACK = 0.9; // minimum cosine between a corner's outgoing ray and the way back to the antenna
+constexpr double SECOND_GAMMA = 0.05; // mean gamma of surfaces at a second bounce; estimate
+constexpr double SECOND_LENGTH = 4.0; // m, mean extra range of a second bounce; estimate
+constexpr double SECOND_ENDS = 4.0;   // maximum extra range of a second bounce, in multiples of SECOND_LENGTH
+constexpr double LONGEST_SPREAD = 3.0; // m, maximum length over which a grazed surface is spread
 
 struct FanRays { // the rays of a fan in a scene
     Array<const int64_t> column;
-    // As in ray_fan.py, but the weights are times K over the noise.
+    // As in ray_fan.py, but the weights are multiplied by K and divided by the noise power.
     Array<const double> across, weights, spread;
     Array<const Vector> directions; // unit vectors, map frame
-    Array<const double> shift;      // m, by how much all seems farther by Doppler's effect
-    Array<const double> ranges;     // m, to where each ends; inf if it meets nothing
+    Array<const double> shift;      // m, shift of the measured ranges by the Doppler effect
+    Array<const double> ranges;     // m, length of each ray; inf if it hits nothing
     Array<const double> incidence;  // cosine of the angle of incidence
-    double full, db_per_power;      // the power with which they start, and dB one way in a unit of it
+    double full, db_per_power;      // penetration power at the start, and one-way dB per unit of this power
     double wavelength;              // m
 };
 LAYOUT(FanRays, "r r r r r r r r", column, across, weights, spread, directions, shift, ranges, incidence, full,
@@ -28,7 +28,7 @@ LAYOUT(FanRays, "r r r r r r r r", column, across, weights, spread, directions, 
 
 inline Vector place_of(const Event& event) { return {event.x, event.y, event.z}; }
 
-// The walk along one ray.
+// Follows one ray from event to event.
 class RayWalk {
   public:
     RayWalk(const FanRays& rays, Array<const Event> events, const Scattering& scattering, const RangeLines& lines,
@@ -36,21 +36,21 @@ class RayWalk {
         : rays_(rays), events_(events), scattering_(scattering), lines_(lines), view_(view), inside_(inside), ray_(ray),
           first_(first), place_{rays.column[ray] & 1, rays.across[ray], rays.weights[ray], rays.shift[ray], 0.0} {}
 
-    // Add the power of the ray; returns the first event of the next one.
+    // Add the echoes of the ray; return the index of the first event of the next ray.
     int64_t add() {
         double t = 0.0, power = rays_.full;
-        bool is_turned = false; // by a mirror: from there on the ray has not the direction that it has in the fan
+        bool is_turned = false; // whether a mirror has changed the direction that the ray has in the fan
         int64_t i = first_;
         inside_.clear();
         for (; i < events_.size() && events_[i].ray == ray_; i++) {
             const Event& event = events_[i];
-            // Power can only fall; rounding must not make a volume return less than nothing.
+            // Power never increases; a rounding error must not give a volume a negative echo.
             double left = minimum(event.power, power);
             add_volumes(t, event.t, power, left);
             switch (event.kind) {
             case Kind::HIT:
-                // Ground is spread by its own law, along the direction that the fan knows: after a mirror it is a
-                // surface as any other.
+                // The model of level ground needs the direction of the ray in the fan, so after a mirror ground is
+                // treated like any other surface.
                 if (!is_turned && is_level(rays_.directions[ray_], rays_.incidence[ray_]))
                     add_level(event, share_left(left));
                 else add_end(event, share_left(left));
@@ -59,7 +59,7 @@ class RayWalk {
                 if (!is_turned) add_open_ground(event, t, power);
                 break;
             case Kind::SHEET: {
-                // It has no depth: what it scatters is a share of what it takes.
+                // A sheet has no depth, so it scatters a share of the power that it absorbs.
                 double taken = 1.0 - pow(10.0, -0.1 * event.absorbed * rays_.db_per_power);
                 const PartScattering& part = scattering_.of(event.part);
                 add_surface(lines_, place_.swaying(part.sway), event.t, part.albedo * taken * share_left(left), 0.0);
@@ -82,11 +82,11 @@ class RayWalk {
     }
 
   private:
-    // The share of the wave that is left where the ray has a power left, by decibels one way; the wave comes back, so
-    // that it loses twice as many.
+    // Return the share of the wave's power that arrives back at the antenna from a point at which the ray has this
+    // power left. Penetration power counts one-way decibels, so they are doubled.
     double share_left(double left) const { return pow(10.0, -0.2 * (rays_.full - left) * rays_.db_per_power); }
 
-    // Keep the list of volumes around the ray.
+    // Update the list of volumes that enclose the ray.
     void pass_surface(const Event& event) {
         switch (event.kind) {
         case Kind::START_INSIDE:
@@ -97,14 +97,14 @@ class RayWalk {
             for (int64_t i = inside_.size() - 1; i >= 0; i--)
                 if (inside_[i] == event.part) inside_.remove(event.part);
             break;
-        case Kind::MIRRORED: inside_.clear(); break; // it enters the volumes again
+        case Kind::MIRRORED: inside_.clear(); break; // the next segment enters the volumes again
         default: break;
         }
     }
 
-    // Add the volumes between two events, from the power at one to that at the other.
+    // Add the echo of the volumes between two events; power and left are the ray's power at the first and the second.
     void add_volumes(double near, double far, double power, double left) {
-        double volume = scattering_.air, sway = 0.0; // the cross section of a cubic metre of all that is there
+        double volume = scattering_.air, sway = 0.0; // sum of the radar cross sections per volume
         for (int64_t part : inside_) {
             volume += scattering_.of(part).volume;
             sway = maximum(sway, scattering_.of(part).sway);
@@ -115,19 +115,19 @@ class RayWalk {
         add_volume(lines_, place_.swaying(sway), near, far, volume, loss, slope);
     }
 
-    // Add the surface that ends the ray; through is the share of the wave that comes there and back.
+    // Add the echo of the surface that ends the ray; through is the share of the power that is left after both ways.
     void add_end(const Event& event, double through) {
         double cosine = maximum(rays_.incidence[ray_], GRAZING);
         const PartScattering& part = scattering_.of(event.part);
         double gamma = gamma_of(part, cosine, event.t);
-        // The tangent of the angle of incidence: how much farther the next ray meets it.
+        // The tangent of the angle of incidence determines how much farther away the next ray meets the surface.
         double slant = sqrt(1.0 - cosine * cosine) / cosine;
         double length = minimum(rays_.spread[ray_] * event.t * slant, LONGEST_SPREAD);
         add_surface(lines_, place_, event.t, gamma * through, length);
         add_second_bounce(part, event.t, through);
     }
 
-    // Add what a smooth surface reflects to others, and what they return comes back by it.
+    // Add the echoes of other surfaces by reflection at a smooth surface, on the way out and on the way back.
     void add_second_bounce(const PartScattering& part, double t, double through) {
         if (part.glint <= 0.0) return;
         double reflected = part.glint / part.narrowness, slope = 0.5 * NEPER_DB / SECOND_LENGTH;
@@ -135,9 +135,9 @@ class RayWalk {
         add_volume(lines_, place_, t, t + SECOND_ENDS * SECOND_LENGTH, volume, 0.0, slope);
     }
 
-    // Add level ground that ends the ray.
+    // Add the echo of the level ground that ends the ray.
     void add_level(const Event& event, double through) {
-        // The view over level ground ends where the next ray, which looks higher, meets something upright.
+        // Level ground is visible up to the point at which the next higher ray meets an upright surface.
         int64_t after = ray_ + 1;
         double end = INFINITE;
         if (after < rays_.column.size() && rays_.column[after] == rays_.column[ray_] &&
@@ -148,7 +148,8 @@ class RayWalk {
         add_level_ground(part, grazing_at(part, event, rays_.directions[ray_], angle, end), through);
     }
 
-    // Add the open ground that the ray meets beyond the edge of the map, behind t, m, where it had a power.
+    // Add the echo of open ground that the ray meets beyond the edge of the map, after an event at t, m; power is the
+    // ray's power there.
     void add_open_ground(const Event& end, double t, double power) {
         const Vector& direction = rays_.directions[ray_];
         if (scattering_.open_part < 0 || direction[2] >= 0.0) return;
@@ -161,7 +162,7 @@ class RayWalk {
                          over_ground(x, y, direction, way, angle, 0.0, INFINITE), through);
     }
 
-    // Add level ground of a part, or of all patches that the ray stands for.
+    // Add the echo of a part's level ground, or of all patches in the interval of ranges that the ray stands for.
     void add_level_ground(const PartScattering& part, const Grazing& grazing, double through) {
         double gamma = 1.0;
         if (!part.constant_gamma || !scattering_.has_patches())
@@ -169,8 +170,9 @@ class RayWalk {
         add_ground(lines_, place_, grazing, gamma * through, part.constant_gamma, scattering_, view_);
     }
 
-    // Add what comes straight back by several mirrors, as from a corner of two walls; the last is at an event. They are
-    // one mirror that the ray meets head-on, as far away as half of its way out and back; its slopes are those of all.
+    // Add the echo that several mirrors, such as a corner of two walls, reflect back to the antenna; last is the event
+    // at the last mirror. They are modelled as a single mirror that the ray meets at normal incidence, at half of the
+    // length of the closed path. Its variance of slopes is the sum of the variances of all mirrors.
     void add_corner(int64_t last, double through) {
         const Event &event = events_[last], &after = events_[last + 1], &start = events_[first_];
         const Vector& ahead = rays_.directions[ray_];
@@ -180,7 +182,7 @@ class RayWalk {
         double straight = length_of(way);
         double back = dot(place_of(after) - place_of(event), way) / (run * maximum(straight, 1e-9));
         if (back < STRAIGHT_BACK) return;
-        // Half the angle by which it misses the antenna is that of a mirror turned so.
+        // The angle of incidence on the single mirror is half of the angle by which the ray misses the antenna.
         double square = minimum(0.5 * (1.0 + back), 1.0), distance = 0.5 * (event.t + straight);
         double share = 1.0, spread = 0.0, area = 0.0;
         for (int64_t i = first_; i <= last; i++) {
@@ -196,14 +198,14 @@ class RayWalk {
         add_surface(lines_, place_, distance, gamma * through, 0.0);
     }
 
-    // The variance of the angles into which a mirror of an area sends the wave because it is small, or far; no more of
-    // a large one than the zone around the shortest way takes part.
+    // Return the variance of the angles into which diffraction spreads the reflection of a mirror with this area. Of a
+    // large mirror only the Fresnel zone around the shortest path contributes.
     double lobe_of(double area, double distance) const {
         double zone = minimum(area, 0.5 * rays_.wavelength * distance);
         return rays_.wavelength * rays_.wavelength / (8.0 * M_PI * maximum(zone, 1e-6));
     }
 
-    // The gamma of a surface at a distance, m; the glint of a mirror is as wide as its slopes and its lobe.
+    // Return the gamma of a surface at a distance, m; the lobe of a mirror is widened by its slopes and by diffraction.
     double gamma_of(const PartScattering& part, double cosine, double distance) const {
         if (part.area <= 0.0) return surface_gamma(part, cosine);
         double spread = 0.5 / part.narrowness + lobe_of(part.area, distance);
@@ -211,8 +213,9 @@ class RayWalk {
         return gamma_at(cosine, part.gamma, part.constant_gamma, glint, 0.5 / spread);
     }
 
-    // The cosine of the angle of incidence on a mirror: half the length by which the direction changes. Events know
-    // places, but no directions; a mirror is never the last event of a ray.
+    // Return the cosine of the angle of incidence on a mirror, which is half of the length of the change of the unit
+    // direction. Events have positions but no directions, so directions are computed from positions; a mirror is
+    // never the last event of a ray.
     double mirror_cosine(int64_t mirror) const {
         int64_t before = mirror - 1; // the mirror before this one
         while (before >= first_ && events_[before].kind != Kind::MIRRORED) before--;
@@ -233,8 +236,8 @@ class RayWalk {
     const Scattering& scattering_;
     const RangeLines& lines_;
     GroundView& view_;
-    List<int64_t>& inside_; // the volumes around the ray
-    int64_t ray_, first_;   // the ray, and its first event
+    List<int64_t>& inside_; // parts of the volumes that enclose the current point
+    int64_t ray_, first_;   // index of the ray, and of its first event
     Place place_;
 };
 

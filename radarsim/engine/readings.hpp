@@ -10,15 +10,15 @@
 // Readings between updates add the true motion without error.
 //
 // A tachometer measures the mean speed of wheels since its last reading, and their angles, without noise. An encoder
-// counts ticks with an error that is a fraction of the total angle; the count restarts with every revolution.
+// counts ticks with an error that is a fraction of the total angle; the count restarts at 0 in every revolution.
 //
-// Velocities are velocities of the body in the last tick. An acceleration is the change of velocity since the last
+// A velocity is the velocity of the body in the last tick. An acceleration is the change of velocity since the last
 // reading, along the axes of the sensor at the time of the reading. Rates are the derivatives of roll, pitch and yaw,
 // not the angular velocities about the axes of the body.
 //
-// Python draws the random numbers in advance; they are equal to numbers that are drawn one after the other.
+// Python draws several random numbers in advance, which are the same as if they were drawn one by one.
 //
-// Source: the sensors of the original server; the standard deviation of its INS is 5 % regardless of its settings.
+// Source: the sensors of the original server; its INS has a standard deviation of 5 % regardless of the settings.
 #pragma once
 #include "robot.hpp"
 
@@ -64,7 +64,7 @@ struct Tachometer {
     double angles[2], speeds[2], zero[2]; // left and right wheels: values of the last reading, and zero angles
 };
 struct Encoder { // encoder of a wheel
-    double side, zero, sign; // 1 for right; angle that counts as zero; -1 if forward counts down
+    double side, zero, sign; // side 1 is right; zero is the angle at count 0; sign -1: forward counts down
     double noise, used;      // largest error as a fraction of the angle; number of used random numbers
     double draws[DRAWN_AHEAD];
 };
@@ -154,7 +154,7 @@ inline void turn(double angle, double& a, double& b) {
 inline void read_acceleration(Accelerometer& sensor, double time, const Robot& robot, Reading kind, Numbers& out) {
     const double velocity[] = {robot.velocity_x, robot.velocity_y, robot.velocity_z};
     const double attitude[] = {robot.roll, robot.pitch, robot.yaw};
-    double elapsed = time - sensor.read_at, felt[3] = {}; // along, across, up
+    double elapsed = time - sensor.read_at, felt[3] = {}; // components along, across and up
     bool is_new = elapsed > SHORTEST;
     if (is_new) {
         double more_x = (velocity[0] - sensor.velocity[0]) / elapsed;
@@ -199,7 +199,7 @@ BIND(angle_of_link, "1")
 
 struct SensorTables { // rows and robots are indexed by slot
     Array<const Job> jobs;
-    Array<double, 2> rows; // first whether random numbers are used up, then the states of the sensors
+    Array<double, 2> rows; // column 0: whether random numbers are used up; then the states of the sensors
     Array<const Robot> robots;
     Array<const Odometry> odometry;
 };
@@ -281,8 +281,8 @@ inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
     return columns > 0 || !due.size();
 }
 
-// Do the due jobs of robots, one after the other. Returns the number of robots with used-up random numbers; -1 if the
-// length of out is wrong, or jobs or robots are not in the tables.
+// Do the due jobs of robots, one after the other. Returns the number of robots whose random numbers are used up; -1 if
+// the length of out is wrong, or jobs or robots are not in the tables.
 inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& tables, double ticks, Array<double> out) {
     if (!are_due(due, tables)) return -1;
     Numbers numbers = {out, 0};

@@ -2,7 +2,8 @@
 //
 // A grid of square cells, seen from above, covers all boxes. Each cell lists the boxes whose bounding circles reach
 // into the cell. A ray visits the cells along its path in order and tests the listed boxes until it has hit a box
-// before the end of a cell. Among a thousand robots in a hall it tests a dozen (row j of the benchmarks).
+// before the end of a cell. In a hall with a thousand robots, a ray tests about a dozen boxes (row j of the
+// benchmarks).
 //
 // The grid does not change the results, since the circles have a margin that is much larger than rounding errors. All
 // boxes are tested if coordinates are too large for this margin, or if there are too few boxes or rays for a grid to be
@@ -106,7 +107,7 @@ class BoxGrid {
         double nearest = max_range;
         int64_t found = -1;
         id = -1;
-        // By default a single step tests the boxes of all cells.
+        // Without a grid, a single step tests all boxes.
         int64_t cell = 0, column = 0, row = 0, end = layout_.cells();
         Border x_border, y_border;
         if (end > 1 && maximum(fabs(origin[0]), fabs(origin[1])) <= MAX_COORDINATE) {
@@ -182,7 +183,7 @@ class BoxGrid {
                 cell_at(y - radius, layout_.rows), cell_at(y + radius, layout_.rows)};
     }
 
-    // Call a function with the head of each cell that a box reaches.
+    // Call a function with the list head of each cell that the circle of a box overlaps.
     template <typename Visit> void visit_cells(const RobotBox& box, Visit visit) {
         Cells around = cells_around(box.x, box.y, box.footprint_radius + SLACK);
         for (int64_t row = around.low; row <= around.high; row++)

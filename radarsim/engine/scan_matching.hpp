@@ -9,8 +9,8 @@ constexpr double ROBUST_SCALE = 4.0;              // squared distance, in varian
 constexpr int64_t SAMPLED_POINTS = 150;           // maximum number of points for the comparison of start poses
 constexpr double HALF_SCORE = 1 / (0.05 * 0.05);  // 1/m^2; a point known to 5 cm scores one half
 constexpr int WIDER = 1;                          // number of wider windows that are searched for lines
-constexpr int WIDER_ALONG = 2;                    // the same in a corridor
-constexpr double CORRIDOR_RATIO = 0.3;            // ratio of least to most information below which it is a corridor
+constexpr int WIDER_ALONG = 2;                    // number of wider windows in a corridor
+constexpr double CORRIDOR_RATIO = 0.3;            // a corridor has a smaller ratio of least to most information
 // Normals have errors of some degrees, so the points of a wall seem to have up to this share of information along the
 // wall, although they have none.
 constexpr double LEAST_RATIO = 0.05;
@@ -71,7 +71,7 @@ inline void solve(Equations& equations) {
 }
 
 // Return the information matrix, 1/m^2, of the distance from an echo to a shape. The echo has a standard deviation,
-// spread, along the unit vector across its beam. Spots count only if the flag is set, lines always.
+// spread, along the unit vector across its beam. Lines always count; spots count only if the flag is set.
 inline Symmetric information_of(const LocalShape& shape, const Vector2& across, double spread, bool spots) {
     double a = shape.xx, b = shape.xy, c = shape.yy;
     double half = (a + c) / 2, turn = hypot((a - c) / 2, b);

@@ -64,7 +64,7 @@ inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> 
 }
 BIND(square_spectra, "rs b rb")
 
-// SIMD vectors; the compiler splits them to the width of the registers.
+// SIMD vectors, which the compiler splits into vectors of the width of the registers.
 using Doubles = double __attribute__((vector_size(128)));
 using Floats = float __attribute__((vector_size(64)));
 constexpr int64_t LANES = 16;
@@ -184,8 +184,8 @@ class LevelHistogram {
 };
 
 // OS-CFAR detector: find the bins from start to end whose level exceeds the level of the given order among their
-// training bins. Between bins that are a step apart two training bins change on each side, and the histogram is
-// updated. Returns whether the numbers are valid.
+// training bins. From a bin to the bin a step away, two training bins change on each side, so the histogram is updated
+// instead of built again. Returns whether the numbers are valid.
 inline int64_t find_os(Array<const float, 2> levels, int64_t nearest, int64_t step, int64_t half, int64_t start,
                     int64_t end, bool behind, bool ahead, int64_t order, double above, Array<bool, 2> found) {
     Neighbours around = {nearest, step, half};

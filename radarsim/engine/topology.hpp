@@ -63,7 +63,8 @@ struct Forest { // connected faces as trees of a union-find structure
         return face;
     }
 
-    // Join the trees of two faces. Returns whether they are already in the same tree with a contradicting orientation.
+    // Join the trees of two faces. Returns whether the faces are already in the same tree and their orientations
+    // contradict each other.
     bool join(int32_t face, int32_t other, bool disagree) const {
         int32_t one = find_root(face, disagree), two = find_root(other, disagree);
         if (one == two) return disagree;
@@ -115,7 +116,8 @@ inline int64_t connect_faces(Array<const int32_t> corners, int64_t vertices, Arr
             edge.balance += step;
             open_edges += edge.balance != 0;
             int32_t other = sides[edge.first - 1];
-            // Coincident triangles share all edges. Most can be excluded here, which is faster than a search.
+            // Coincident triangles share all edges. This test excludes most meshes without such triangles, and is
+            // faster than a search.
             may_coincide |= edge.users > 2 || corners[next(next(side))] == corners[next(next(other))];
             has_one_side |= forest.join(side / 3, other / 3, disagree);
         }

@@ -8,8 +8,8 @@
 
 namespace radarsim {
 
-// Calls work(part) for each part from 0, on several threads; a thread that is ready takes the next part. The results
-// are the same for any number of threads, provided that a part does not depend on its thread.
+// Calls work(part) for each part from 0, on several threads; each free thread takes the next part. The results do not
+// depend on the number of threads, provided that a part does not depend on its thread.
 template <typename Work> class ParallelWork {
   public:
     ParallelWork(int64_t threads, int64_t parts, Work& work) : parts_(parts), work_(work) {
@@ -17,7 +17,7 @@ template <typename Work> class ParallelWork {
         int64_t started = 0;
         sigset_t all, before;
         sigfillset(&all);
-        pthread_sigmask(SIG_BLOCK, &all, &before); // signals must go to the threads of the program
+        pthread_sigmask(SIG_BLOCK, &all, &before); // signals must be handled by the program's own threads
         for (; started < minimum(threads, parts) - 1; started++)
             if (pthread_create(&others[started], nullptr, run, this)) break; // the existing threads do all parts
         pthread_sigmask(SIG_SETMASK, &before, nullptr);
@@ -64,7 +64,7 @@ struct Scans {
     Array<int8_t> sides;            // side of each ray
 
     int64_t rays_per_scan() const { return nodes.size() / places.size(); }
-    // Whether each ray has a node in the table.
+    // Whether the node of each ray is in the table.
     bool fit(const NodeTable& table) const {
         int64_t beams = table.beams(), all = table.nodes();
         if (!beams || !table.is_valid() || nodes.size() % (places.size() * beams)) return false;
@@ -113,8 +113,8 @@ inline int64_t trace_given(const RaySource& source, int64_t first, int64_t last,
     return 0;
 }
 
-// Find whether an opaque surface is between a sensor and the start of its aimed ray. Returns a code as trace_rays does;
-// origin and direction of the tracer change.
+// Find whether an opaque surface is between a sensor and the start of its aimed ray. Returns the same codes as
+// trace_rays; the function changes origin and direction of the tracer.
 inline int64_t find_hidden(int64_t row, const Frame& frame, int64_t carrier, RayTracer& tracer, const Traces& traces,
                            bool& is_hidden) {
     Vector way = tracer.origin - frame.position;
@@ -161,8 +161,8 @@ inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t 
     return 0;
 }
 
-// Move the events of all parts to a contiguous range; returns the first code. If a part had too little room, the number
-// of events in the summary is the size with which each part would have enough.
+// Move the events of all parts to a contiguous range; returns the first code. If the array of a part was too short, the
+// number of events in the summary is the total length with which no array would be too short.
 inline int64_t join_parts(Array<TracePart> parts, Array<Event> events, Array<double> summary) {
     int64_t code = 0, count = 0, needed = 0;
     Unsliced unsliced = {};

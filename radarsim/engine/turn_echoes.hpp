@@ -1,38 +1,39 @@
-// Mean power and amplitude from each direction and range; see turn_echoes.py, and speckle.py for the amplitudes.
+// The echoes of a revolution: mean power and amplitude by azimuth and range bin; see turn_echoes.py, and speckle.py
+// for the amplitudes.
 #pragma once
 #include "ray_power.hpp"
 #include <cpuid.h>
 
 namespace radarsim::fmcw {
 
-constexpr float FAINT = 1e-5f; // in units of the noise; what is less has no amplitude
-constexpr float BRIGHT = 10.0f;  // likewise; what is less shows in main lobes alone
-constexpr double SHOULDER = 2e-3; // two-way; where the pattern is weaker, only what is bright shows
+constexpr float FAINT = 1e-5f; // in units of the noise; bins with less power get no amplitude
+constexpr float BRIGHT = 10.0f;  // in units of the noise; bins with less power are added only to main lobes
+constexpr double SHOULDER = 2e-3; // two-way pattern; where it is weaker, only bins brighter than BRIGHT are added
 constexpr int64_t HASH_LEVELS = 1024;
 
-struct HashLevel { // what one of the levels of a hash stands for
-    float amplitude;       // of a mean power of 1 and exponential distribution
-    float real, imaginary; // of a unit vector
+struct HashLevel { // the random numbers for one of the levels of a hash
+    float amplitude;       // square root of an exponentially distributed power with mean 1
+    float real, imaginary; // unit vector of the phase
     float speed;           // standard normal
 };
 ROW(HashLevel, amplitude, real, imaginary, speed)
 
-struct Scatterers { // those of a column of the fan, as an antenna sees them
-    uint64_t key;   // of the hash
+struct Scatterers { // the scatterers in a column of the fan, as seen from an antenna
+    uint64_t key;   // key of the hash
     int64_t start;  // number of the scatterer in the first bin
-    uint64_t phase; // in levels
-    double drift;   // by how many levels the phase turns of a scatterer of 1 m/s
-    double x, y, dx, dy; // cells of the texture: of the first bin, and from one bin to the next
+    uint64_t phase; // phase, in hash levels
+    double drift;   // change of the phase of a scatterer that moves at 1 m/s, in hash levels
+    double x, y, dx, dy; // position of the first bin, and step from bin to bin, in cells of the texture
 };
 ROW(Scatterers, key, start, phase, drift, x, y, dx, dy)
 
-// The factor of the power at a place, from a texture that is repeated, whose sides are powers of two.
+// Return the factor of the power in a bin from a repeated texture, whose sides are powers of two.
 inline float texture_at(const Scatterers& scatterers, Array<const float, 2> texture, int64_t bin) {
     int64_t i = floor_of(scatterers.x + bin * scatterers.dx), j = floor_of(scatterers.y + bin * scatterers.dy);
     return texture(i & (texture.shape[0] - 1), j & (texture.shape[1] - 1));
 }
 
-// A hash of a word, by the generator SplitMix64 (Steele, Lea and Flood, 2014).
+// Hash of a word: the mixing function of the random generator SplitMix64 (Steele, Lea and Flood, 2014).
 constexpr uint64_t HASH_STEP = 0x9E3779B97F4A7C15;
 inline uint64_t mixed(uint64_t word) {
     word = (word ^ (word >> 30)) * 0xBF58476D1CE4E5B9;
@@ -40,8 +41,8 @@ inline uint64_t mixed(uint64_t word) {
     return word ^ (word >> 31);
 }
 
-// Fill the amplitudes, real and imaginary parts, of neighbouring bins from one on, by their mean power. Of that moved
-// is what the wind moves, and speed that times its rms speed, m/s; null if it moves nothing.
+// Compute the amplitudes of consecutive bins, real and imaginary parts, from their mean power. Moved is the power of
+// objects that the wind moves, and speed is moved times their rms speed, m/s; both are null if nothing moves.
 inline void fill_amplitudes(const Scatterers& scatterers, Array<const HashLevel> levels, Array<const float, 2> texture,
                             int64_t first, int64_t count, const float* power, const float* moved, const float* speed,
                             float* amplitudes) {
@@ -55,7 +56,7 @@ inline void fill_amplitudes(const Scatterers& scatterers, Array<const HashLevel>
         float size = sqrtf(local) * levels[word & LAST].amplitude;
         uint64_t turned = (word >> 10) + scatterers.phase;
         if (moved && moved[i] > 0.0f) {
-            // Of all scatterers as many move as the share of the power that does.
+            // The share of scatterers that move equals the share of the power from moving objects.
             double share = double(word >> 30) / 0x1p34;
             if (share * power[i] < moved[i]) {
                 double rms = scatterers.drift * levels[(word >> 20) & LAST].speed * speed[i] / moved[i];
@@ -67,7 +68,7 @@ inline void fill_amplitudes(const Scatterers& scatterers, Array<const HashLevel>
     }
 }
 
-// Add the amplitudes of the same mean power in several directions. Returns whether the levels are complete.
+// Add amplitudes to several rows that have the same mean power by bin. Returns whether the levels are complete.
 inline bool add_amplitudes(Array<const Scatterers> scatterers, Array<const HashLevel> levels, Array<const float> power,
                            Array<float[2], 2> field) {
     if (levels.size() != HASH_LEVELS) return false;
@@ -82,18 +83,18 @@ inline bool add_amplitudes(Array<const Scatterers> scatterers, Array<const HashL
 }
 BIND(add_amplitudes, "n l b nb")
 
-struct Beams { // where the power of a turn is added up
-    // Of the directions; the first row is that of the one that is half of the pattern before the first.
+struct Beams { // the sums of the echoes of a revolution
+    // Mean power by azimuth; the first row is half of the pattern's width before the first azimuth.
     Array<float, 2> power;
-    Array<float[2], 2> field; // likewise, real and imaginary parts of the amplitudes
-    Array<double> total;      // the power of all columns
-    Array<const double, 2> pattern; // from pattern_table
-    Array<const float, 2> texture;  // of the power by place; without cells for none
-    Array<float[2]> amplitudes;     // overwritten
+    Array<float[2], 2> field; // amplitudes in the same rows, real and imaginary parts
+    Array<double> total;      // sum of the power of all columns
+    Array<const double, 2> pattern; // from pattern_table in antenna.py
+    Array<const float, 2> texture;  // factors of the power by position; empty for none
+    Array<float[2]> amplitudes;     // memory for intermediate results
 };
 LAYOUT(Beams, "db db b fk xy b", power, field, total, pattern, texture, amplitudes)
 
-// Add the echoes of a column to the directions that see it, and clear its line.
+// Add the echoes of a column to the azimuths whose beams cover it, and clear the column's line.
 __attribute__((always_inline)) inline void spread_line(const Beams& beams, const RangeLines& lines,
                                                        const Scatterers& scatterers, Array<const HashLevel> levels,
                                                        int64_t column) {
@@ -127,22 +128,23 @@ __attribute__((always_inline)) inline void spread_line(const Beams& beams, const
     lines.spans(here, 0) = lines.count(), lines.spans(here, 1) = -1;
 }
 
-// The same on processors that add eight numbers at once: a turn spends most of its time here.
+// This is spread_line compiled for AVX2, which adds eight numbers at once, since it takes most of the time of a
+// revolution.
 __attribute__((target("avx2"))) inline void spread_line_by_eights(const Beams& beams, const RangeLines& lines,
                                                                   const Scatterers& scatterers,
                                                                   Array<const HashLevel> levels, int64_t column) {
     spread_line(beams, lines, scatterers, levels, column);
 }
 
-// Whether the processor computes with eight numbers at once, and the operating system lets it.
+// Whether the processor and the operating system support AVX2.
 inline bool has_avx2() {
     uint32_t a, b, c, d, states = 0;
     if (__get_cpuid(1, &a, &b, &c, &d) && c & bit_OSXSAVE) __asm__("xgetbv" : "=a"(states) : "c"(0) : "edx");
     return (states & 6) == 6 && __get_cpuid_count(7, 0, &a, &b, &c, &d) && b & bit_AVX2;
 }
 
-// Add the power of the rays of some columns; scatterers are those of these and of the one after the last. Closes says
-// whether that is the first one of the next turn. Returns whether all is as it has to be.
+// Add the echoes of the rays of some columns. Scatterers has a row for each column, and a row for the column after
+// the last. Closes is true if that column belongs to the next revolution. Returns whether the arguments are valid.
 inline bool add_rays(const Beams& beams, const RangeLines& lines, const FanRays& rays, Array<const Event> events,
                      const Scattering& scattering, Array<const Scatterers> scatterers, Array<const HashLevel> levels,
                      int64_t first, bool closes) {
@@ -160,8 +162,8 @@ inline bool add_rays(const Beams& beams, const RangeLines& lines, const FanRays&
     GroundView view(bins * lines.bin_size);
     int64_t ray = 0, event = 0;
     auto spread = has_avx2() ? spread_line_by_eights : spread_line;
-    // Rays add to their column and to the next one, so that two lines are enough: each is spread when its column is
-    // done, and is then the one after the next.
+    // Rays add power to their column and to the next one, so two lines are enough: when a column is complete, its line
+    // is added to the beams, cleared, and reused for the column after the next.
     for (int64_t i = 0; i < columns; i++) {
         view.clear();
         for (; ray < rays.column.size() && rays.column[ray] == first + i; ray++)

@@ -14,7 +14,7 @@ struct WallGrid { // the grid of a floor
     double left, bottom; // corner of the first cell, m
     double cell;         // size of a cell, m
     int64_t columns, rows;
-    int64_t first, end; // range of its entries
+    int64_t first, end; // range of the entries of this floor
     int64_t first_line; // index of the floor's first wall
 };
 ROW(WallGrid, left, bottom, cell, columns, rows, first, end, first_line)
@@ -61,8 +61,8 @@ template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid
 }
 
 // Write an entry for each cell that a segment crosses, segment by segment, if there is room; returns their number. The
-// grid is enlarged if necessary. Indices of cells are right only if it already has its final size, so a first call is
-// needed to find the size.
+// grid is enlarged if necessary. Indices of cells are right only if the grid already has its final size, so a first
+// call is needed to find the size.
 inline int64_t enter_crossings(Array<const Ends> segments, Array<WallGrid> grid, Array<WallEntry> entries) {
     int64_t count = 0, &columns = grid[0].columns, &rows = grid[0].rows;
     for (int64_t wall = 0; wall < segments.size(); wall++)
@@ -105,7 +105,8 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
     if (grid.end > walls.entries.size()) return 0;
     CellRange columns = cells_within(x - grid.left, reach, grid.cell, grid.columns);
     CellRange rows = cells_within(y - grid.bottom, reach, grid.cell, grid.rows);
-    // A wall may be in several cells. Marks with the number of the search need not be reset.
+    // A wall may be in several cells. Each found wall is marked with the number of the search, so that marks need not
+    // be reset.
     int64_t search = ++walls.searches[0], count = 0;
     for (int64_t row = rows.first; row <= rows.last; row++) {
         int64_t first = row * grid.columns + columns.first, last = row * grid.columns + columns.last;
@@ -125,7 +126,7 @@ BIND(find_walls, "l")
 using Corners = int32_t[3];
 
 // Compute the points at which a horizontal plane cuts two sides of a triangle, and return whether it cuts the triangle.
-// The cut sides meet at the corner that is alone on its side of the plane. A corner in the plane counts as above it.
+// The cut sides meet at the corner that is alone on one side of the plane. A corner in the plane counts as above it.
 inline bool cut_sides(Array<const Vector> vertices, const Corners& face, double height, Ends& cut) {
     bool above[3];
     for (int i = 0; i < 3; i++) above[i] = vertices[face[i]][2] >= height;
@@ -165,7 +166,8 @@ inline int64_t find_boxes(Array<const double, 2> lows, Array<const double, 2> hi
 }
 BIND(find_boxes, "3b 3b b")
 
-// Extend a box to a point. The box has three numbers for its lower corner and three for its upper corner.
+// Enlarge a box so that it contains a point. The first three numbers of the box are its lower corner, the others are
+// its upper corner.
 inline void extend(double* box, const Vector& point) {
     for (int axis = 0; axis < 3; axis++) { // the corners of an empty box are nan
         if (!(box[axis] <= point[axis])) box[axis] = point[axis];
@@ -183,7 +185,7 @@ inline void clip_to_slab(Array<const Triangle> triangles, double low, double hig
         for (int corner = 0; corner < 3; corner++) {
             const Vector &begin = corner_of(triangles[i], corner), &end = corner_of(triangles[i], (corner + 1) % 3);
             if (begin[2] >= low && begin[2] <= high) extend(box, begin);
-            for (double height : heights) { // where the side crosses a face of the slab
+            for (double height : heights) { // add the points at which the side crosses a face of the slab
                 double before = begin[2] - height, after = end[2] - height, share = before / (before - after);
                 if (before * after < 0.0) extend(box, begin + share * (end - begin));
             }

@@ -1,1 +1,1 @@
-"""Generates scenes from seeds: random maps for trials of navigators."""
+"""Generates random maps from seeds, for trials of navigators."""

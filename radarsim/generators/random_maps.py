@@ -2,7 +2,7 @@
 
 A map has blocks and cylinders on a flat floor, a start and a goal. The same number
 gives the same map. In about a fifth of the maps a fence encloses the goal. Passages
-have all widths, including widths near the limit that a robot can pass.
+have random widths, including widths that a robot can only just pass.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 from radarsim.geometry import Floats, Point
 from radarsim.rng import generator_for
 
-SAFETY_DISTANCE: Final = 0.5  # m; of all random maps
+SAFETY_DISTANCE: Final = 0.5  # m; safety distance of the trials in all random maps
 HALF_LENGTH, HALF_WIDTH = 6.0, 4.5  # m; most objects are in this rectangle
 WALL: Final = 0.12  # m; thickness of walls
 HEIGHT: Final = 1.4  # m; height of all solids
@@ -37,7 +37,7 @@ class Block:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return distances of points, (N, 2), m, from the solid, (N,), m; 0 inside."""
+        """Return the distances of points, (N, 2) m, to the solid, (N,) m; 0 inside."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         along = (points - (self.x, self.y)) @ np.array([[c, -s], [s, c]])
         outside = np.abs(along) - (self.length / 2, self.width / 2)
@@ -61,7 +61,7 @@ class Disc:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return distances of points, (N, 2), m, from the solid, (N,), m; 0 inside."""
+        """Return the distances of points, (N, 2) m, to the solid, (N,) m; 0 inside."""
         from_centre = np.hypot(*(points - (self.x, self.y)).T)
         distances: Floats = np.maximum(from_centre - self.radius, 0.0)
         return distances
@@ -118,7 +118,7 @@ class RandomMap:
 
 
 def make_random_map(number: int) -> RandomMap:
-    """Return the random map of a number, at least 0; numbers cycle over families."""
+    """Return the random map of a number from 0; consecutive maps differ in family."""
     family = FAMILIES[number % len(FAMILIES)]
     rng = generator_for(number, "random map")
     maker = MapMaker(family, rng)
@@ -130,7 +130,7 @@ def make_random_map(number: int) -> RandomMap:
 
 
 class MapMaker:
-    """Draws one map with a random generator.
+    """Creates one map by drawing random numbers.
 
     Attributes:
         rng: The random generator.
@@ -147,11 +147,11 @@ class MapMaker:
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
         self.goal = (HALF_LENGTH - 1.0, self.between(-side, side))
 
-    # The order and number of draws define each map. A change gives other maps for all
-    # numbers, and results of trials are no longer comparable.
+    # Random numbers must be drawn in the same order in all versions. Otherwise all maps
+    # change, and results of trials cannot be compared with earlier results.
 
     def between(self, low: float, high: float) -> float:
-        """Draw a uniformly distributed number."""
+        """Draw a uniformly distributed random number."""
         return float(self.rng.uniform(low, high))
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:
@@ -164,7 +164,7 @@ class MapMaker:
                 yield solid
 
     def fence(self) -> Iterator[Solid]:
-        """Yield four blocks that enclose the goal, with a thickness for the family."""
+        """Yield four blocks that enclose the goal; the family sets their thickness."""
         thick = self.between(0.3, 0.7) if math.isfinite(self.density) else WALL
         if self.family == "thin":
             thick = self.between(0.3, 0.9) / self.density
@@ -203,7 +203,7 @@ def _trunks(maker: MapMaker) -> Iterator[Solid]:
 
 
 def _traps(maker: MapMaker) -> Iterator[Solid]:
-    """Yield U-shaped walls between start and goal, which are open to the start."""
+    """Yield U-shaped walls between start and goal that open towards the start."""
     ends = np.array([maker.start, maker.goal])
     for _ in range(int(maker.between(2, 4))):
         x = maker.between(-HALF_LENGTH, HALF_LENGTH) * 0.6
@@ -220,7 +220,7 @@ def _traps(maker: MapMaker) -> Iterator[Solid]:
             for u in (-half, half)
         ]
         trap = [Block(x, y, WALL, 2 * half + WALL, yaw), *arms]
-        # A trap is kept or dropped as a whole, as it needs all of its walls.
+        # A trap with a wall near the start or the goal is left out completely.
         if min(each.distances(ends).min() for each in trap) > _FREE:
             yield from trap
 

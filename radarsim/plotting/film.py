@@ -1,8 +1,8 @@
 """Films of runs: frames at a fixed rate of simulated time, encoded during the run.
 
 A run calls ``Film.update`` after each scan. The film draws a frame when the next frame
-is due, and encodes it in a separate thread. An interrupted run leaves a film of the
-part until the interrupt.
+is due, and encodes it in a separate thread. If a run is interrupted, the film shows the
+run up to the interrupt.
 
 An encoder keeps at most two frames in memory, however long the film is.
 """
@@ -35,13 +35,13 @@ _QUALITY: Final = 8.0  # quality of MP4 films, out of 10
 _HEAD: Final = 1 << 16  # bytes at the beginning of an MP4 file that list its contents
 SPEED: Final = 6.0  # simulated seconds per second of film
 HOLD: Final = 2.0  # s for which the last frame is shown
-_AHEAD: Final = 4  # maximum number of frames that wait for the encoder
-_LONGEST_GAP: Final = 20  # maximum number of equal frames between two scans
+_AHEAD: Final = 4  # maximum number of frames in the queue of the encoder
+_LONGEST_GAP: Final = 20  # maximum number of times that a frame is repeated
 _PATIENCE: Final = 10.0  # s to wait for the encoder after the film is given up
 
 
 def film_format(path: Path) -> str:
-    """Return the format that the file name of a film implies, from ``FILM_FORMATS``.
+    """Return the format, one of ``FILM_FORMATS``, for the ending of a film's file name.
 
     Raises:
         ValueError: If the name has another ending, or the format needs a package that
@@ -165,13 +165,13 @@ class GifEncoder:
 
 
 def _quantised(pixels: Pixels) -> Image.Image:
-    """Return an image with at most 255 colours; the exact ones if there are so few."""
+    """Return an image reduced to 255 colours; unchanged if it has no more colours."""
     image = Image.fromarray(np.ascontiguousarray(pixels))
     return image.quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
 
 class FrameCanvas:
-    """Renders the frames of a film; artists that do not move are drawn only once."""
+    """Renders the frames of a film; artists that do not change are drawn only once."""
 
     def __init__(self, figure: Figure) -> None:
         self._canvas: Any = FigureCanvasAgg(figure)  # not fully typed
@@ -202,7 +202,7 @@ class FrameCanvas:
 
 
 class Film:
-    """Films a run.
+    """Writes a film of a run, frame by frame.
 
     Attributes:
         frames: Number of frames so far.
@@ -282,7 +282,7 @@ class Film:
             )
             self._encoder.start()
         for _ in range(times):
-            # Blocks while the queue is full, since frames need much memory.
+            # put() blocks while the queue is full, since frames need much memory.
             self._queue.put(pixels)
             self.frames += 1
 

@@ -4,10 +4,10 @@ Theory of operation
 ===================
 The size of a text in pixels is known only after the figure is laid out, so labels are
 placed last, one after the other. The candidate positions of a label are inside the
-object that it names, or close to it on each side. The free position that covers least
-of the other named objects is chosen. A label that is long or has no free position is
-replaced by a number, which a legend explains; a number without free position is left
-out.
+object that it names, or next to it on each side. Of the free positions, the one that
+covers the smallest area of other named objects is chosen. A label that is long or has
+no free position is replaced by a number, which a legend explains. A number without a
+free position is left out.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,12 +23,12 @@ from radarsim.geometry import Floats
 from radarsim.plotting.style import HALO, escape_texts, figure_of, shorten
 
 SIZE: Final = 8.0  # points
-LONGEST: Final = 24  # letters of a label
+LONGEST: Final = 24  # maximum number of letters in a label
 GAP: Final = 3.0  # points between a label and the object that it names
 # Candidate positions as steps right and up from the middle of an object, best first.
 _SIDES: Final = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 _ALONG: Final = (0.0, -0.5, 0.5)  # shift along a side, as a share of its half length
-_COVERED: Final = 10.0  # cost of a position that is fully on other objects, in ranks
+_COVERED: Final = 10.0  # cost of covering only other objects, in ranks of positions
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,7 +76,7 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
     events = tracer.trace(rays, events=True).events
     ray, t = events["ray"], events["t"]
     arriving = _shares(events["power"], rays.power[ray])
-    # The power after the absorption at a surface.
+    # The share of the power that is left after the absorption at a surface.
     leaving = _shares(events["power"] - events["absorbed"], rays.power[ray])
     first = np.diff(ray, prepend=-1) > 0
     start = np.where(first, 0.0, np.roll(t, 1))
@@ -84,7 +84,7 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
     # sheet is a step.
     share = np.where(first, 1.0, np.roll(leaving, 1))
     fall = np.maximum(share - arriving, 0.0)
-    # Rounding may make a whole number of drops slightly larger.
+    # Rounding errors must not add a segment if the quotient is an integer.
     counts = np.maximum(np.ceil(fall / MAX_POWER_DROP - 1e-9), 1).astype(np.int64)
     # Events at the same distance, such as touching faces, have no segment between them.
     counts[t <= start] = 0
@@ -107,7 +107,7 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
 
 
 def _shares(power: Floats, full: Floats) -> Floats:
-    """Return powers as shares of the full power; 1 where that is infinite or 0."""
+    """Return powers as shares of the full power; 1 if that power is infinite or 0."""
     limited = np.isfinite(full) & (full > 0)
     return np.where(limited, power, 1.0) / np.where(limited, full, 1.0)
 
@@ -123,7 +123,7 @@ def line_opacity(shares: Floats) -> Floats:
 
 
 def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
-    """Cut off the segments of rays behind the rays' ranges, (N,) m."""
+    """Remove the parts of segments that lie behind the range of their ray, (N,) m."""
     kept = segments.starts < ranges[segments.rays]
     rays, starts, lines = (
         segments.rays[kept],
@@ -137,7 +137,7 @@ def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
 
 
 def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
-    """Draw the rays of the readings, from their origins to their readings.
+    """Draw each ray from its origin to its reading.
 
     Rays that see through a material are bold, but only behind their first event, so
     that they do not hide the map near the sensor. Rays without return are faint. The
@@ -200,7 +200,7 @@ ECHO_MARKERS: Final = {
     EventKind.SPENT: EchoMarker("is spent inside", "x", filled=True, area=18),
     EventKind.RAIN: EchoMarker("rain shows", "*", filled=True, area=24),
 }
-MIN_AREA: Final = 0.3  # area of the marker of the weakest echo, as a share
+MIN_AREA: Final = 0.3  # ratio of the markers' areas of the weakest and strongest echo
 
 
 def draw_echoes(axes: Axes, scan: Scan) -> None:
@@ -294,7 +294,7 @@ _RAYS: Final[dict[BeamEnd, dict[str, Any]]] = {
 }
 MANY_AREA: Final = 5.0  # square points; reading in a picture of several scans
 MANY_OPACITY: Final = 0.3
-MANY_THROUGH_AREA: Final = 36.0  # square points; the same for a reading behind foliage
+MANY_THROUGH_AREA: Final = 36.0  # square points; such a reading behind foliage
 
 
 def describe_end(end: BeamEnd, *sights: Sight) -> str:
@@ -315,7 +315,7 @@ def describe_end(end: BeamEnd, *sights: Sight) -> str:
 def draw_ray_ends(
     axes: Axes, scan: Scan, sight: Sight, ends: Iterable[BeamEnd]
 ) -> None:
-    """Mark the ends of rays, with a marker style for each of the given ``BeamEnd``."""
+    """Draw a marker at the end of each ray, in the style of its ``BeamEnd``."""
     read = np.isfinite(scan.ranges)
     ranges = np.where(read, scan.ranges, 0.0)[:, None]
     points = (scan.cast.origins + ranges * scan.cast.directions)[:, :2]
@@ -342,7 +342,8 @@ def add_ray_rows(
     for end, style in _RAYS.items():
         pairs = zip(scans, sights, strict=True)
         having = [(scan, sight) for scan, sight in pairs if (sight.ends == end).any()]
-        # If echoes are marked instead of readings, all these rays look the same.
+        # If a picture marks echoes instead of readings, rays with these ends look the
+        # same.
         is_plain = end in END_MARKS and end != BeamEnd.THROUGH
         marked = [each for each in having if not (is_plain and lists_echoes(each[0]))]
         colour = legend.ray_colour or scan_colour(scans[0])
@@ -419,5 +420,5 @@ def _draw_dots(axes: Axes, points: Floats, colour: Any, label: str) -> None:
 
 
 def lists_echoes(scan: Scan) -> bool:
-    """Return whether a scan has all echoes of its beams, drawn instead of readings."""
+    """Return whether a scan has all echoes, so that they replace readings in plots."""
     return scan.echoes.settings.return_mode == "all" and scan.targets is None

@@ -39,7 +39,7 @@ PAPER: Final = "#ffffff"
 PALE: Final = 0.45  # share of a colour in its mixture with white
 INK: Final = "#191818"  # text, outlines, markers, robots
 
-# Appearance on white paper; translucent colours are drawn darker, see ``area_style``.
+# Colours as they appear on white paper; ``area_style`` computes translucent fills.
 FAMILY_COLOURS: Final = {
     Family.FOLIAGE: "#a5c262",
     Family.WOOD: "#6b2610",
@@ -50,27 +50,27 @@ FAMILY_COLOURS: Final = {
     Family.GROUND: "#a38162",
 }
 
-# Colours of the left and the right ray as in the thesis.
+# Colours of the left and the right ray of a radar, as in the thesis.
 LEFT_RAY: Final = "#d12c19"
 RIGHT_RAY: Final = "#1563be"
 
 RADAR: Final = "#6a4aeb"
 LASER: Final = "#ff5704"
-# Several radars or several lasers that are compared in one picture.
+# Colours of several radars or lasers that one picture compares.
 RADARS: Final = (RADAR, "#2b1780", "#b3a2f7")
 LASERS: Final = (LASER, "#8f2d00", "#ffa875")
 
-# Power that returns from a radar beam.
+# Colour of the power that returns from a radar beam.
 RETURNED: Final = "#047e7d"
 
-# Navigation and mapping runs; sensed cells have the colour of the sensor.
+# Colours of navigation and mapping runs; sensed cells have the colour of the sensor.
 TRUTH: Final = "#cc1400"  # true outlines and true paths
 GOING: Final = "#06a8fe"  # path of a robot, or its path towards the goal
 FOLLOWING: Final = "#ffc800"  # path along a boundary, and the hit point it begins at
 RETURNING: Final = "#0b6b57"  # path back to the leave point
 TARGET: Final = "#e11dbb"  # goals
 UNKNOWN_SENSOR: Final = LASER
-# Several robots in one picture: their footprints and the readings of their sensors.
+# Colours of several robots in one picture, for footprints and readings of sensors.
 ROBOTS: Final = (
     *("#44aabb", "#cc4455", "#eecc00", "#8833aa", "#22bb99"),
     *("#5a8cf0", "#665577", "#00ee99", "#77bbff", "#99dd66"),
@@ -79,7 +79,7 @@ NOT_SENSED: Final = "#c2cbe0"  # cells of a map that no beam has crossed
 MARKER: Final = INK  # markers and their edges
 ROBOT: Final = PAPER  # footprint of the robot, outlined in ``MARKER``
 
-# Charts.
+# Colours of charts.
 GRID: Final = "#dddddd"  # grid lines
 
 # Colours of the web page, in its light and its dark theme.
@@ -130,7 +130,7 @@ def family_of(material: Material) -> Family:
 
 
 def names_by_family(materials: Iterable[Material]) -> dict[Family, list[str]]:
-    """Group the names of materials by family, without duplicates, in their order."""
+    """Group the names of materials by family, in order and without duplicates."""
     names: dict[Family, dict[str, None]] = {}
     for material in materials:
         names.setdefault(family_of(material), {})[material.name] = None
@@ -148,6 +148,6 @@ def sensor_colour(medium: str) -> str:
 
 
 def paler(colour: str) -> str:
-    """Return a colour mixed with white, for areas that marks are drawn on."""
+    """Return a colour mixed with white, for areas behind markers and lines."""
     red, green, blue = (1 - PALE * (1 - part) for part in to_rgb(colour))
     return to_hex((red, green, blue))

@@ -1,9 +1,9 @@
-"""Plans of maps: the section of a scene at a height, filled by material.
+"""Plans of maps: sections of a scene at a height, with areas coloured by material.
 
 Robots are drawn as seen from above.
 
-Plans with equal limits have the same position and size in their pictures, to the pixel,
-whatever the titles are, so pictures of several sensors can be compared side by side.
+Plans with equal limits have exactly the same position and size in their pictures, even
+if titles differ, so pictures of several sensors can be compared side by side.
 """
 
 import re
@@ -43,10 +43,10 @@ MARGIN: Final = 0.8  # m around the content
 ROBOT_CLASS: Final = "P3AT"
 LEAF_OPACITY: Final = 0.35  # opacity of the area around leaves
 _BAR_SPACE: Final = 0.06  # space for the scale bar, as a share of the plan's height
-_DIGITS: Final = 6  # decimal places of end points, so that adjacent lines share them
+_DIGITS: Final = 6  # decimal places of end points, so that adjacent lines share points
 _WALLS: Final = ("wall", "fence")  # objects of these names need no label
 MANY: Final = 8  # more objects than this with equal names share a label
-_DARK: Final = (Family.WOOD, Family.METAL)  # fills on which a label is not readable
+_DARK: Final = (Family.WOOD, Family.METAL)  # areas too dark for labels inside them
 DPI: Final = 110
 # Sizes of figures, all in inches.
 _LARGEST: Final = (9.4, 6.6)  # largest width and height of a plan
@@ -54,7 +54,7 @@ _NARROWEST: Final = 4.0  # least width of a plan, for the title above it
 _LOWEST: Final = 3.2  # least height of the figure, for the legend
 _LEGEND: Final = 2.6  # width of the legend on the right
 _LEFT, _LEFT_OF_NUMBERS = 0.15, 0.6
-_BOTTOM, _NUMBERS = 0.12, 0.25  # below the small print, and between it and the plan
+_BOTTOM, _NUMBERS = 0.12, 0.25  # space below and above the small print
 _LINE, _SMALL_LINE = 0.25, 0.15  # line heights of the title and the small print
 _LETTER: Final = 0.155  # mean width of a letter of the title
 _SMALL_LETTER: Final = 0.075  # mean width of a letter of the small print
@@ -147,7 +147,7 @@ def _area(part: Part, lines: Floats) -> Geometry:
     """Return the area that a section encloses; for leaves their convex hull."""
     if part.material.sheet_loss is not None:
         hull = shapely.convex_hull(shapely.multipoints(lines.reshape(-1, 2)))
-        # The hull of few points may be a line or a point without area.
+        # The hull of one or two points is a point or a line, which has no area.
         return hull if hull.geom_type == "Polygon" else shapely.Polygon()
     apart = np.abs(lines[:, 0] - lines[:, 1]).max(axis=1) > 0
     segments = shapely.multilinestrings(np.round(lines[apart], _DIGITS))
@@ -261,8 +261,8 @@ def label_objects(parts: Iterable[Part], height: float) -> list[Label]:
     """Return labels for the objects in a section, except walls.
 
     Adjacent objects with numbered names, such as ``bush_1`` and ``bush_2``, share a
-    label; so do more than ``MANY`` such objects that stand apart. Labels may be written
-    inside pale objects, and next to dark ones.
+    label. Such objects that are apart share a label if there are more than ``MANY``.
+    Labels may be written inside pale objects, but only next to dark objects.
 
     Args:
         parts: The parts of the scene.
@@ -288,7 +288,7 @@ def _box_of(corners: Floats) -> shapely.Polygon:
 
 
 def _names(boxes: Mapping[str, shapely.Polygon]) -> dict[str, str]:
-    """Return the texts of labels, each with the object at which it is written."""
+    """Return the texts of labels, each with the name of the object that it names."""
     rows: dict[str, list[str]] = {}
     for name in boxes:
         rows.setdefault(re.sub(r"_\d+$", "", name), []).append(name)
@@ -317,7 +317,7 @@ def _plural(word: str) -> str:
 
 
 def fit_plan(figure: Figure, axes: Axes, *, coordinates: bool = False) -> None:
-    """Set the size of a figure to its plan with title and legend; wrap long lines.
+    """Fit the size of a figure to its plan, title and legend, and wrap long lines.
 
     Args:
         figure: The figure, without a layout engine.

@@ -69,7 +69,7 @@ _LEGEND_COLUMN: Final = 2.5
 _COLUMNS: Final = 4  # maximum number of columns in the legend
 _LETTERS: Final = 10  # letters per inch in the title of a panel
 _NAMES: Final = 20  # maximum number of object names; more would hide the rays
-# Ends of beams that a title counts, if there are any.
+# Kinds of ends for which a title gives the number of beams, if it is not 0.
 _COUNTED: Final = (
     BeamEnd.THROUGH,
     BeamEnd.STOPPED,
@@ -111,7 +111,7 @@ def name_sensor(scan: Scan) -> str:
 
 
 def _names_of(scanners: Sequence[RangeScanner], scans: Sequence[Scan]) -> list[str]:
-    """Return the names of sensors; equal names get the settings that differ."""
+    """Return the names of sensors; to equal names, settings that differ are added."""
     names = [
         name_sensor(scan) + (" with noise of one's own" if scanner.noise else "")
         for scanner, scan in zip(scanners, scans, strict=True)
@@ -155,7 +155,7 @@ def _finding(
 
 
 def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
-    """Return the small print of a picture: pose, beams, echoes and returns of scans.
+    """Return the small print of a picture: pose, beams, and return mode of its scans.
 
     Args:
         scene: Name of the map.
@@ -222,7 +222,7 @@ def draw_scan(
     """Draw scans into axes.
 
     The limits depend only on the map and the position of the sensor, so they are equal
-    for all sensors at a position. Readings beyond them, from mirrors, are cut off.
+    for all sensors at a position. Readings outside the limits, by mirrors, are cut off.
 
     Args:
         axes: Axes in m to draw in.
@@ -300,7 +300,7 @@ def compare(
         seed: Seed of all random numbers.
 
     Returns:
-        A figure, which ``figure.savefig("sensors.png")`` writes and a notebook shows.
+        A figure. A notebook shows it; ``figure.savefig("sensors.png")`` writes a file.
 
     Raises:
         MapError: If the map is wrong.

@@ -1,12 +1,12 @@
-"""Which beams of a scan see through a material: the definition for all pictures.
+"""Finds the beams of a scan that see through a material, for all pictures.
 
 The definition concerns materials that beams can enter, such as foliage and smoke.
 
 A beam sees through a material if its ray enters and leaves parts of that material, and
-its reading belongs to an object of another family behind them. Behind means more than
-``BESIDE`` outside of these parts as seen from above: a wall that a bush touches is not
-behind the bush. Other beams are stopped by such a material, read an object inside or
-close to it, or do not meet such a material.
+its reading belongs to an object of another family behind these parts. An object is
+behind the parts if it is more than ``BESIDE`` outside of them as seen from above: a
+wall that a bush touches is not behind the bush. Other beams are stopped by such a
+material, read an object inside or close to it, or do not meet such a material.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,7 +31,7 @@ from radarsim.sensors.scan import Scan
 
 _PASSED = (int(EventKind.LEAVE), int(EventKind.SHEET))
 BESIDE: Final = 0.2  # m; least distance of objects behind a material
-_NEAR = 1e-6  # m; an event closer than this to the reading is the reading
+_NEAR = 1e-6  # m; an event closer than this to the reading belongs to the reading
 
 
 class BeamEnd(IntEnum):
@@ -52,8 +52,8 @@ class Sight:
 
     Attributes:
         ends: The ``BeamEnd`` of each beam, (N,).
-        materials: For each ``BeamEnd`` the materials that its beams see through, are
-            stopped by, are depleted in or touch.
+        materials: For each ``BeamEnd``, the materials that cause it: that beams see
+            through, are stopped by, are depleted in, or touch.
     """
 
     ends: NDArray[np.uint8]
@@ -61,7 +61,7 @@ class Sight:
 
 
 def name_materials(materials: Iterable[Material]) -> str:
-    """Return the name of each material as words, or the family if it has several."""
+    """Return the names of materials as words; several of a family become the family."""
     words = (
         as_words(names[0]) if len(names) == 1 else family.value
         for family, names in names_by_family(materials).items()
@@ -81,7 +81,7 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     events = tracer.trace(scan.cast, events=True).events
     ends = np.full(len(scan.ranges), BeamEnd.NO_RETURN, np.uint8)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
-    # Footprints are cached, since many beams are compared with the same part.
+    # Footprints are cached, since many beams need the footprint of the same part.
     covers = cache(lambda part: _from_above(parts[part]))
     answers = scan.echoes.answers_in_clouds()
     # Events are sorted by ray, so the events of a beam are a slice.
@@ -154,7 +154,7 @@ def _echo_ranges(scan: Scan) -> Floats:
     if scan.targets is not None:  # a detector reads a spectrum instead of an echo
         return ranges
     errors = np.abs(echoes.ranges - scan.ranges[echoes.beams])
-    # The nearest echo of a beam is assigned last, so it remains.
+    # The echo that is closest to the reading is assigned last, so its range remains.
     order = np.argsort(-errors, kind="stable")
     order = order[(errors < np.inf)[order] & (ranges[echoes.beams[order]] > 0)]
     ranges[echoes.beams[order]] = echoes.ranges[order]

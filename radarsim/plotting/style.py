@@ -1,6 +1,6 @@
 """Functions that plots share: titles, names, scale bar, legend, and points in the map.
 
-``render`` converts figures to files, with the same bytes each time.
+``render`` converts figures to files; equal figures give files with equal bytes.
 """
 
 import io
@@ -38,7 +38,7 @@ FORMS: Final = ("png", "svg", "pdf")
 _DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
 MAX_NAMES: Final = 8  # maximum number of materials in a row of a legend
 MAX_NUMBERS: Final = 15  # maximum number of numbered labels in a legend
-MAX_LETTERS: Final = 50  # maximum length of the text for a number
+MAX_LETTERS: Final = 50  # maximum number of letters in the text of a numbered label
 LINE_LENGTH: Final = 26  # characters in a row of a legend
 SMOKE_OPACITY: Final = 0.7
 OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
@@ -51,11 +51,11 @@ _BAR_SHARE: Final = 0.2  # maximum length of a scale bar, as a share of the axes
 
 
 def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> bytes:
-    """Return a figure as a file of one of ``FORMS``; equal figures give equal bytes.
+    """Return the bytes of a figure as a file; equal figures give equal bytes.
 
     Args:
         figure: The figure.
-        form: File format.
+        form: File format, one of ``FORMS``.
         software: Name of the program in a PNG file.
     """
     escape_texts(figure)
@@ -172,9 +172,9 @@ def round_length(longest: float) -> float:
 
 
 class Legend:
-    """Legend next to a plot: samples with texts, in groups under headings.
+    """Legend of a plot: rows with a sample and a text, in groups under headings.
 
-    Under each heading a text is listed only once; a heading without rows is left out.
+    A text is listed only once under each heading; headings without rows are left out.
     Several panels may share a legend.
 
     Attributes:
@@ -205,7 +205,7 @@ class Legend:
         self._add(text, Line2D([], [], marker=marker, linestyle="none", **style))
 
     def add_materials(self, materials: Iterable[Material]) -> None:
-        """Add a row for each family of materials, with its colour and their names."""
+        """Add a row for each family: its colour, and the names of its materials."""
         names = names_by_family(materials)
         for family in Family:
             if family in names:
@@ -279,7 +279,7 @@ def area_style(family: Family) -> dict[str, Any]:
     """
     colour = to_rgb(FAMILY_COLOURS[family])
     opacity = SMOKE_OPACITY if family is Family.SMOKE else 1.0
-    # On a white background the translucent fill has the colour of the family.
+    # The fill is chosen so that on white it appears in the colour of the family.
     paint = tuple((part - 1 + opacity) / opacity for part in colour)
     return {
         "facecolor": (*paint, opacity),
@@ -319,7 +319,7 @@ def echo_points(scan: Scan, echoes: Echoes) -> Floats:
 
 
 def _along_beams(scan: Scan, angles: Floats, ranges: Floats) -> Floats:
-    """Return points at ranges in the sensor's plane, (N, 2) m, map frame."""
+    """Return the points at given angles and ranges of a sensor, (N, 2) m, map frame."""
     flat = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
     offsets = (ranges[:, None] * flat) @ scan.pose.rotation().T
     return np.asarray((scan.pose.position() + offsets)[:, :2])

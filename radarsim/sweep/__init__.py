@@ -1,4 +1,4 @@
-"""Sweeps: run a task for all combinations of parameters, with one table of results."""
+"""Sweeps run a task for all combinations of parameters, and write one result table."""
 
 from typing import Final
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from radarsim.sweep.file import Parameters, SweepFile
     from radarsim.sweep.results import SweepFolder
 
-_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # least number of tasks a process
+_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # least tasks for a process
 
 
 def sweep(
@@ -128,7 +128,7 @@ def _count(wanted: SweepFile, tasks: int) -> str:
 def _collect(
     folder: SweepFolder, keys: list[str], running: Iterator[TaskResult[Any]]
 ) -> None:
-    """Log each result as soon as its task ends, so an interrupt loses no results."""
+    """Log each result as soon as its task ends, so that an interrupt loses nothing."""
     done = 0
     try:
         for number, rows, error in with_bar(running, "tasks", len(keys)):

@@ -45,7 +45,7 @@ def _values(given: Any) -> Any:
             )
         if not 2 <= steps <= MAX_STEPS:
             raise ValueError(f"steps {steps}, expected 2 to {MAX_STEPS}")
-        # Values are rounded, so that 0.1 + 2 x 0.1 is 0.3 in the table.
+        # Values are rounded, so that the table has 0.3 instead of 0.30000000000000004.
         return [
             round(float(each), 9)
             for each in np.linspace(given["from"], given["to"], steps)
@@ -129,7 +129,7 @@ class SweepFile(_Model):
         ]
 
     def _ways(self) -> list[Parameters]:
-        """Return the parameters of this kind: poses, algorithms or strategies."""
+        """Return the poses, algorithms or strategies that tasks of this kind vary."""
         if self.pose is not None:
             places = product(self.pose.x, self.pose.y, self.pose.yaw_deg)
             return [{"x": x, "y": y, "yaw_deg": yaw} for x, y, yaw in places]
@@ -142,7 +142,7 @@ class SweepFile(_Model):
 
 
 def flat_parameters(task: Parameters) -> Parameters:
-    """Return the parameters of a task by column, such as ``sensor.name``."""
+    """Return the parameters of a task by table column, such as ``sensor.name``."""
     sensor = {f"sensor.{key}": value for key, value in task["sensor"].items()}
     left_out = ("sensor", "kind", "scene", "count")
     others = {key: value for key, value in task.items() if key not in left_out}
@@ -204,8 +204,8 @@ def _sensor_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
             text = expected_one_of(str(name), known)
             yield file.problem(("sensor", "name"), text)
             return
-    # Combinations are checked, since the limits of some settings depend on others. The
-    # first error is enough, since each value occurs in many combinations.
+    # All combinations are checked, since limits of some settings depend on others. Only
+    # the first error is reported, since a wrong value occurs in many combinations.
     for settings in sweep._sensors():
         try:
             load_settings(settings.pop("name"), **settings)

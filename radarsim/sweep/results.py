@@ -1,4 +1,4 @@
-"""The folder of a sweep, with the log of its tasks, its description and its table.
+"""The folder of a sweep, with a log of tasks, a description, and a table of results.
 
 During the sweep a line is appended to the log for each finished task, in any order. At
 the end the log is sorted in the order of the sweep file. The description is written
@@ -34,7 +34,7 @@ ABOUT: Final = "sweep.json"
 
 
 def _schema(arrow: Any, sweep: SweepFile) -> Any:
-    """Return the schema of the table: parameters, results and errors of tasks."""
+    """Return the schema of the table: columns for parameters, results and errors."""
     text, number, whole = arrow.string(), arrow.float64(), arrow.int64()
     listed = {f"sensor.{key}": values for key, values in sweep.sensor.items()}
     columns = {
@@ -52,7 +52,7 @@ def _schema(arrow: Any, sweep: SweepFile) -> Any:
 
 
 def _kind_of(arrow: Any, values: list[Any]) -> Any:
-    """Return the type of a column; mixed integers and floats become float64."""
+    """Return the type of a column with values; integers and floats become float64."""
     if all(isinstance(value, bool) for value in values):
         return arrow.bool_()
     numbers = [value for value in values if isinstance(value, int | float)]
@@ -78,7 +78,7 @@ def _intact(line: str) -> dict[str, Any] | None:
         del result["checksum"]
         return result if as_line(result) == line else None
     except (ValueError, TypeError, KeyError, RecursionError):
-        return None  # not a JSON object, or one that is nested too deeply
+        return None  # not JSON, or JSON that is nested too deeply
 
 
 def task_key(parameters: Parameters) -> str:
@@ -157,8 +157,8 @@ class SweepFolder:
                     f" expected {__version__}; choose another folder"
                 )
             self._keep(line + "\n", result)
-        # The sweep file may have additional tasks. Results of tasks that it no longer
-        # has would be missing in the new table.
+        # Tasks may have been added to the sweep file. They must not have been removed,
+        # since their results would be missing in the new table.
         if others := len(self.lines.keys() - tasks.keys()):
             try:
                 before = json.loads((self.path / ABOUT).read_bytes())["file"]
@@ -176,7 +176,7 @@ class SweepFolder:
         """Log the rows of a task, or its error."""
         whole = {"version": __version__, "task": key, **result}
         line = as_line(whole)
-        # The line is written before it is stored in memory, so the log is never behind.
+        # The log is written before memory is updated, so the log is always complete.
         with (self.path / LOG).open("a", encoding="utf-8") as log:
             log.write(line)
         self._keep(line, whole)
@@ -210,10 +210,10 @@ class SweepFolder:
             log.writelines(self.lines[key] for key in tasks)
 
     def _write_table(self, path: Path, sweep: SweepFile, tasks: Tasks) -> None:
-        """Write the table in groups of tasks, since all scans may not fit in memory."""
+        """Write the table by groups of tasks, since all of it may not fit in memory."""
         arrow = import_optional("pyarrow", EXTRA)
         parquet = import_optional("pyarrow.parquet", EXTRA)
-        # The schema comes from the sweep file, so that types do not depend on results.
+        # The schema depends only on the sweep file, so types do not depend on results.
         schema = _schema(arrow, sweep)
         rest = iter(tasks.items())
         with parquet.ParquetWriter(path, schema, compression="zstd") as writer:

@@ -82,8 +82,8 @@ def digest(scene: Scene) -> str:
     air = None if scene.air is None else asdict(scene.air)
     rest = scene.level, scene.starts, air, scene.trial, scene.reflectors
     found.update(repr((*rest, scene.gps_origin)).encode())
-    # Optional contents are hashed only if present, so other maps keep the digests that
-    # they had in earlier versions.
+    # Optional contents are hashed only if a map has them, so that other maps keep the
+    # digests of earlier versions.
     if scene.tags or scene.victims:
         found.update(repr((scene.tags, scene.victims)).encode())
     if scene.crates:
@@ -128,8 +128,8 @@ def run_sweep_task(task: Parameters) -> list[Row]:
 
 def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
     """Run the scans of a task, and return a row for each."""
-    # Count and map do not seed the random numbers: a larger count appends scans to the
-    # same first ones, and an edited map is scanned with the same rays.
+    # Random numbers do not depend on count and map: a larger count leaves the first
+    # scans unchanged, and an edited map is scanned with the same rays.
     drawn = {key: value for key, value in task.items() if key not in ("count", "scene")}
     rng = generator_for(task["seed"], "task", canonical_json(drawn))
     settings = dict(task["sensor"])
@@ -147,12 +147,12 @@ def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
 
 
 def _packed(values: Any, kind: type[np.generic]) -> str:
-    """Encode an array of a numpy type in base64."""
+    """Convert values to an array of a numpy type, and encode it in base64."""
     return base64.b64encode(np.asarray(values, kind).tobytes()).decode()
 
 
 def unpacked(text: str | None, kind: type[np.generic]) -> Any:
-    """Decode an array from base64; None stays None."""
+    """Decode an array from base64; return None for None."""
     return None if text is None else np.frombuffer(base64.b64decode(text), kind)
 
 
@@ -167,7 +167,7 @@ def _map_rows(task: Parameters, scene: Scene) -> list[Row]:
         strategy=StrategyName(task["strategy"]), time_limit=task["time_limit"]
     )
     row = run_plan(plan, _host(task, scene), seed=task["seed"])
-    # In the table the length of the path is the length that the robot measured.
+    # The table shows the length of the path as the robot has measured it.
     row = replace(row, path_length=row.measured_length)
     names = ("outcome", "collisions", "path_length", "time", "note", *MAP_VALUES)
     return [row.select(names, 4)]

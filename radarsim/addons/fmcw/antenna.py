@@ -1,7 +1,8 @@
 """The antenna of an FMCW radar: its pattern, and its poses during a revolution.
 
 One-way patterns are relative to the middle of the beam. Echoes pass the antenna twice,
-so they are multiplied by the square. Settings of shoulders and sidelobes are two-way.
+so their power is multiplied by the square of the pattern. Settings of shoulders and
+sidelobes are two-way.
 
 In azimuth the pattern is a Gaussian. Beyond one beamwidth from the middle it may have
 shoulders, whose decibels fall linearly with the angle; everywhere else there are
@@ -24,13 +25,13 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-# Half width of the beam in beamwidths; the two-way pattern is -38 dB there.
+# Angle at which the main lobe is cut off, in beamwidths; its two-way level is -38 dB.
 REACH: Final = 1.25
 _STEPS = 20_001  # samples of the numerical integrals over angles
 
 
 def gaussian(angles: ArrayLike, beamwidth: float) -> Floats:
-    """Return the one-way power of a Gaussian beam.
+    """Return the one-way power pattern of a Gaussian beam, which is 1 in its middle.
 
     Args:
         angles: Angles from the middle of the beam.
@@ -70,7 +71,7 @@ def elevation_limits(settings: FmcwSettings) -> tuple[float, float]:
 
 @lru_cache(maxsize=16)
 def directivity(settings: FmcwSettings) -> float:
-    """Return the gain in the middle of the beam; 16 ln 2 / (az el) without a fan."""
+    """Return the gain in the middle of the beam; a Gaussian has 16 ln 2 / (az el)."""
     low, high = -math.pi / 2, math.pi / 2
     elevations = np.linspace(low, high, _STEPS)
     height = float(elevation_pattern(settings, elevations).mean() * (high - low))
@@ -80,9 +81,9 @@ def directivity(settings: FmcwSettings) -> float:
 
 
 def rows_in_beam(settings: FmcwSettings) -> int:
-    """Return the number of azimuths to each side of a point that have it in their beam.
+    """Return the number of azimuths on each side of a point whose beams cover it.
 
-    The beam is the main lobe with its shoulders as far as they exceed the sidelobes.
+    The beam is the main lobe, and the part of its shoulders that exceeds the sidelobes.
     """
     widths = (settings.shoulder_db - settings.sidelobe_db) / settings.shoulder_slope_db
     reach = max(1.5, 1 + widths) * math.radians(settings.beamwidth_az_deg)
@@ -122,7 +123,7 @@ class Viewpoints(NamedTuple):
     times: Floats
 
     def of(self, which: NDArray[np.int64] | slice) -> "Viewpoints":
-        """Return the viewpoints with some indices."""
+        """Return the viewpoints at the given indices."""
         return Viewpoints._make(column[which] for column in self)
 
 

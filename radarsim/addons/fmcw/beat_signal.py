@@ -54,7 +54,7 @@ Signal = NDArray[np.complex64]
 class NumberedStreams:
     """Numbered streams of random numbers, which can be read in any order.
 
-    Each read from a stream starts at its beginning.
+    Each read starts at the beginning of the stream.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -70,17 +70,17 @@ class NumberedStreams:
         self._words = np.array(words, np.uint64).ravel()
 
     def fill_normal(self, first: int, out: Power) -> None:
-        """Fill each row with standard normal numbers of a stream; thread-safe.
+        """Fill each row with standard normal numbers from its own stream; thread-safe.
 
         Args:
             first: Number of the stream of the first row, at least 0.
-            out: (N, S), each row contiguous.
+            out: Array to fill, (N, S), with contiguous rows.
         """
         engine.fill_normal(self._words, first, out)
 
 
 class Tones(NamedTuple):
-    """N beat components, which are echoes of points.
+    """The beat components of N echoes of points.
 
     Attributes:
         rows: Index of the azimuth that receives each component, (N,) int64.
@@ -174,7 +174,7 @@ def sample_sweeps(
     """
     samples, length = sample_count(settings), fft_length(settings)
     shape, leakage = noise_shape(settings), _leakage(settings)
-    # The smallest and the largest sample of the converter.
+    # The converter clips samples to these limits.
     full_scale = watts(settings.full_scale_dbm)
     limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
     limits = np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
@@ -185,7 +185,8 @@ def sample_sweeps(
     streams.fill_normal(first, random)
     ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
     sweeps[:, : len(leakage)] += leakage * ways
-    # The sweep is twice the real part of the sum, so the FFT gives the amplitudes.
+    # The sweep is twice the real part of the sum of the components, so that its FFT
+    # gives their amplitudes.
     sweep: Power = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
     sweep[:, samples:] = 0  # samples after the end of the sweep are padding
     signal = sweep[:, :samples]

@@ -164,8 +164,8 @@ def _echo_of(
     scattering: NDArray[np.void],
     radar: FmcwRadar,
 ) -> tuple[str, str, float] | None:
-    """Return the kind, the cause and the gamma of an event's echo; None for no echo."""
-    # All robots share the last row.
+    """Return kind, cause and gamma of an event's echo; None if it has no echo."""
+    # All robots share the last row of the table.
     part = scattering[min(event.part, len(scattering) - 1)]
     if event.kind is EventKind.HIT:
         cosine = max(incidence, GRAZING)
@@ -192,7 +192,7 @@ def _echo_of(
 def _with_losses(
     events: Sequence[Event], radar: FmcwRadar, parts: Sequence[Part]
 ) -> Iterator[tuple[Event, Mapping[str, float]]]:
-    """Yield events, each with the one-way losses up to it by material, dB."""
+    """Yield each event with the one-way loss, dB, in each material before the event."""
     power, inside = radar.full_power, list[int]()
     lost: dict[str, float] = defaultdict(float)
 

@@ -5,11 +5,11 @@ Both are modelled as points with a radar cross section.
 Theory of operation of corners
 ==============================
 Two flat surfaces that meet at a right angle reflect a wave back to its source by double
-reflection. Seen from the antenna they act as a single mirror. It faces the antenna at
-the line where they meet, and its width is the width that both reflect, at most twice
-the narrower of their projections. A large smooth mirror returns as much as a sphere
-with a radius of half the distance, pi R^2. Each bounce multiplies it by the Fresnel
-reflection for its angle of incidence, the mean of both polarisations.
+reflection. Seen from the antenna they act as a single mirror, which is at their common
+line and faces the antenna. Its width is the width over which both surfaces reflect, at
+most twice the narrower of their projections. A large smooth mirror at the distance R
+has the cross section pi R^2. Each bounce multiplies it by the Fresnel reflection for
+its angle of incidence, the mean of both polarisations.
 
 The slopes of rough surfaces tilt parts of that mirror, so its reflections are spread
 over a normally distributed lobe. The corner reflects the part of the lobe that it
@@ -65,7 +65,7 @@ MOST_TRIANGLES: Final = 20_000  # parts with more triangles are curved or scanne
 GAP: Final = 0.05  # m, maximum gap between two surfaces that form a corner
 NARROWEST: Final = 0.05  # m, least width of a surface next to the line of a corner
 SQUARE: Final = 0.01  # maximum cosine between the surfaces of a corner
-OFF: Final = 0.002  # m, offset of points from surfaces, so that these do not hide them
+OFF: Final = 0.002  # m, offset of points, so that their own surfaces do not hide them
 LEAST_EDGE: Final = 1e-6  # m^2, least cross section of an edge
 FLAT: Final = 1e-6  # tolerance for horizontal normals and vertical edges
 SHARP: Final = 0.5  # maximum cosine between the normals of faces that meet at an edge
@@ -79,9 +79,9 @@ class Facet(NamedTuple):
         normal: Outward unit vector, (3,).
         offset: Distance of the plane from the origin along the normal, m.
         vertices: Vertices, (V, 3) m, map frame.
-        reflected: Share of the power that it reflects at normal incidence.
+        reflected: Share of the power that the facet reflects at normal incidence.
         is_mirror: Whether this share is the same at all angles of incidence.
-        slope: Variance of its slopes, rad^2.
+        slope: Variance of the slopes of the facet's surface, rad^2.
     """
 
     normal: Floats
@@ -109,7 +109,7 @@ _corners: WeakKeyDictionary[Tracer, NDArray[np.void]] = WeakKeyDictionary()
 
 
 def corner_points(tracer: Tracer, origin: Floats, settings: FmcwSettings) -> Points:
-    """Return the strongest corners of a scene as points, for an antenna.
+    """Return points for the strongest corners of a scene, as seen from an antenna.
 
     Args:
         tracer: Tracer of the scene.
@@ -160,8 +160,8 @@ def _cross_sections(
     wavelength = settings.wavelength
     area = np.minimum(2 * half * length, wavelength * distance / 2)
     waves = wavelength**2 / (8 * math.pi * area)
-    # Across the line the slopes of both facets deflect the wave fully; along the line,
-    # in proportion to how much the facets face the antenna.
+    # Slopes across the common line deflect the wave fully. Slopes along it deflect the
+    # wave in proportion to the cosine of the angle of incidence on the facet.
     beside, ahead = slopes.sum(axis=1), (slopes * cosines**2).sum(axis=1)
     widths = [settings.beamwidth_az_deg, settings.beamwidth_el_deg]
     azimuth, elevation = (
@@ -312,7 +312,7 @@ _edges: WeakKeyDictionary[Tracer, Floats] = WeakKeyDictionary()
 
 
 def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
-    """Return the edges of metal plates of a scene as points, for an antenna.
+    """Return points for the edges of a scene's metal plates, as seen from an antenna.
 
     Args:
         tracer: Tracer of the scene.
@@ -329,7 +329,7 @@ def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
     cosine = -np.einsum("ni,ni->n", way, normals) / distance
     cosine = np.clip(cosine, 0.0, 1 - 1e-12)
     slant = (1 - cosine**2) / np.maximum(cosine, 1e-6) ** 2  # tan^2
-    # Within the specular lobe of the plate, its edges are part of the lobe.
+    # Within the specular lobe of the plate, the echo of its edges is part of the lobe.
     zone = np.minimum(area.ravel(), wavelength * distance / 2)
     spread = slopes.ravel() + wavelength**2 / (8 * math.pi * zone)
     away = 1 - np.exp(-slant / (2 * spread))

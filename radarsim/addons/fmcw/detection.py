@@ -245,7 +245,7 @@ def ca_mask(
 def os_mask(
     power: NDArray[np.float32], training: Training, pfa: float, order: int
 ) -> Mask:
-    """Return a mask of bins that exceed the training bin of a rank in power, (A, B).
+    """Return a mask of bins that exceed the training bin of the given rank, (A, B).
 
     Near the first and the last bin only the training bins on one side are used, with a
     proportional rank.

@@ -40,7 +40,7 @@ VALID: Final = 255
 def put_metadata(
     counts: NDArray[np.uint8], times: NDArray[np.int64], encoder: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
-    """Return rows in Oxford's layout, (R, 11 + B).
+    """Return rows of an image in the layout of the Oxford data set, (R, 11 + B).
 
     Args:
         counts: Counts of each azimuth, (R, B).
@@ -61,7 +61,7 @@ def encoder_counts(azimuths: int) -> NDArray[np.int64]:
     return counts
 
 
-# For each data set the folder of its images, and the files that list them.
+# For each data set: the folder of its images, and the files that list these images.
 LAYOUTS: Final[dict[str, tuple[str, ...]]] = {
     "oxford": ("radar", "radar.timestamps"),
     "boreas": ("radar", "radar.timestamps"),
@@ -71,10 +71,10 @@ _FASTEST: Final = 1  # compression level of PNG files
 
 LEAST_TIME_US: Final = 10**15  # the least time with 16 digits, like current times
 EPOCH_US: Final = 1_600_000_000_000_000
-# For times after this pyboreas assumes finer bins; paths with fine bins begin later.
+# pyboreas assumes finer bins after this time, so sequences with fine bins begin later.
 BOREAS_CHANGE_US: Final = 1_632_182_400_000_000
 _LATE_EPOCH_US: Final = 1_650_000_000_000_000
-COARSE_BIN, FINE_BIN = 0.0596, 0.04381  # m, bins in pyboreas before and after this
+COARSE_BIN, FINE_BIN = 0.0596, 0.04381  # m, bins in pyboreas before and after that time
 OXFORD_BIN: Final = 0.0432  # m, bins in the kit of the Oxford data set
 RADIATE_BIN: Final = 0.173611  # m, bins and pixels in the kit of RADIATE
 RADIATE_HZ: Final = 4.0  # revolutions per second
@@ -206,7 +206,7 @@ def file_name(spectrum: Spectrum, layout: str, *, time_us: int, number: int) -> 
         layout: Name of the data set.
         time_us: Time at which the revolution begins, us. Oxford's files are named after
             this time, Boreas' files after the time in the middle.
-        number: Number of the revolution, from 1, which names RADIATE's files.
+        number: Number of the revolution, from 1; RADIATE's files are named after it.
     """
     if layout == "radiate":
         return f"{number:06d}.png"
@@ -283,8 +283,8 @@ def load_turns(
 ) -> Iterator[RadarTurn]:
     """Yield the revolutions in a data set or an output of ``radarsim spectrum --path``.
 
-    Images of RADIATE have no times for azimuths. Such times are evenly spaced from the
-    time of the image over the median interval between images.
+    Images of RADIATE have no times for azimuths. Their azimuths get evenly spaced
+    times, from the time of the image over the median interval between images.
 
     Args:
         folder: The folder that contains ``radar`` or ``Navtech_Polar``.

@@ -6,8 +6,9 @@ Clients receive the configuration of the radar when they connect, or as soon as 
 a radar, and on request. The data of each azimuth is sent to all clients that have
 requested data, in the tick in which the radar receives it.
 
-Rule 1: a slow client misses azimuths, which it notices by the sweep counter. A client
-that reads nothing for ``PATIENCE`` is disconnected. The server never waits for clients.
+Rule 1: a slow client misses azimuths, and can detect the gaps by the sweep counter. A
+client that reads nothing for ``PATIENCE`` is disconnected. The server never waits for
+clients.
 Rule 2: messages of a client are read at most once per ``READ_PAUSE``, so that a flood
 of messages does not slow down the ticks. An invalid message ends the connection.
 Rule 3: the antenna rotates only while a client has requested data, or the radar has a
@@ -75,7 +76,7 @@ class NavtechServer(PeerServer, HostObserver):
         await super().stop()
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
-        """Find the radar, as robots come and go, and subscribe to it if needed."""
+        """Find the radar, since robots come and go, and subscribe to it if needed."""
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
             each
@@ -103,7 +104,7 @@ class NavtechServer(PeerServer, HostObserver):
         self._listen_to(antenna if is_wanted else None)
 
     def _listen_to(self, antenna: Antenna | None) -> None:
-        """Subscribe to the data of an antenna, or to none."""
+        """Subscribe to the data of an antenna; None ends the subscription."""
         if self._antenna is None:
             return
         listeners = self._antenna.listeners
@@ -117,7 +118,7 @@ class NavtechServer(PeerServer, HostObserver):
         client.send(self._configuration)
 
     def _hear(self, sector: Sector, time: float) -> None:
-        """Send azimuths, received from ``time``, s, to all clients that want data."""
+        """Send azimuths, the first at ``time``, s, to all clients that want data."""
         settings = sector.spectrum.settings
         data = b"".join(
             direction_message(

@@ -29,9 +29,9 @@ DARKEST: Final = 10  # range of the grey scale below the median of the noise, dB
 BRIGHTEST: Final = 50  # range of the grey scale above the median of the noise, dB
 VISIBLE: Final = 3.0  # least level above the noise of visible echoes, dB
 LEAST_LOUD: Final = 2  # least number of azimuths with visible echoes at a range
-MARGIN: Final = 1.1  # ratio of the range that is shown to the longest range of echoes
+MARGIN: Final = 1.1  # ratio of the range of a picture to the longest range of echoes
 SHORTEST_REACH: Final = 5.0  # m, least range that is shown
-PIECE: Final = 0.1  # m, longest piece of an outline, which is straight in every view
+PIECE: Final = 0.1  # m, longest piece of an outline; it looks straight in every view
 _DECIBELS: Final = "power over the median of the noise, dB"
 _MARK: Final[dict[str, Any]] = {
     "marker": "o",
@@ -148,7 +148,8 @@ def _polar_lines(pieces: Floats) -> Floats:
     x, y = pieces[..., 0], pieces[..., 1]
     degrees = np.degrees(np.arctan2(-y, x)) % 360
     lines = np.stack([np.hypot(x, y), degrees], axis=2)
-    return np.asarray(lines[np.ptp(degrees, axis=1) < 180])  # none across 0 degrees
+    # Lines that cross 0 degrees are left out.
+    return np.asarray(lines[np.ptp(degrees, axis=1) < 180])
 
 
 def _draw_outlines(axes: Axes, lines: Floats) -> None:
@@ -167,7 +168,7 @@ def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> No
     """Draw a line at each range at which an azimuth crosses an outline."""
     cos, sin = math.cos(angle), math.sin(angle)
     pieces = pieces @ np.array([[cos, -sin], [sin, cos]])
-    # Adjacent pieces share an end, so at least one of them is crossed there.
+    # Adjacent pieces share an end, so an azimuth through this end crosses one of them.
     (x0, y0), (x1, y1) = pieces[:, 0].T, pieces[:, 1].T
     share = np.divide(y0, y0 - y1, out=np.full(len(y0), np.inf), where=y0 != y1)
     ranges = (x0 + share * (x1 - x0))[(share >= 0) & (share <= 1)]

@@ -6,7 +6,7 @@ A point, such as a corner reflector, is visible directly and by reflections at m
 smooth walls and level ground. Through a plane it appears at its mirror image, at the
 distance of the image. A wave may travel out on one path and return on another. So paths
 i and j give a beat component at the range (Ri + Rj) / 2 with the phase 2 pi (Ri + Rj) /
-lambda, and with twice the field if they differ. The direct path and the path over level
+lambda. If i and j differ, its field is doubled. The direct path and the path over level
 ground differ by less than a bin, so they interfere: as heights and ranges change, the
 power varies between zero and 12 dB above the point alone.
 
@@ -46,7 +46,7 @@ from radarsim.scene.material import OPAQUE, Material
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.radar import FmcwRadar
 
-CLEARANCE: Final = 1e-3  # m; a surface that is closer to a point does not hide it
+CLEARANCE: Final = 1e-3  # m; surfaces closer than this to a point do not hide the point
 FAINT: Final = 0.01  # power relative to the noise; weaker components are left out
 MOST_PLANES: Final = 64  # maximum number of planes that reflect points, largest first
 ROUGHNESS: Final = 1e-3  # m rms, for smooth surfaces that are not mirrors; estimate
@@ -134,7 +134,7 @@ class Sight(NamedTuple):
     def _trace(
         self, starts: Floats, ends: Floats, longer: float
     ) -> tuple[Traces, Floats]:
-        """Trace rays between positions plus ``longer``; also return their ranges."""
+        """Trace rays that end ``longer``, m, behind ``ends``; also return ranges, m."""
         offsets = ends - starts
         distance = np.linalg.norm(offsets, axis=1)
         reach, directions = distance + longer, offsets / distance[:, None]
@@ -230,7 +230,8 @@ def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
     origin, places = sight.origin, points.positions
     found = [straight_ways(sight, points, wavelength)]
     planes = reflecting_planes(sight.tracer)
-    # A contiguous copy, so that products are rounded as for other matrices.
+    # The copy is contiguous, since products with another memory layout are rounded
+    # differently.
     directions = planes["normal"].copy()
     height = directions @ origin - planes["offset"]
     heights = places @ directions.T - planes["offset"]  # (N, M)
@@ -259,7 +260,7 @@ def reflected_share(
 ) -> Floats:
     """Return the share of power that planes reflect specularly."""
     head_on = planes["reflected"]
-    # The rms phase change from the height variations of the surface.
+    # Height variations of the surface change the phase by this rms value, rad.
     turn = 4 * math.pi * ROUGHNESS * cosine / wavelength
     across, along = fresnel_reflections(head_on, cosine)
     smooth = (across + along) / 2 * np.exp(-(turn**2))

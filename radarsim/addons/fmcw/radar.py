@@ -56,9 +56,9 @@ from radarsim.sensors.scan import Scan
 # The bounding boxes of the parts of each scene, (P, 2, 3) m.
 _bounds: WeakKeyDictionary[Scene, Floats] = WeakKeyDictionary()
 
-MAX_LOSS_DB: Final = 75.0  # one-way loss that ends a ray; 150 dB is far below noise
-CORNER_BOUNCES: Final = 3  # reflections in a trihedral, which every ray follows
-# Numbers of independent sets of scatterers.
+MAX_LOSS_DB: Final = 75.0  # one-way loss at which rays end; the echo is far below noise
+CORNER_BOUNCES: Final = 3  # every ray is reflected at least this often: in a trihedral
+# Numbers that select one of two independent sets of scatterers.
 _IN_BEAMS: Final = 0
 _IN_SIDELOBES: Final = 1
 
@@ -238,8 +238,8 @@ class FmcwRadar:
         """
         settings, mean = self.settings, echoes.power
         power = beat_rows(settings, rows.start, echoes.field, tones, streams)
-        # Points are part of the signal, but not yet of its mean power, so their power
-        # is added to the nearest bins.
+        # The mean power does not include points yet, so their power is added to the
+        # nearest bins.
         bins = np.rint(tones.ranges / settings.bin_size).astype(np.int64)
         within = (bins >= 0) & (bins < settings.bins)
         within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)

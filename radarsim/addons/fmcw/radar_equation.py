@@ -18,7 +18,7 @@ from radarsim.addons.fmcw.antenna import directivity
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-WRAPPED: Final = 8.0  # resolutions; farther away all windows are below -58 dB
+WRAPPED: Final = 8.0  # resolutions from an echo; beyond, windows are below -58 dB
 # Coefficients of the constant, the first and the second cosine of each window (Harris,
 # On the use of windows for harmonic analysis, 1978). scipy.signal has these windows,
 # but its import would add 0.35 s to each start of a server.
@@ -33,9 +33,9 @@ _COSINES: Final = {
 def fft_length(settings: FmcwSettings) -> int:
     """Return the length of the FFT of a sweep, an even number.
 
-    The receiver has a single channel, so only the first half of the spectrum of its
-    real samples counts. This half is longer than the bins, so that echoes beyond the
-    last bin do not alias into the bins.
+    The receiver has a single channel with real samples, so only the first half of the
+    spectrum is used. This half extends beyond the last bin, so that echoes from longer
+    ranges do not alias into the bins.
     """
     half = settings.bins + math.ceil(WRAPPED * settings.padding)
     return 2 * int(next_fast_len(half, real=True))

@@ -35,7 +35,7 @@ _FILL_ACROSS: Final = 0.5698402909980532
 _FILL_UP: Final = 0.7548776662466927
 _EDGE_STEPS: Final = 2001
 
-WIDEST_GAP: Final = 2.5  # largest gap between elevations of rays in a beam, in means
+WIDEST_GAP: Final = 2.5  # ratio of the largest to the mean gap between a beam's rays
 ENOUGH_RAYS: Final = 32  # rays on an object in a beam, for an error of at most 1 dB
 RAYS_ACROSS: Final = 10  # rays in azimuth on the bounding box of a thin object
 RAYS_UP: Final = 8  # rays in elevation on the bounding box of a thin object
@@ -72,8 +72,8 @@ def cell_edges(settings: FmcwSettings) -> Floats:
     """Return the elevations of the cell borders of a column, rad."""
     low, high = elevation_limits(settings)
     elevations = np.linspace(low, high, _EDGE_STEPS)
-    # The density of cells follows the square root of the one-way pattern, so that the
-    # weak fan also has some.
+    # The density of cells follows the square root of the one-way pattern, plus a
+    # constant, so that the weak fan also has cells.
     density = np.sqrt(elevation_pattern(settings, elevations)) + 0.02
     share = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
     places = np.linspace(0.0, share[-1], settings.rays_up + 1)
@@ -137,7 +137,7 @@ def _fill_cells(
     owner = np.repeat(np.arange(len(cell)), counts)
     part = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     column, row = np.divmod(cell[owner], settings.rays_up)
-    # The sequence continues along the columns of a row, with another start per row.
+    # The sequence continues along the columns of a row; each row has another start.
     number = (column + 1) * 1.0 + 0.5 * row * columns + part * 1.0
     beside = (part % across[owner] + number * _FILL_ACROSS % 1.0) / across[owner]
     inside = (number // 2) * _FILL_UP % 1.0
@@ -200,7 +200,7 @@ def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
     edges, rows = cell_edges(settings), np.arange(settings.rays_up + 1)
     low, high = (np.interp(edge, edges, rows) for edge in (lowest, highest))
     wide, tall = widths / width, high - low
-    # An object that is wider than the beam has the rays of a whole beam per azimuth.
+    # Only the part of an object inside the beam counts for an azimuth.
     few = np.minimum(wide, in_beam) * tall < ENOUGH_RAYS
     some = few & (tall > 0) & (widths < math.pi) & np.isfinite(wide)
     sides = azimuths[some], azimuths[some] + widths[some]
@@ -228,7 +228,7 @@ def _divisions(
     first, last, bottom, top, across, up = things
     divided_across = np.ones((len(columns), settings.rays_up), np.int64)
     divided_up = np.ones_like(divided_across)
-    # The first column of each rectangle, relative to the first of these columns.
+    # The first column of each rectangle, relative to the first requested column.
     begin = (first - columns.start) % count
     reach = begin + last - first
     seen = (begin < len(columns)) | (reach >= count)

@@ -65,7 +65,7 @@ class Antenna:
         observers: Functions that receive all data, but do not start the rotation.
         since: Tick in which the rotation began.
         turned: Last tick in which the antenna rotated.
-        pose: Pose in that tick; None at first.
+        pose: Pose of the antenna in the tick ``turned``; None before.
         computed: Data that is being computed, or not yet available: the tick, the tick
             in which the rotation began, and the result.
     """
@@ -82,14 +82,14 @@ class Antenna:
 
     @property
     def turns(self) -> bool:
-        """Whether the antenna rotates: if a detector or a listener needs its data."""
+        """Whether the antenna rotates because a detector or a listener needs data."""
         needed = self.mounted.scanner.settings.has_detector or bool(self.listeners)
         return needed and self.vehicle.alive
 
     def advance(
         self, scene: Scene, ticks: int, boxes: Boxes, worker: BackgroundThread
     ) -> None:
-        """Rotate for a tick; start again if the antenna was at rest in the last tick.
+        """Rotate the antenna for a tick; after a rest a new revolution begins.
 
         Args:
             scene: The map.
@@ -99,8 +99,8 @@ class Antenna:
         """
         from radarsim.addons.fmcw import rotation  # noqa: PLC0415 - scipy is slow
 
-        # During a rest the robot may have moved, so old and new azimuths must not be
-        # mixed in a revolution.
+        # The robot may have moved while the antenna did not rotate, so a revolution
+        # must not contain azimuths from before and after the rest.
         if self.receiver is None or self.turned != ticks - 1:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
             self.receiver = rotation.TurnReceiver(radar, scene, rng)
@@ -141,7 +141,7 @@ class Antenna:
                     f"in the thread of antennas: {name!r} of robot {robot!r}"
                 )
                 raise
-            # Data of a robot that has left meanwhile is dropped.
+            # The robot may have been removed in the meantime; then its data is dropped.
             if not self.vehicle.alive:
                 continue
             for sector in sectors:
@@ -171,7 +171,7 @@ class Antenna:
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:
-    """Return the time at which an antenna completes revolutions after the first, s."""
+    """Return the time, s, at which an antenna has rotated ``turns`` + 1 times."""
     return (since - 1) * TICK + (turns + 1) / settings.rotation_hz
 
 

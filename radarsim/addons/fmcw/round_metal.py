@@ -2,14 +2,14 @@
 
 Theory of operation
 ===================
-A round object returns from the point at which it faces the antenna. By geometrical
-optics its cross section is
+The echo of a round object comes from the point at which its surface faces the antenna.
+By geometrical optics the cross section is
 
     pi / (1 / r + 1 / R)^2
 
-for the radius of curvature r and the distance R, which is pi r^2 for a small sphere and
-pi R^2 for a flat mirror. An object that is curved in one direction only, such as a
-post, returns by physical optics from the line at which it faces the antenna:
+for the radius of curvature r and the distance R; it is pi r^2 for a small sphere and
+pi R^2 for a flat mirror. If an object is curved in one direction only, such as a post,
+its echo comes from the line at which it faces the antenna. By physical optics it has
 
     2 pi F / (lambda (1 / r + 1 / R)), F = |integral of e^(2 i k z^2 / 2 R) dz|^2
 
@@ -18,8 +18,9 @@ Far away F is the square of the length L, so a cylinder has 2 pi r L^2 / lambda.
 Meshes have flat faces, so their curvature is concentrated in vertices and edges: the
 angle defect at a vertex (2 pi minus the angles of the faces around it) is the product
 of both curvatures times a third of the faces' area. Two faces at an edge, each of width
-w and at an angle a, have a radius of w / (2 sin(a / 2)); longer edges than this belong
-to posts. A vertex or an edge faces the antenna if its neighbours are farther away.
+w and at an angle a, have a radius of w / (2 sin(a / 2)); an edge that is longer than
+its radius belongs to a post. A vertex or an edge faces the antenna if its neighbours
+are farther away.
 
 Source: E. F. Knott, J. F. Shaeffer and M. T. Tuley, Radar Cross Section, chapters 5
 and 6; for meshes: M. Meyer et al., Discrete Differential-Geometry Operators, 2003.
@@ -44,7 +45,7 @@ MOST_ROUND: Final = 64  # maximum number of points for an antenna, strongest fir
 MOST_TRIANGLES: Final = 20_000  # parts with more triangles are scanned meshes
 LEAST_LACK: Final = 1e-5  # rad, least angle defect at a vertex of a round object
 TIE: Final = 1e-9 * np.array([1.0, 2.0, 3.0])  # m, offset that breaks ties of distance
-OFF: Final = 0.002  # m, offset of points from surfaces, so that these do not hide them
+OFF: Final = 0.002  # m, offset of points, so that their own surfaces do not hide them
 _DIGITS: Final = 6  # digits to which positions are rounded to merge vertices
 
 # A vertex or an edge of a round part.
@@ -78,7 +79,7 @@ def round_parts(tracer: Tracer) -> NDArray[np.bool_]:
 
 
 def round_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
-    """Return the strongest points of round metal objects, for an antenna.
+    """Return the strongest points of round metal objects, as seen from an antenna.
 
     Args:
         tracer: Tracer of the scene.

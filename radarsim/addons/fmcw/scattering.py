@@ -1,42 +1,42 @@
-"""What the parts of a scene take from a wave, and what they scatter back.
+"""The absorption and backscatter of the parts of a scene, as the engine needs them.
 
-Surfaces follow gamma = sigma0 / cos: the share of the power on a square metre across
-the ray that is scattered back, as if to all sides. A wall of Lambert's law has gamma0
-cos; open ground has the same gamma at all angles. What is smooth also reflects: its
-facets, whose slopes are normally distributed, glint where they face the radar. With the
-share Gamma^2 that they reflect and the rms slope s, by geometrical optics,
+The backscatter of a surface is given by gamma = sigma0 / cos: its radar cross section
+per square metre across the ray. By Lambert's law a wall has a gamma of gamma0 cos; open
+ground has the same gamma at all angles. Smooth surfaces also reflect: the slopes of
+their facets are normally distributed, and facets that face the radar glint. If the
+facets reflect the share Gamma^2 and the rms slope is s, geometrical optics gives
 
     sigma0 = Gamma^2 / (2 s^2 cos^4) e^(-tan^2 / (2 s^2)).
 
-Over the whole lobe that is what a flat mirror returns, pi Gamma^2 R^2. A sheet of metal
-bends by the fourth power of its side, so that its slopes rise with the third: small
-ones are flat, and their lobe is as wide as waves are long, which makes 4 pi A^2 /
-lambda^2 of an area A. What is round returns by its curvature; see ``round_metal``.
+Integrated over the lobe, this equals the echo of a flat mirror, pi Gamma^2 R^2. The
+deflection of a metal sheet rises with the fourth power of its side, so its slopes rise
+with the third power. Small sheets are therefore flat, and diffraction determines their
+lobe: an area A returns 4 pi A^2 / lambda^2. For round objects see ``round_metal``.
 
-What is reflected so meets other things. One second bounce is counted, by its mean: of
-gamma2, what streets return on average, the share Gamma^4 comes back the same way, along
-a way that is longer by an exponentially distributed length, as delays in streets are.
+A reflected wave meets other objects. One second bounce is modelled, by its mean: the
+share Gamma^4 of gamma2, the mean gamma of streets, returns on the same path. The extra
+length of this path has an exponential distribution, like measured delays in streets.
 
-Volumes scatter a share of what they take, their albedo omega: a canopy that lets
-nothing through has a gamma of omega / 2. So does a sheet, which has no depth: omega
-times the share that it takes.
+Volumes scatter a share of the absorbed power, the albedo omega: an opaque canopy has a
+gamma of omega / 2. A sheet has no depth, so its gamma is omega times the share of the
+power that it absorbs.
 
-Gamma, albedo, reflection and slope are those of the materials of the map. Sources: F.
-T. Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2; on how plates
-bend, S. Timoshenko and S. Woinowsky-Krieger, Theory of Plates and Shells; on delays, A.
-A. M. Saleh and R. A. Valenzuela, A Statistical Model for Indoor Multipath Propagation,
-IEEE Journal on Selected Areas in Communications 5(2), 1987.
+Gamma, albedo, reflection and slope come from the materials of the map. Sources: F. T.
+Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2; for the bending
+of plates, S. Timoshenko and S. Woinowsky-Krieger, Theory of Plates and Shells; for
+delays, A. A. M. Saleh and R. A. Valenzuela, A Statistical Model for Indoor Multipath
+Propagation, IEEE Journal on Selected Areas in Communications 5(2), 1987.
 
-Rays graze level ground over a long way, so that it is treated apart. Open ground does
-not end at the edge of the map: a ray that passes over that edge meets it farther on.
-Where it is of several materials, a raster has what it returns at each place: a ray
-stands for ground over many metres, and so for several patches.
+A ray that grazes level ground illuminates many metres of it, so ground has a model of
+its own. Open ground continues beyond the edge of the map, where rays also hit it. If
+open ground has several materials, a raster stores gamma by position, since a single ray
+illuminates several patches.
 
-Open ground may be uneven: heights whose power density along a line falls with the
-square of the waves per metre, as ISO 8608 describes roads. They are a texture of the
-map, which is repeated after 128 m. Seen from an antenna, each step of ground fills a
-share of the view in elevation, by which the power of level ground is multiplied: what
-rises fills more, and what is hidden behind it nothing.
+Open ground may be uneven: the power density of its heights along a line falls with the
+square of the spatial frequency, as ISO 8608 describes for roads. The heights are a
+texture of the map that repeats after 128 m. As seen from an antenna, rising ground
+covers a larger angle in elevation than level ground, and hidden ground covers none. The
+power of level ground is multiplied by the ratio of these angles.
 """
 
 import math
@@ -59,17 +59,17 @@ from radarsim.scene.scene import Part
 
 PATCH: Final = 0.5  # m, side of the cells of the raster of ground
 MOST_PATCHES: Final = 1000  # along each side
-_ABOVE: Final = 0.3  # m over open ground, from where one looks down on it
+_ABOVE: Final = 0.3  # m, height above open ground from which rays are cast down
 
 
 def _find_ground(tracer: Tracer, gamma: Floats, edges: Floats) -> dict[str, Any]:
-    """Return the fields of the engine's ``Scattering`` that are about open ground.
+    """Return the fields of the engine's ``Scattering`` that describe open ground.
 
     Args:
         tracer: Tracer of the scene.
-        gamma: (P,) of its parts, at normal incidence.
-        edges: (P, 4) m, filled with the least x and y of each part and the greatest
-            ones, map frame. Open ground has none.
+        gamma: Gamma of each part at normal incidence, (P,).
+        edges: Output, (P, 4) m: minimum x and y of each part, then maximum x and y,
+            map frame; infinite for open ground.
     """
     open_part, area = -1, 0.0
     for i, part in enumerate(tracer.parts):
@@ -79,7 +79,7 @@ def _find_ground(tracer: Tracer, gamma: Floats, edges: Floats) -> dict[str, Any]
         edges[i] = low[0], low[1], high[0], high[1]
         own = float((high[0] - low[0]) * (high[1] - low[1]))
         if part.material.constant_gamma:
-            # The ground of a map goes on where the map ends; the largest one is meant.
+            # Open ground has no edges: it continues beyond the edge of the map.
             edges[i] = -math.inf, -math.inf, math.inf, math.inf
             if own > area:
                 open_part, area = i, own
@@ -115,9 +115,9 @@ def _is_open(tracer: Tracer, part: int) -> bool:
 
 
 def _look_down(tracer: Tracer, open_part: int, cell: float) -> NDArray[np.int64]:
-    """Return the part that is open ground by place, (X, Y), as seen from above.
+    """Return the index of the part that is open ground at each position, (X, Y).
 
-    What stands on the ground counts as that of ``open_part``.
+    Positions that other objects cover from above have the index ``open_part``.
     """
     low, high = tracer.parts[open_part].bounds
     x, y = (
@@ -135,46 +135,46 @@ def _look_down(tracer: Tracer, open_part: int, cell: float) -> NDArray[np.int64]
 
 @lru_cache(maxsize=1)
 def ground_heights() -> NDArray[np.float32]:
-    """Return heights of ground of a roughness of 1 cm^3, (N, N) m."""
+    """Return the heights of ground with a roughness of 1 cm^3, (N, N) m."""
     noise = generator_for(0, "relief").standard_normal([TEXTURE_CELLS] * 2)
     waves = np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_CELL)  # per metre
     steep = np.maximum(np.hypot(*np.meshgrid(waves, waves)), waves[1])
-    # Of waves in all directions C / k^3 becomes 4 C / k^2 along a line.
+    # A density of C / k^3 in the plane gives a density of 4 C / k^2 along a line.
     density = 1e-6 * 0.1**2 / 4 / steep**3
     heights = np.fft.ifft2(np.fft.fft2(noise) * np.sqrt(density)).real / TEXTURE_CELL
     return np.asarray(heights - heights.mean(), np.float32)
 
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
-DENT_AREA: Final = 1.0  # m^2, of sheets of metal with all of their slope; estimate
+DENT_AREA: Final = 1.0  # m^2, area from which metal sheets have full slope; estimate
 GRAZING: Final = 1e-3  # the smallest cosine of an angle of incidence
-MIRROR_DB: Final = -30.0  # of what a mirror scatters beside its reflection; estimate
+MIRROR_DB: Final = -30.0  # gamma of mirrors without their reflection; estimate
 ROBOT_DB: Final = -5.0  # gamma of robots; estimate
-MIRROR_SLOPE_DEG: Final = 1.0  # rms, of what mirrors are made of; estimate
+MIRROR_SLOPE_DEG: Final = 1.0  # rms slope of the material of mirrors; estimate
 
 
 _known: WeakKeyDictionary[Tracer, dict[RayClass, Packed]] = WeakKeyDictionary()
 
 
 def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
-    """Return what a scene of P parts scatters of the waves of a class.
+    """Return the scattering of a scene with P parts for a class of rays.
 
     Returns:
-        The engine's ``Scattering``: the air, the ground, and ``parts``, (P + 1,), a row
-        for each part, and a last one for robots:
-            gamma: Of the surfaces, at normal incidence.
-            constant_gamma: Whether it is that at all angles; else it follows Lambert's
-                law.
-            glint: Gamma^2 / (2 s^2) of the surfaces; 0 of rough ones.
-            narrowness: 1 / (2 s^2) likewise.
-            area: m^2, of the largest flat face of mirrors; 0 of others, and of what is
-                round.
-            volume: Radar cross section of a cubic metre inside, m^2/m^3.
-            albedo: Share of what a sheet takes that comes back.
+        The engine's ``Scattering``: the air, the ground, and ``parts``, (P + 1,), with
+        a row for each part and a last row for robots:
+            gamma: Gamma of the surfaces at normal incidence.
+            constant_gamma: Whether gamma is the same at all angles; if not, it follows
+                Lambert's law.
+            glint: Gamma^2 / (2 s^2) of smooth surfaces; 0 for rough surfaces.
+            narrowness: 1 / (2 s^2) of smooth surfaces; 0 for rough surfaces.
+            area: Area of the largest flat face of a mirror, m^2; 0 for other parts and
+                for round mirrors.
+            volume: Radar cross section per volume, m^2/m^3.
+            albedo: Share of the absorbed power that a sheet scatters.
             sway: Rms speed at which the wind moves volumes and sheets, m/s.
-            edges: m, where level ground ends: least x, y and greatest ones, map frame.
+            edges: Minimum x and y, then maximum x and y of level ground, m, map frame.
     """
-    # Weakly: a tracer that nobody uses any more takes its entry along.
+    # Tracers are held by weak references, so an entry vanishes with its tracer.
     known = _known.setdefault(tracer, {})
     if ray_class in known:
         return known[ray_class]
@@ -191,7 +191,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
         air = albedo[-1] * air_density / (per_db * NEPER_DB) + rain[-1]
     areas = [mirror_area(part) for part in tracer.parts] * ~round_parts(tracer)
     lobes = np.array(list(map(lobe_of, materials, areas))).reshape(-1, 2)
-    # Of opaque surfaces at normal incidence.
+    # Gamma of opaque surfaces at normal incidence, dB.
     surface_db = [MIRROR_DB if m.radar_mirror else m.backscatter_db for m in materials]
     rows = np.zeros(len(materials) + 1, engine.rows["PartScattering"])
     rows[-1]["gamma"] = 10 ** (ROBOT_DB / 10)
@@ -210,7 +210,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
 
 
 def mirror_area(part: Part) -> float:
-    """Return the area of the largest flat face of a mirror, m^2; 0 of anything else."""
+    """Return the area of the largest flat face of a mirror, m^2; 0 for other parts."""
     if not part.material.radar_mirror or not part.faces.size:
         return 0.0
     a, b, c = part.vertices[part.faces].transpose(1, 0, 2)
@@ -225,8 +225,8 @@ def lobe_of(material: Material, area: float = DENT_AREA) -> tuple[float, float]:
     """Return ``glint`` and ``narrowness`` of an opaque surface.
 
     Args:
-        material: Its material.
-        area: m^2, of a flat piece, if it is a mirror.
+        material: Material of the surface.
+        area: Area of a flat piece of the surface, m^2; used only for mirrors.
     """
     reflected, slope = material.specular_db, material.slope_deg
     if material.radar_mirror and reflected is None:

@@ -36,7 +36,7 @@ class DrivenPath:
         return float(self.times[-1] - self.times[0])
 
     def poses_at(self, times: Floats) -> list[Pose3]:
-        """Return poses at some times, limited to the first and the last pose."""
+        """Return the poses at times, s, which are clipped to the times of the path."""
         # Slerp raises an error for times outside of the path, so they are clipped.
         inside = np.clip(times, self.times[0], self.times[-1])
         turns = Slerp(self.times, Orientation.from_quat(self.orientations))(inside)
@@ -93,7 +93,7 @@ def tum_line(time: float, pose: Pose3) -> str:
 def turns_along(
     radar: FmcwRadar, scene: Scene, path: DrivenPath, rng: np.random.Generator
 ) -> Iterator[tuple[float, Spectrum]]:
-    """Yield all revolutions that end before the path does, with their start times, s.
+    """Yield the revolutions that end before the path ends, with their start times, s.
 
     The pose of a revolution is the pose in its middle. Before the path begins, the
     radar stays at the first pose for a revolution.

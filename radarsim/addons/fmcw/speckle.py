@@ -5,16 +5,17 @@ Theory of operation
 Rough surfaces and dense volumes consist of many scatterers with random phases, so the
 amplitude of a cell is a complex Gaussian number. It is constant while nothing moves.
 When the radar moves, the phase of each scatterer changes by 4 pi / lambda times the
-change of its distance, and the speckle pattern changes as far as the phases within a
-beam change relative to each other.
+change of its distance. The speckle pattern changes only if the phases within a beam
+change relative to each other.
 
-In this model scatterers form a lattice in the map: in directions that are a column of
-the fan apart, and along each direction, a unit vector e, a bin apart. The amplitude of
+In this model scatterers form a lattice in the map. Neighbouring directions differ by a
+column of the fan, and neighbouring scatterers in a direction by a bin. The amplitude of
 a scatterer is a hash of a key, its direction, and its index i along the direction. An
-antenna at p sees scatterer i at the range i b - p e, where b is the size of a bin, and
-with the phase 4 pi / lambda times this range. So scatterers ahead of a moving radar
-approach like walls, and rotate for a rotating radar. Perpendicular to the line of sight
-the correlation of the power falls with the distance d as
+antenna at p sees scatterer i in direction e, a unit vector, at the range i b - p e,
+where b is the size of a bin, and with the phase 4 pi / lambda times this range. So
+scatterers ahead of a moving radar approach like walls, and a rotation of the radar does
+not move them in the map. If the antenna moves by a distance d perpendicular to the line
+of sight, the correlation of the power falls as
 
     exp(-(4 pi s d / lambda)^2), s = beamwidth / (4 sqrt(ln 2)).
 
@@ -73,7 +74,7 @@ Scatterers: TypeAlias = NDArray[np.void]
 def scatterers_in(
     settings: FmcwSettings, azimuths: Floats, view: Viewpoints, key: int, salt: int
 ) -> Scatterers:
-    """Return the scatterers at azimuths, (N,).
+    """Return the scatterers at N azimuths, (N,).
 
     Args:
         settings: Settings of the radar.
@@ -93,7 +94,8 @@ def scatterers_in(
     beside = y * np.cos(angle) - x * np.sin(angle)
     base = np.uint64((key + (salt + 1) * int(_STEP)) % 2**64)
     keys = _mixed(base + number.astype(np.uint64))
-    # Strips have different offsets in each direction, so they do not change together.
+    # The set of scatterers of each direction is replaced at other positions of the
+    # antenna, so that not all sets change at once.
     repeat = settings.wavelength / (2 * width)
     strips = np.floor(beside / repeat + keys / 2.0**64).astype(np.int64)
     keys = _mixed(keys + _STEP * strips.astype(np.uint64))
@@ -118,7 +120,7 @@ def scatterers_in(
 
 @lru_cache(maxsize=4)
 def clutter_texture(shape: float) -> NDArray[np.float32]:
-    """Return the factors of the power by position, (N, N); (0, 0) for a shape of 0."""
+    """Return the factors of the power by position, (N, N); empty if ``shape`` is 0."""
     if not shape:
         return np.zeros((0, 0), np.float32)
     noise = generator_for(0, "clutter").standard_normal([TEXTURE_CELLS] * 2)

@@ -140,8 +140,7 @@ class Spectrum:
             raise ValueError(f"detector {detector!r}, expected one of {DETECTORS}")
         rows, bins = np.nonzero(mask)
         ranges, dbm = self.ranges[bins], dbm_of(self.power[rows, bins])
-        # The cross section of a point, whose power falls with the fourth power of the
-        # range.
+        # The power of a point falls with the fourth power of the range.
         rcs_dbsm = dbm - dbm_of(radar_constant(self.settings)) + 40 * np.log10(ranges)
         snr_db = dbm - dbm_of(self.noise_floor[bins])
         velocity = self.radial_velocity[rows, bins].astype(np.float64)

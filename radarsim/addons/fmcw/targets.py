@@ -3,10 +3,10 @@
 Theory of operation
 ===================
 Each azimuth of the radar belongs to the nearest beam; a beam without azimuths has no
-return. The return mode selects a target of each beam: ``first`` the nearest,
-``strongest`` the one with most power (the nearest if powers are equal), ``last`` and
-``all`` the farthest. Targets beyond the maximum range or outside of the field of view
-are ignored.
+return. The return mode selects a target of each beam: ``first`` selects the nearest
+target, ``strongest`` the target with most power (the nearest if powers are equal), and
+``last`` and ``all`` the farthest. Targets beyond the maximum range or outside of the
+field of view are ignored.
 """
 
 import math

@@ -1,25 +1,26 @@
-"""What comes back from each direction and range: mean power and amplitude.
+"""The echoes of a revolution: mean power and amplitude by azimuth and range bin.
 
 Theory of operation
 ===================
-Each ray carries the share of the beam that its solid angle is. From what it meets comes
-back, with K of the radar equation, the two-way pattern g^2, and A the loss one way, dB:
+Each ray stands for a solid angle dOmega of the beam. K is the constant of the radar
+equation, g^2 the two-way pattern, and A the one-way loss, dB. A ray returns:
 
 - from a surface, K g^2 gamma(theta) dOmega 10^(-A/5) / R^2. Rays sample solid angles,
-  so that Lambert's cos^2 of an area is a single cosine here, and the power of what
-  fills the beam falls with R^2, not R^4;
-- from a volume, into every bin that the ray passes, K g^2 sigma_v dOmega 10^(-A/5)
+  so the cos^2 of Lambert's law for an area becomes a single cosine here, and the power
+  of a surface that fills the beam falls with R^2 instead of R^4;
+- from a volume, in every bin that the ray passes, K g^2 sigma_v dOmega 10^(-A/5)
   integral of e^(-2 kappa r) dr / R^2;
-- from a sheet, as from a surface whose gamma is the albedo times the share it takes.
+- from a sheet, the same as from a surface with a gamma of the albedo times the share
+  of the power that the sheet absorbs.
 
-After a mirror the range is the whole way, and the pattern that of the first direction.
+After a mirror, R is the length of the whole path, and g^2 belongs to its first segment.
 
-A ray between two columns counts for both, in proportion. Each bin of a column then gets
-an amplitude of that mean power, which is that of the scatterers there. The directions
-whose main lobes reach the column see both, power and amplitude; the sidelobes of all
-directions see all.
+The power of a ray between two columns is divided between both. Each bin of a column
+then gets a random amplitude with this mean power, from the scatterers at its position.
+Power and amplitude are added to all azimuths whose main lobes cover the column. The
+sidelobes of every azimuth receive the power of all columns.
 
-Powers are in units of the noise: in watts many are too small for float32.
+Powers are in units of the noise, since many powers in watts are too small for float32.
 """
 
 import math
@@ -40,13 +41,13 @@ NEAREST: Final = 0.3  # m; nearer the far field, and 1 / R^2, do not hold
 
 
 class Echoes(NamedTuple):
-    """What some directions receive; N of them.
+    """The echoes at N azimuths.
 
     Attributes:
-        power: (N, B) float32, the mean power, in units of the noise in a bin.
-        field: (N, 2 B) float32, real and imaginary parts of the amplitudes.
-        velocity: (N, B) float32 m/s, how fast robots that drive move away; nan where
-            there is none. None if the turn has met none.
+        power: Mean power in units of the noise in a bin, (N, B) float32.
+        field: Real and imaginary parts of the amplitudes, (N, 2 B) float32.
+        velocity: Speeds at which moving robots recede, (N, B) float32 m/s; nan for bins
+            without moving robots. None if the revolution has no echo of such a robot.
     """
 
     power: Power
@@ -55,21 +56,21 @@ class Echoes(NamedTuple):
 
 
 class TurnEchoes:
-    """The echoes of a turn, added up direction by direction.
+    """The echoes of a revolution, added azimuth by azimuth.
 
-    The first and the last directions share their beams with those of the turns before
-    and after this one, or, if the radar stands still, with those of its own.
+    The beams of the first and last azimuths overlap the previous and the next
+    revolution; if the radar stands still, they overlap the other end of this one.
 
     Attributes:
-        total: (B,) the power of all directions.
+        total: Sum of the power over all azimuths, (B,).
     """
 
     def __init__(self, settings: FmcwSettings, *, sways: bool) -> None:
-        """Begin without any.
+        """Create an object without echoes.
 
         Args:
-            settings: The radar.
-            sways: Whether the wind moves anything.
+            settings: Settings of the radar.
+            sways: Whether the wind moves any part of the scene.
         """
         self._settings = settings
         self._half = rows_in_beam(settings)
@@ -83,7 +84,7 @@ class TurnEchoes:
             sway=np.zeros((2, 2, bins if sways else 0), np.float32),
             spans=np.array([[bins, -1]] * 2),
         )
-        # The first row is that of the direction that is ``half`` before the first.
+        # Row 0 belongs to the azimuth that is ``half`` azimuths before the first one.
         self._power = np.zeros((rows, bins), np.float32)
         self._field = np.zeros((rows, 2 * bins), np.float32)
         self.total = np.zeros(bins)
@@ -105,14 +106,14 @@ class TurnEchoes:
         scattering: Packed,
         scatterers: Scatterers,
     ) -> None:
-        """Add the rays of directions, which follow those that were added before.
+        """Add the echoes of rays; azimuths must be added in order, without gaps.
 
         Args:
-            rows: The directions.
-            rays: Their rays, as the engine's ``FanRays``.
-            events: What these met, in order.
-            scattering: What the scene scatters, as the engine's ``Scattering``.
-            scatterers: Those of their columns, and of the first one after these.
+            rows: Indices of the azimuths.
+            rays: Rays of these azimuths, as the engine's ``FanRays``.
+            events: Events along the rays, in order.
+            scattering: Scattering of the scene, as the engine's ``Scattering``.
+            scatterers: Scatterers of the columns of the azimuths, and of the next one.
         """
         first = rows.start * self._settings.rays_across
         closes = rows.stop == self._settings.azimuths
@@ -135,16 +136,16 @@ class TurnEchoes:
         before: "TurnEchoes",
         after: "TurnEchoes",
     ) -> Echoes:
-        """Return the echoes in some directions, without sidelobes; once each.
+        """Return the echoes at some azimuths, without sidelobes.
 
-        They are views of those of the turn, since copies would take as long as the
-        scatterers: what is added to them is added to the turn.
+        Call this method only once for each azimuth. The arrays are views of this
+        object's arrays, since copying them would be slow: changes affect both.
 
         Args:
-            first: The first direction.
-            last: The one after the last.
-            before: The turn before this one.
-            after: The turn after this one.
+            first: Index of the first azimuth.
+            last: Index after the last azimuth.
+            before: Echoes of the previous revolution.
+            after: Echoes of the next revolution.
         """
         return Echoes(
             self._sum(first, last, self._power, before._power, after._power),
@@ -155,12 +156,12 @@ class TurnEchoes:
     def note_velocities(
         self, rows: NDArray[np.int64], ranges: Floats, away: Floats
     ) -> None:
-        """Note how fast robots move away, in the bins that their echoes fall into.
+        """Store the speeds at which robots recede, in the bins of their K echoes.
 
         Args:
-            rows: (K,) the direction of each echo.
-            ranges: (K,) m, by frequency.
-            away: (K,) m/s.
+            rows: Index of the azimuth of each echo, (K,).
+            ranges: Range that corresponds to the beat frequency of each echo, (K,) m.
+            away: Speed at which the robot of each echo recedes, (K,) m/s.
         """
         settings = self._settings
         if len(rows) and self._velocity is None:
@@ -170,7 +171,7 @@ class TurnEchoes:
         width, bins = math.ceil(2 * settings.padding), ranges / settings.bin_size
         for row, bin_, speed in zip(rows, np.rint(bins).astype(int), away, strict=True):
             assert self._velocity is not None
-            # A robot at the antenna may seem to be behind it.
+            # The Doppler shift may give a robot at the antenna a negative range.
             first, last = max(bin_ - width, 0), max(bin_ + width + 1, 0)
             self._velocity[max(row - beam, 0) : row + beam + 1, first:last] = speed
 
@@ -179,8 +180,8 @@ class TurnEchoes:
     ) -> Power:
         half, count = self._half, self._settings.azimuths
         sums = own[half + first : half + last]
-        # Beams reach over the ends of a turn: what its neighbours' rays added to rows
-        # beyond their own is of these directions.
+        # Beams overlap the ends of a revolution, so rays of the previous and the next
+        # revolution also give echoes at its first and last azimuths.
         end = min(last, half + 2)
         if first < end:
             edge = half + count
@@ -192,6 +193,6 @@ class TurnEchoes:
         return sums
 
     def sidelobes(self) -> Power:
-        """Return what the sidelobes of each direction receive of this turn, (B,)."""
+        """Return the power that the sidelobes receive at each azimuth, (B,)."""
         level = 10 ** (self._settings.sidelobe_db / 10)
         return np.asarray(level * self.total, np.float32)
