@@ -135,7 +135,7 @@ class Item(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         if (self.type == "MisPkg") != bool(self.links):
             raise ValueError("expected links for a MisPkg, and for no other item")
         if self.parent is not None and self.type != "Camera":
-            raise ValueError("expected a parent for a Camera, and for no other item")
+            raise ValueError("only a Camera may have a parent")
         return self
 
     @cached_property

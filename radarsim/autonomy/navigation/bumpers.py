@@ -82,7 +82,9 @@ class Bumpers:
             raise ValueError(f"share {self.share!r}, expected above 0 and at most 1")
         if not 0 < self.safety_distance < math.inf:
             value = self.safety_distance
-            raise ValueError(f"safety_distance {value!r}, expected above 0 and finite")
+            raise ValueError(
+                f"safety_distance {value!r}, expected a finite number above 0"
+            )
 
     @property
     def pressed_below(self) -> float:

@@ -46,7 +46,7 @@ class SpeedLimits:
     def __post_init__(self) -> None:
         for name, value in (("speed", self.speed), ("turn", self.turn)):
             if not 0 < value < math.inf:
-                raise ValueError(f"{name} {value!r}, expected above 0 and finite")
+                raise ValueError(f"{name} {value!r}, expected a finite number above 0")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
         """Return a twist that turns to a bearing, and drives once the robot faces it.
