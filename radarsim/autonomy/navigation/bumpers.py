@@ -82,9 +82,7 @@ class Bumpers:
             raise ValueError(f"share {self.share!r}, expected above 0 and at most 1")
         if not 0 < self.safety_distance < math.inf:
             value = self.safety_distance
-            raise ValueError(
-                f"safety_distance {value!r}, expected a finite number above 0"
-            )
+            raise ValueError(f"safety_distance {value!r}, expected finite and above 0")
 
     @property
     def pressed_below(self) -> float:
