@@ -97,8 +97,11 @@ class GroundView {
     void clear() { shares_.clear(); }
     // Compute the shares up to a distance, m, along the first ray of the column that meets ground.
     void look(const Scattering& scattering, const Grazing& grazing, double distance) {
-        if (!scattering.has_relief()) return;
-        if (!shares_.size()) first_ = grazing, highest_ = -INFINITE, shares_.append(1.0);
+        if (!scattering.has_relief() || is_above(grazing)) return;
+        if (!shares_.size() || grazing.depth > first_.depth + SAME_LEVEL) {
+            shares_.clear(); // roofs can be above the ground that later rays meet
+            first_ = grazing, highest_ = -INFINITE, shares_.append(1.0);
+        }
         for (int64_t step = shares_.size(); step < shares_.capacity() && (step - 1) * RELIEF_STEP < distance; step++) {
             double along = step * RELIEF_STEP;
             double height = scattering.height_at(first_.x + along * first_.ahead, first_.y + along * first_.left);
@@ -107,13 +110,19 @@ class GroundView {
             highest_ = maximum(highest_, slope);
         }
     }
-    // Return the share of the ground at a horizontal distance, m.
-    double share(double along) const {
+    // Return the share of the ground that a ray meets at a horizontal distance, m.
+    double share(const Grazing& grazing, double along) const {
         int64_t step = floor_of(along / RELIEF_STEP) + 1;
-        return 0 <= step && step < shares_.size() ? shares_[step] : 1.0;
+        return 0 <= step && step < shares_.size() && !is_above(grazing) ? shares_[step] : 1.0;
     }
 
   private:
+    static constexpr double SAME_LEVEL = 0.01; // m
+
+    bool is_above(const Grazing& grazing) const {
+        return shares_.size() && grazing.depth < first_.depth - SAME_LEVEL;
+    }
+
     List<double> shares_;
     Grazing first_;
     double highest_; // greatest slope from the antenna to the ground up to the last step
@@ -124,7 +133,7 @@ inline double patch_gamma(const Scattering& scattering, const GroundView& view, 
                           double distance) {
     double along = sqrt(maximum(distance * distance - grazing.depth * grazing.depth, 0.0));
     double x = grazing.x + along * grazing.ahead, y = grazing.y + along * grazing.left;
-    return scattering.at(scattering.patches, x, y, scattering.open_gamma) * view.share(along);
+    return scattering.at(scattering.patches, x, y, scattering.open_gamma) * view.share(grazing, along);
 }
 
 // Whether a surface is level; it is given by the direction and the cosine of incidence of a ray from above.
@@ -258,7 +267,7 @@ inline void add_ground(const RangeLines& lines, const Place& place, const Grazin
     double start = maximum(depth / sin(minimum(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
     // If here is not above half, the interval reaches the horizon, where directions meet no ground.
     if (here > half) end = minimum(end, depth / sin(here - half));
-    view.look(scattering, grazing, end);
+    if (is_patched) view.look(scattering, grazing, end);
     // The power is distributed over this angle; the power beyond the last bin is lost.
     double angle = asin(minimum(depth / start, 1.0)) - asin(minimum(depth / end, 1.0));
     double last = minimum(lines.bin_at(end + shift), double(lines.count()));

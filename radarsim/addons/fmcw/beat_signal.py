@@ -45,6 +45,7 @@ from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import thread_count
 
+ROUNDED_ALIKE: Final = 8192  # samples, as many as numpy's buffer holds
 BINS_AT_ONCE: Final = 150_000  # bins whose data fit into a processor's cache
 
 Power = NDArray[np.float32]
@@ -208,7 +209,10 @@ def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
     """
     # White noise of this amplitude has a mean power of 1 in a bin.
     thermal = 1 / math.sqrt(float((window_of(settings) ** 2).sum()))
-    received = np.einsum("ns,ns->n", signal, signal) / (2 * signal.shape[1])
+    # Of longer rows numpy rounds the sum of one differently from those of several.
+    parts = np.split(signal, range(ROUNDED_ALIKE, signal.shape[1], ROUNDED_ALIKE), 1)
+    energy = sum(np.einsum("ns,ns->n", part, part) for part in parts)
+    received = energy / (2 * signal.shape[1])
     share = 10 ** (settings.phase_noise_db / 10)
     white *= (thermal * np.sqrt(1 + share * received)).astype(np.float32)[:, None]
     signal += white
