@@ -300,3 +300,13 @@ def test_any_number_of_threads_records_the_same(
     streams = NumberedStreams(generator_for(0))
     power = beat_signal.beat_rows(settings, 0, nothing, NO_TONES, streams)
     assert power.shape == (0, settings.bins)
+
+
+def test_long_sweeps_are_the_same_in_any_blocks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Numpy sums rows of over 8192 numbers alone and together in different orders."""
+    settings = radar(azimuths=5, bins=20_000).settings
+    before = noise(settings)
+    monkeypatch.setattr(beat_signal, "thread_count", lambda: 5)
+    assert noise(settings).tobytes() == before.tobytes()

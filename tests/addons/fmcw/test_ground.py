@@ -159,3 +159,18 @@ def test_uneven_ground_shows_what_rises_and_hides_what_is_behind() -> None:
     for low, high in ((0, 50), (50, 120), (120, 200)):
         ratio = found[:, low:high].sum() / plain[:, low:high].sum()
         assert ratio == pytest.approx(expected[:, low:high].mean(), abs=0.1)
+
+
+@pytest.mark.parametrize("constant", [False, True])
+def test_roof_below_the_antenna_does_not_change_the_view(
+    radar: FmcwRadar, constant: bool
+) -> None:
+    rough = Material("soil", backscatter_db=-25, constant_gamma=True, roughness_cm3=256)
+    roof = Material("roof", backscatter_db=-25, constant_gamma=constant)
+    parts = block((400, 400, 0.2), (0, 0, -0.1), rough)
+    eye, far = Pose3(0, 0, 3), radar.ranges > 40
+    open_, covered = (
+        echo_power(radar, scene_of(parts, *above), eye)[:, far]
+        for above in ((), (block((1.6, 1.6, 0.1), (0, 0, 2.65), roof),))
+    )
+    assert covered == pytest.approx(open_, rel=1e-3)
