@@ -38,8 +38,8 @@ _CONNECTING: Final = 30  # s; timeout of the connection
 _WITHOUT_WORKERS: Final = 120  # s; timeout without any workers
 _REGISTRATIONS: Final = 5  # attempts to prepare all workers
 _AHEAD: Final = 2  # queued batches for each thread
-# An adaptive cluster starts workers only for queued tasks, so as many batches are
-# queued as for this number of threads.
+# An adaptive cluster starts workers only while tasks are queued. So batches for at
+# least this number of threads are queued, even before there are workers.
 _LEAST_THREADS: Final = 8
 
 Arguments: TypeAlias = tuple[Any, ...]

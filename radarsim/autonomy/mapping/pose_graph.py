@@ -186,7 +186,8 @@ class KeyframeGraph:
             motions or earlier closures, and is dropped.
         """
         old = self._poses[start]
-        # 1/m² and 1/rad² are added, since points at a single position give no heading.
+        # Points at a single position give no heading, so 1/m² and 1/rad² are added to
+        # make the matrix invertible.
         covariance = _inverse(information / POINTS_PER_ERROR + np.eye(3))
         weight = _information(covariance, old.yaw, CLOSURE_SIGMA)
         edge = Edge(start, len(self._poses) - 1, pose.relative_to(old), weight)

@@ -202,7 +202,7 @@ def _sorted_echoes(
 ) -> tuple[
     NDArray[np.int64], NDArray[np.int64], Floats, NDArray[np.int8], NDArray[np.bool_]
 ]:
-    """Join the echoes of all lines; several lines may belong to one object.
+    """Join all ``TargetEchoes``; several of them may belong to one object.
 
     Echoes with an invalid beam, beyond the maximum range or of an unknown kind are
     dropped.

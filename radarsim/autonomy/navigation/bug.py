@@ -148,7 +148,7 @@ class Bug1Policy:
 
 
 class Bug2Policy:
-    """Bug2 at one boundary: leave it at the line to the goal, if the robot is nearer.
+    """Bug2 at one boundary: leave it on the line to the goal, once nearer to the goal.
 
     The attributes are those of ``Bug1Policy``.
     """
@@ -379,8 +379,8 @@ class Bug(BoundaryController):
             return self._leave_or_conclude(observation)
         if decision is Decision.LEAVE_UNSURE:
             if self._misses < _MOST_MISSES:
-                # The robot may have circled the next
-                # obstacle already, so it changes the side.
+                # The robot may have circled the next obstacle already, so it follows
+                # the next boundary on the other side.
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
@@ -408,8 +408,8 @@ class Bug(BoundaryController):
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
         if is_other:
-            # The other obstacle is across or behind a gap. With the wall on the same
-            # side, the robot would return to that obstacle.
+            # The other obstacle is across or behind a gap. The robot would return to
+            # that obstacle if it kept the wall on the same side.
             self._change_hand()
         self._best_leave = math.inf
         # In a gap, the robot may circle an obstacle that never

@@ -146,7 +146,7 @@ class TouchedPlaces:
 
 
 class TransientObstacles:
-    """Keeps obstacles for some seconds if one scan shows and the next misses them."""
+    """Keeps obstacles for some seconds after they have vanished from the scans."""
 
     def __init__(self) -> None:
         self._last: Observation | None = None
@@ -172,7 +172,7 @@ class TransientObstacles:
 
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
-    """Return boxes, (4,) corners each, map frame, at points missing in the new scan."""
+    """Return boxes, (4,) corners each, map frame, at points that the new scan lacks."""
     near = last.offsets(last.ranges < REACH)
     points = complex(last.pose.x, last.pose.y) + near
     boxes: list[Points] = []
@@ -308,10 +308,10 @@ class TouchMemory:
         return self.retreat(observation) or twist
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
-        """Return whether the footprint keeps a distance, m, from points in a motion."""
+        """Return whether a motion keeps the footprint a distance, m, from points."""
         now = self._distance_at(points, STOP, 0.0)
-        # Points that seem to be inside the footprint are
-        # close to it: a turning corner may graze them.
+        # Points that seem to be inside the footprint are close to its outline, so a
+        # corner of the robot may graze them in a turn.
         if now < 0 and abs(twist.speed) < LEAST_SPEED:
             return False
         soon = min(self._distance_at(points, twist, time) for time in _SOON)

@@ -203,7 +203,7 @@ class Waiting:
         return Twist(forward * BACK_SPEED, 0.0)
 
     def _has_moved(self, observation: Observation) -> bool:
-        """Return whether an object has moved recently near the nearest point."""
+        """Return whether an object has recently moved near the shortest beam's end."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
         (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))

@@ -333,7 +333,7 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, self.goals[0])
 
     def _leave(self, observation: Observation, place: Point) -> Twist:
-        """Leave the boundary for a position, and store the boundary for another hit."""
+        """Leave the boundary for a position, but store it in case it is hit again."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self._left = self._boundary if self._boundary.is_reached else None
         self._restart()

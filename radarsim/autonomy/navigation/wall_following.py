@@ -262,8 +262,8 @@ class WallFollower:
         # Seen along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
-        # The other side begins ``SIDE_ANGLE`` off, so that the boundary itself, seen at
-        # a flat angle far ahead, does not count as the other side.
+        # Directions within ``SIDE_ANGLE`` of the boundary are excluded, since the
+        # boundary itself is seen there at a flat angle.
         other &= np.isfinite(view.ranges)
         x, y = _end_points(view.bearings[other], view.ranges[other])
         x -= distance * math.cos(bearing)

@@ -242,7 +242,7 @@ def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Bbox:
 
 
 def first_map_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Bbox:
-    """Return the first extent of a film: the scene, if it is known and not too large.
+    """Return a film's first extent: the scene, or the map if the scene is too large.
 
     Args:
         outlines: The outlines of the scene; empty if it is unknown.
