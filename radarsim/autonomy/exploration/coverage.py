@@ -244,8 +244,8 @@ class SpiralCoverage(Strategy):
         if has_arrived:
             self._skipped_angle = 0.0
             self._advance()
-        # Unreachable points are skipped. If a full turn
-        # of the spiral is skipped, the robot is enclosed.
+        # Unreachable points are skipped. If all points of a full turn of the spiral are
+        # unreachable, the robot is enclosed.
         while not self.is_done:
             targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
             if self._path_follower.plan(observation, targets):
@@ -293,8 +293,8 @@ class RandomBounce(Strategy):
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            # A straight leg has ended. It was useful
-            # if the robot has seen new floor on it.
+            # A straight leg has ended. It was useful only if the robot saw new floor on
+            # the way.
             floor = settings.traversability(grid)
             remaining = floor.area(floor.unvisited & floor.reachable(observation.pose))
             self._idle_legs += 1

@@ -29,7 +29,7 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 class BeamEnd(IntEnum):
-    """The cause of a beam's end."""
+    """The reason why a beam ends where it does."""
 
     NOTHING = 0  # the beam reached the maximum range
     UNSURE = 1  # a range without echoes

@@ -240,7 +240,7 @@ class BoundaryController(Controller):
     def _begin_boundary(
         self, kind: type[WallFollower] = WallFollower, *, wall_on_left: bool
     ) -> None:
-        """Start to align with the blocking obstacle's boundary, on the given side."""
+        """Start to align the robot with the boundary of the obstacle that blocks it."""
         limits, self.activity = self._settings.speed_limits, Activity.ALIGNING
         follower = kind(self._settings.bumpers, limits, wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(follower)
@@ -306,7 +306,8 @@ class Bug(BoundaryController):
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
             twist, aligned = self._boundary.follower.align(observation, bearing)
-            # Next to a mirror, the nearest point may change sides with each turn.
+            # Next to a mirror, the nearest point may jump from side to side, so the
+            # robot would turn back and forth forever.
             self._reversals += twist.turn * self._turn < 0
             self._turn = twist.turn
             if aligned or self._reversals >= _MOST_REVERSALS:
@@ -320,8 +321,8 @@ class Bug(BoundaryController):
         ahead = bumpers.towards(observation, bearing)
         if ahead.blocked and not self._is_beyond(observation, ahead.distance):
             return False
-        # A robot that has followed a boundary into
-        # a narrow gap may drive on in the gap.
+        # In a narrow gap, a robot that has just left a boundary may drive on with less
+        # room.
         graze = 0.0 if self._leaving else GRAZE
         return self._side_distance(observation) >= bumpers.safety_distance + graze
 

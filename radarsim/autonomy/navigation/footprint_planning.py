@@ -211,7 +211,8 @@ class _PoseGrid:
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
-            # This cost is added where a point is within the margin at every heading.
+            # The cost is added to cells where, at every heading, a point is within the
+            # margin of the footprint.
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)

@@ -241,8 +241,8 @@ class TouchMemory:
             return False
         self._moved_on_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # Driving back does not help after a contact on the way back, or without
-        # progress. In both cases the robot searches for another way out.
+        # Driving back does not help if the contact happened on the way back, or if the
+        # robot made no progress. In both cases it searches for another way out.
         self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
@@ -290,7 +290,7 @@ class TouchMemory:
         return way_out
 
     def keep_off(self, observation: Observation, twist: Twist) -> Twist:
-        """Return the motion, or a motion away from the obstacle that it would touch.
+        """Return the motion, or one that leads away if it would touch an obstacle.
 
         Args:
             observation: The newest scan, after ``retreat``.
@@ -299,8 +299,8 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # Planned paths lead close to seen points,
-        # so no distance from these is required.
+        # Planned paths lead close to seen points, so the robot may come close to these,
+        # but not to the boxes.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist

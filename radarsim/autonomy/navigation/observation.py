@@ -68,7 +68,7 @@ POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
 
 
 class ScanClock:
-    """Computes scan times from time stamps, or from a clock while stamps stand still.
+    """Computes scan times from time stamps, or from a clock if stamps do not advance.
 
     Some servers send no time stamps, or the same stamp again and again.
     """
@@ -398,7 +398,7 @@ class ObservationBuilder(ScanReader):
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # Only the correction has moved the previous
-            # scan's pose, so that pose is compared.
+            # The previous scan's pose changes only by a correction, so its two values
+            # are compared.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose
