@@ -183,7 +183,7 @@ class Mission(DrivePlan):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplorationPlan(DrivePlan):
-    """An exploration; with waypoints the scanner need not cover a full circle.
+    """Plan of an exploration; with waypoints, the scanner need not cover a full circle.
 
     Attributes:
         strategy: Strategy of exploring.

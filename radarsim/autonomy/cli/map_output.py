@@ -81,7 +81,7 @@ ENDINGS: Final = {
 
 
 class MapFiles:
-    """The files of a map: their names, checks before the run, and contents.
+    """The files that a mapping run writes: names, checks and contents.
 
     Attributes:
         options: Options of the written files.
@@ -245,7 +245,7 @@ def _hidden_text(share: float, outlines: Iterable[Outline]) -> str:
 
 
 def map_camera(run: MappingRun) -> Callable[[], Pixels]:
-    """Return a function that draws the map of a run with at least one scan."""
+    """Return a function that draws the map of a run; call it after the first scan."""
 
     @cache  # called after the first scan, when the start of the robot is known
     def film(mapper: Mapper) -> tuple[MapView, MapFrames, FloorPart | None]:
@@ -275,7 +275,7 @@ def map_camera(run: MappingRun) -> Callable[[], Pixels]:
 def map_progress(
     run: MappingRun, recording: Recording, update_film: Callable[[float], None]
 ) -> Iterator[Callable[[str], None]]:
-    """Show the progress of a map on stderr, film it and record it.
+    """Show the progress of a mapping run on stderr, and film and record its map.
 
     Args:
         run: The run.
@@ -312,7 +312,7 @@ def _describe_status(run: MappingRun, activity: str) -> str:
 
 
 def print_result(run: MappingRun, *, as_json: bool) -> None:
-    """Print the result of a run; if it has no scan, print failures only as JSON."""
+    """Print the result of a run; a run that failed without a scan prints only JSON."""
     if as_json:
         print_lines([run.to_json()])
     elif run.source.trip.start is not None or not run.error:

@@ -58,7 +58,7 @@ class NavigationFiles(RunFiles):
     plot: Path | None = None
 
     def check(self) -> None:
-        """Check before the run that its files can be written after it.
+        """Check before a run that the files can be written after the run.
 
         Raises:
             click.BadParameter: If a file cannot be written.
@@ -170,7 +170,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
-    """Print the result of a run, even if interrupted; print failures only as JSON."""
+    """Print the result of a run, even if interrupted; a failed run prints only JSON."""
     from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 

@@ -142,7 +142,7 @@ def as_text(run: NavigationRun) -> list[str]:
 
 
 def _judged_goal(mission: Mission) -> str:
-    """Return a phrase for the goal to which the true distance is measured."""
+    """Return a phrase that names the goal of the reported true distance."""
     if mission.return_to_start:
         return "its start"
     return "the last goal" if len(mission.goals) > 1 else "the goal"
@@ -199,7 +199,7 @@ def _true_path(run: NavigationRun) -> Floats:
 
 
 def run_camera(run: NavigationRun) -> Callable[[], Pixels]:
-    """Return a function that draws the current state of a run with at least one row."""
+    """Return a function that draws the state of a run; call it after the first row."""
 
     @cache  # called after the first row, which has the robot's start
     def film() -> tuple[RunView, RunFrames]:

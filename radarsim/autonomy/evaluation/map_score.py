@@ -120,7 +120,7 @@ def class_of(material: Material) -> CellClass:
 
 
 def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
-    """Return the cells inside a part; a part around a start is a hollow room."""
+    """Return the cells inside a part, except hollow rooms, which contain a start."""
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
     # Points are rounded to a micrometre, since the ends
@@ -328,7 +328,7 @@ def score_map(
 def robot_and_sensor(
     mapper: Mapper, scene: Scene, robot_class: str, start: Position
 ) -> tuple[float, float]:
-    """Return half a robot's diagonal, m, and its scanner's height, m, map frame.
+    """Return half the diagonal of a robot and the height of its scanner on the map, m.
 
     Args:
         mapper: The mapper of the scanner.
@@ -357,7 +357,7 @@ def _class_accuracy(classes: Any, truth: Truth) -> float | None:
 
 
 def _distances(cells: Mask) -> Floats:
-    """Return distances to the nearest given cell, in cells; inf if beyond the limit."""
+    """Return each cell's distance to the nearest given cell, in cells; inf if far."""
     return distance_field(cells, TOLERANCE + BESIDE)
 
 

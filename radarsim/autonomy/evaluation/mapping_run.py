@@ -97,7 +97,8 @@ class AreaCurve:
                 self.reached[f"{each:g}"] = {"time": time, "path_length": length}
         if last and self.samples and self.samples[-1].time == sample.time:
             del self.samples[-1]  # the sample of the same scan before the run ended
-        # Every sample is computed, but only some are stored.
+        # Every sample updates the times above, but only some are stored, which limits
+        # the size of the result.
         before = self.samples[-1].time if self.samples else -math.inf
         if last or sample.time >= before + self._interval - 1e-9:
             self.samples.append(sample)

@@ -176,7 +176,7 @@ class NavigationRun:
             self.error = f"goal{which} not reached {limit}, {distance:.2f} m from it"
 
     def summary(self) -> dict[str, Any]:
-        """Return all values of the run by name, with unrounded numbers.
+        """Return all results of the run by name; numbers are not rounded.
 
         An aborted run has the values up to its end.
         """
@@ -207,7 +207,7 @@ class NavigationRun:
         return values
 
     def legs(self) -> list[dict[str, Any]]:
-        """Return a result for each goal that the robot has reached or drives to."""
+        """Return a result for each goal that the robot has reached or started for."""
         legs = self.run_log.legs
         return [
             {

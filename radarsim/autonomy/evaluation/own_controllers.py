@@ -157,7 +157,7 @@ class Evaluation:
 
     @property
     def detour(self) -> Mapping[str, Estimate]:
-        """Ratio of the path length to the shortest path, by map, for runs to the goal.
+        """Ratio of path length to shortest path, by map; only runs to the goal count.
 
         Maps without such a run are missing. The intervals are Student's at 95 %.
         """

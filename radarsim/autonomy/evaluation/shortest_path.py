@@ -97,7 +97,7 @@ class _Search:
         return None
 
     def _expand(self, corner: int) -> NDArray[np.intp]:
-        """Return the visible corners to which the path through a corner is shorter."""
+        """Return visible corners whose path gets shorter through the given corner."""
         points = self._points
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)
@@ -115,7 +115,7 @@ class _Search:
         return seen
 
     def _pass(self, lines: Floats, which: NDArray[np.intp] | int) -> NDArray[np.bool_]:
-        """Return which lines have both edges of their corner on the same side.
+        """Return which lines have both edges of the obstacle corner on the same side.
 
         Args:
             lines: (L, 2) m, vectors of the lines.

@@ -38,8 +38,8 @@ _CONNECTING: Final = 30  # s; timeout of the connection
 _WITHOUT_WORKERS: Final = 120  # s; timeout without any workers
 _REGISTRATIONS: Final = 5  # attempts to prepare all workers
 _AHEAD: Final = 2  # queued batches for each thread
-# An adaptive cluster starts workers only for queued tasks, so as many batches are
-# queued as for this number of threads.
+# An adaptive cluster starts workers only while tasks are queued. So batches for at
+# least this number of threads are queued, even before there are workers.
 _LEAST_THREADS: Final = 8
 
 Arguments: TypeAlias = tuple[Any, ...]
@@ -98,7 +98,7 @@ def _run_together(
     tasks: dict[int, Arguments],
     begun: list[int],
 ) -> Iterator[TaskResult[Value]]:
-    """Run tasks until a process crashes; add started task numbers to ``begun``."""
+    """Run tasks until a process crashes; add the number of each to ``begun``."""
 
     def calls() -> Iterator[Any]:
         for number, arguments in [*tasks.items()]:
@@ -107,21 +107,21 @@ def _run_together(
 
     with starting_workers():
         results = parallel(calls())
-        # Without a pause, joblib may end before its
-        # thread has sent all tasks, and the thread fails.
+        # Without a pause, joblib may shut down while its thread is still sending tasks,
+        # and the thread would fail.
         time.sleep(0.1)
     yield from results
 
 
 @contextmanager
 def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel]:
-    """Open a pool of processes, which start with the first tasks."""
+    """Open a pool of processes, which are started when the first tasks arrive."""
     # joblib warns about runs that are ended early, and about workers that it restarts
     # because of high memory use.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
     with TemporaryDirectory(prefix="radarsim-") as folder:
-        # The preparation is passed in a file: with
-        # a pipe, workers would start one by one.
+        # The workers read the preparation from a file. With a pipe, they would start
+        # one after the other.
         file = Path(folder) / "prepare.joblib"
         joblib.dump(prepare, file)
         try:

@@ -111,7 +111,7 @@ def run_plan(
     *,
     seed: int = 0,
 ) -> TrialResult:
-    """Run a plan in lockstep with a server; return its result by the ground truth.
+    """Run a plan in lockstep with a server, and judge it by the ground truth.
 
     Args:
         plan: A drive to a goal, or an exploration, whose map is scored.
@@ -158,7 +158,7 @@ def _drive(mission: Mission, host: Host) -> TrialResult:
 def judge_drive(
     host: Host, monitor: GroundTruthMonitor, off: float, outcome: str, note: str
 ) -> TrialResult:
-    """Return the result of a drive; ``reached`` away from the goal counts as failed.
+    """Return the result of a drive; reporting the goal elsewhere counts as failed.
 
     Args:
         host: The server.
@@ -212,7 +212,7 @@ def load_trial(map_: str) -> tuple[Scene, Trial]:
 def run_trial(
     map_: str, algorithm: str, sensor: str, seed: int, rule: str = Rule.SHARE.value
 ) -> TrialResult:
-    """Run one trial; the arguments are attributes of its result.
+    """Run one trial; the arguments are described in ``TrialResult``.
 
     Raises:
         MapError: If the map is invalid, or defines no trial.

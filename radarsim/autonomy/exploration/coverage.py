@@ -103,12 +103,12 @@ def frontier_strategy(
     settings: ExplorationSettings,
     select_targets: TargetSelector = lambda floor: floor.frontiers,
 ) -> NearestTargetStrategy:
-    """Return a strategy that drives to the nearest frontier, of all or of some."""
+    """Return a strategy that drives to the nearest of all or of selected frontiers."""
     return NearestTargetStrategy(settings, select_targets, "frontier", turn=FULL_TURN)
 
 
 def coverage_strategy(settings: ExplorationSettings) -> NearestTargetStrategy:
-    """Return a strategy that drives to the nearest floor not seen from nearby."""
+    """Return a strategy that drives to the nearest floor not seen at short range."""
     return NearestTargetStrategy(settings, lambda floor: floor.unvisited, "filling")
 
 
@@ -205,12 +205,12 @@ class ContourStrategy(Strategy):
         self._turn += wrap_angle(pose.yaw - last.yaw)
         if distance(pose, *self._track[-1]) > TRACK_STEP:
             self._track.append((pose.x, pose.y))
-        # At first, noise alone may look like a pass
-        # of the start, so a least length is required.
+        # Near the start, noise may look like a robot that passes its start again, so a
+        # minimum length is required.
         if self._begin.observe(pose) and self._length > MIN_LENGTH:
             self.contours += 1
-            # In total, a circuit inside a room turns the robot to one side, and a
-            # circuit around an island to the other side.
+            # Over a whole circuit, the robot turns to one side inside a room, and to
+            # the other side around an island.
             is_inside = (self._turn < 0) == self._wall_follower.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._lost > LOST_CIRCLES * math.tau * self._wall_follower.target_distance:
@@ -244,8 +244,8 @@ class SpiralCoverage(Strategy):
         if has_arrived:
             self._skipped_angle = 0.0
             self._advance()
-        # Unreachable points are skipped. If a full turn
-        # of the spiral is skipped, the robot is enclosed.
+        # Unreachable points are skipped. If all points of a full turn of the spiral are
+        # unreachable, the robot is enclosed.
         while not self.is_done:
             targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
             if self._path_follower.plan(observation, targets):
@@ -293,8 +293,8 @@ class RandomBounce(Strategy):
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            # A straight leg has ended. It was useful
-            # if the robot has seen new floor on it.
+            # A straight leg has ended. It was useful only if the robot saw new floor on
+            # the way.
             floor = settings.traversability(grid)
             remaining = floor.area(floor.unvisited & floor.reachable(observation.pose))
             self._idle_legs += 1

@@ -61,7 +61,7 @@ class Revisit(Strategy):
     def __init__(
         self, settings: ExplorationSettings, strategy: Strategy, *, fills: bool
     ) -> None:
-        """Create the strategy, which starts with another one.
+        """Create the strategy; it first runs the given other strategy.
 
         Args:
             settings: Settings of the exploration.
@@ -113,7 +113,7 @@ class Revisit(Strategy):
     def find_unexplored(
         self, observation: Observation, grid: OccupancyGrid
     ) -> tuple[list[Point], list[Point]]:
-        """Find unexplored floor, in an open area only within the radius of the plan.
+        """Find unexplored floor; in an open area, search only within the plan's radius.
 
         Args:
             observation: The newest observation.
@@ -209,14 +209,14 @@ class Revisit(Strategy):
         return targets & self._near_start(observation, floor)
 
     def _near_start(self, observation: Observation, floor: TraversabilityMap) -> Mask:
-        """Return the tiles that may be explored: all of them in an enclosed area."""
+        """Return the explorable tiles: in an open area, only those near the start."""
         start = self._start
         if start is None or is_enclosed(observation):
             return np.ones_like(floor.open)
         return floor.disc(start.x, start.y, self._settings.plan.radius)
 
     def _reopened(self, tiles: Mask) -> TraversabilityMap:
-        """Return the map with moved obstacles removed from some tiles."""
+        """Return the map without the moved obstacles on the given tiles."""
         floor = self._floor
         labels, _ = ndimage.label(tiles & ~floor.open, np.ones((3, 3)))
         came = labels[self._was_free & floor.nearer_than(FREE_RADIUS - MARGIN)]
@@ -234,7 +234,7 @@ def moved_things(grid: OccupancyGrid, was_open: Mask, safety: float) -> Mask:
     blocked, size = grid.blocked_cells(), grid.frame.resolution
     reach = max(safety - MARGIN, 0.0) / size
     near = blocked & np.isfinite(distance_field(was_open, reach))
-    # Pieces near each other belong to one object, since there are gaps between beams.
+    # Beams leave gaps between them, so pieces near each other count as one object.
     joined = np.isfinite(distance_field(near, GAP / size))
     labels, count = ndimage.label(joined, np.ones((3, 3)))
     sizes = np.bincount(labels[blocked & was_open], minlength=count + 1)

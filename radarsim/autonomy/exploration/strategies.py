@@ -101,8 +101,8 @@ class AutoStrategy(Strategy):
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
-        # Each strategy may leave floor to another one, so the number of times that each
-        # strategy is chosen is limited.
+        # Two strategies could alternate forever, each leaving floor to the other. So
+        # each strategy is chosen only a limited number of times.
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),
@@ -126,5 +126,5 @@ class AutoStrategy(Strategy):
 
 
 def is_enclosed(observation: Observation) -> bool:
-    """Return whether most directions have a return."""
+    """Return whether the beams in most directions have a return."""
     return bool(np.isfinite(observation.ranges).mean() > ENCLOSED_SHARE)

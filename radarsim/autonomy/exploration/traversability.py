@@ -103,12 +103,12 @@ class TraversabilityMap:
         return other
 
     def tiles_of(self, other: "TraversabilityMap", tiles: Mask) -> Mask:
-        """Return this map's tiles at the positions of given tiles of another map."""
+        """Convert tiles of another map to this map's tiles at the same positions."""
         left, bottom = self._corner
         column = round((other._corner[0] - left) / self.size)
         row = round((other._corner[1] - bottom) / self.size)
         result = np.zeros_like(self.open)
-        # The mask is cropped, since a rebuilt map may lack some of its tiles.
+        # A rebuilt map may be smaller, so tiles outside it are cropped from the mask.
         tiles = tiles[max(-row, 0) :, max(-column, 0) :]
         place = result[max(row, 0) :, max(column, 0) :]
         rows, columns = np.minimum(place.shape, tiles.shape)
@@ -134,7 +134,7 @@ class TraversabilityMap:
         return np.asarray(np.hypot(columns - x, rows[:, None] - y) <= radius)
 
     def nearest(self, tiles: Mask, x: float, y: float) -> Mask:
-        """Return a mask of only that given tile that is nearest to a point, m."""
+        """Return a mask of one tile: the given tile that is nearest to a point, m."""
         columns, rows = self.tile_centers()
         distance = np.hypot(columns - x, rows[:, None] - y)
         chosen = np.zeros_like(tiles)
@@ -192,7 +192,7 @@ class TraversabilityMap:
         return np.asarray(flood_fill(passable, start) & self.open)
 
     def places_of(self, tiles: Mask, least_area: float) -> list[Point]:
-        """Return the centre of the middle tile of each connected group of tiles, m.
+        """Return the position, m, of the middle tile of each connected group.
 
         Args:
             tiles: (R, C).
@@ -247,7 +247,7 @@ class TraversabilityMap:
         return np.pad(tiles, _PADDING)
 
     def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
-        """Return the least clearance of each tile's cells, m; inf beyond a limit."""
+        """Return the least clearance in each tile, m; inf beyond a limit."""
         # Distances beyond the limit do not change costs, so they are not computed.
         limit = self.safety + COSTLY + self.size
         cells = np.pad(blocked, _PADDING * self._factor)
@@ -256,7 +256,7 @@ class TraversabilityMap:
         return tiles
 
     def _distances(self, tiles: Mask, max_distance: float) -> Floats:
-        """Return the distance to the nearest given tile, m; inf beyond the limit."""
+        """Return each tile's distance to the nearest given tile, m; inf if too far."""
         return distance_field(tiles, max_distance / self.size) * self.size
 
     def _dilated(self, tiles: Mask) -> Mask:

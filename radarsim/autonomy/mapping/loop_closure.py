@@ -216,7 +216,8 @@ def joined(keyframes: Iterable[Keyframe], pose: Pose2, most: int) -> ScanPoints:
         motion = each.pose.relative_to(pose)
         along, normals = (turned(rows, motion.yaw) for rows in each.points[1:3])
         parts.append((moved(each.points.places, motion), along, normals))
-    # Only every n-th point is kept, so that every keyframe keeps its share.
+    # Only every n-th point is kept, so that each keyframe keeps the same share of its
+    # points.
     step = 1 + sum(len(places) for places, *_ in parts) // most
     columns = (np.concatenate(column)[::step] for column in zip(*parts, strict=True))
     places, along, normals = map(np.ascontiguousarray, columns)
@@ -267,9 +268,9 @@ def find_pose(
     found = fit(table, points, start, pose, sigma)
     if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
         return None
-    # Niches, doors or pillars in a row look alike from many poses.
-    # If only half of a row is known, the best fit may be at a wrong
-    # pose, but the fit at the estimated pose is about as good.
+    # Niches, doors or pillars in a row look alike from many poses. If only half of a
+    # row is known, the best fit may be at a wrong pose. In this case, the fit at the
+    # estimated pose is about as good, and the match is rejected.
     rival = fit(table, points, pose, pose, sigma)
     is_apart = rival.pose.distance(found.pose) > APART
     return None if is_apart and rival.score > MAX_RIVAL * found.score else found

@@ -272,7 +272,8 @@ class Mapper(ScanReader):
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         revision = self.slam.revision
         pose = self.slam.step(scan, *(reported or ()))
-        # A loop closure or a rotation of the map has changed the poses of all scans.
+        # The poses of all scans have changed, by a loop closure or a rotation of the
+        # map.
         if self.slam.revision > revision:
             self._grid.rebuild()
         # A scan without echoes is not mapped, but its pose helps to find the next pose.

@@ -308,7 +308,7 @@ class OccupancyGrid:
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-log_odds)), np.nan)
 
     def _extend(self, x: float, y: float, offsets: Floats) -> None:
-        """Extend the map to contain a point, m, and (N, 2) m offsets from it."""
+        """Extend the map to a point, m, and to points at offsets from it, (N, 2) m."""
         # One cell is added on each side to allow for rounding. The point itself is
         # included as well, since a scan may have no beams.
         low = offsets.min(axis=0, initial=0.0) - self.frame.resolution

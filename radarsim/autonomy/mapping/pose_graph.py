@@ -94,7 +94,7 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
 
 
 def squared_errors(poses: Floats, edges: list[Edge]) -> Floats:
-    """Return the squared error of each edge, (E,), in variances (chi squared)."""
+    """Return the squared error of each edge over its variance (chi squared), (E,)."""
     errors = _linearized(poses, edges)[0]
     information = np.array([edge.information for edge in edges])
     squares: Floats = np.einsum("ei,eij,ej->e", errors, information, errors)
@@ -102,7 +102,7 @@ def squared_errors(poses: Floats, edges: list[Edge]) -> Floats:
 
 
 def _linearized(poses: Floats, edges: list[Edge]) -> tuple[Floats, Floats, Floats]:
-    """Return errors, (E, 3), and their Jacobians by start and end, (E, 3, 3)."""
+    """Return errors, (E, 3), and their Jacobians by both poses, (E, 3, 3) each."""
     measured = np.array([(e.motion.x, e.motion.y, e.motion.yaw) for e in edges])
     starts, ends = _ends(edges).T
     yaws = poses[starts, 2]
@@ -186,7 +186,8 @@ class KeyframeGraph:
             motions or earlier closures, and is dropped.
         """
         old = self._poses[start]
-        # 1/m² and 1/rad² are added, since points at a single position give no heading.
+        # Points at a single position give no heading, so 1/m² and 1/rad² are added to
+        # make the matrix invertible.
         covariance = _inverse(information / POINTS_PER_ERROR + np.eye(3))
         weight = _information(covariance, old.yaw, CLOSURE_SIGMA)
         edge = Edge(start, len(self._poses) - 1, pose.relative_to(old), weight)

@@ -29,7 +29,7 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 class BeamEnd(IntEnum):
-    """The cause of a beam's end."""
+    """The reason why a beam ends where it does."""
 
     NOTHING = 0  # the beam reached the maximum range
     UNSURE = 1  # a range without echoes
@@ -202,7 +202,7 @@ def _sorted_echoes(
 ) -> tuple[
     NDArray[np.int64], NDArray[np.int64], Floats, NDArray[np.int8], NDArray[np.bool_]
 ]:
-    """Join the echoes of all lines; several lines may belong to one object.
+    """Join all ``TargetEchoes``; several of them may belong to one object.
 
     Echoes with an invalid beam, beyond the maximum range or of an unknown kind are
     dropped.

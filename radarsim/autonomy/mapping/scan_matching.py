@@ -58,7 +58,7 @@ _ROWS: Final = 1 << 12  # rows of the table of an empty map; a power of two
 
 
 class PointMap:
-    """Map of the moments of the points of all scans.
+    """Map that stores the moments of the scan points in each cell.
 
     Attributes:
         table: The hash table, as the engine expects it.
@@ -146,7 +146,7 @@ class Fit(NamedTuple):
 
     @property
     def evenness(self) -> float:
-        """Ratio of least to greatest information on a translation in any direction.
+        """Ratio of information on translation: least to most certain direction.
 
         It is near 0 in a corridor, and 0 without points.
         """
@@ -178,5 +178,5 @@ def fit(
 
 
 def best_start(table: Packed, points: ScanPoints, starts: Floats) -> int:
-    """Return the row number of the (S, 3) pose that a sample of points fits best."""
+    """Return the row number of the pose, of (S, 3), where sampled points fit best."""
     return int(engine.best_start(table, *points, starts))

@@ -53,8 +53,8 @@ SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s; change of speed between two r
 # standard deviation of an echo's position across its
 # beam, m; N / 300 for a radar with side rays N units away
 BEAM_SPREAD: Final = 0.08
-# standard deviation of the turn that odometry does not measure, rad/m, for wheels half
-# a metre apart whose sizes differ by 0.75 %
+# standard deviation of the yaw error of odometry per metre, rad/m: the wheels are half
+# a metre apart, and their sizes differ by 0.75 %
 WHEEL_DRIFT: Final = 0.015
 KEYFRAME_STEP: Final = (0.2, 0.1)  # m and rad between keyframes
 # largest motion between two scans, m and rad; used without a motion source

@@ -72,7 +72,8 @@ def trajectory_errors(
     path = np.concatenate([[0.0], np.cumsum(steps)])
     # For each pose, find the first pose that is ``rpe_over`` farther along the path.
     ends = np.searchsorted(path, path + rpe_over)
-    # The path after the last poses is shorter than that, so they are left out.
+    # The last poses have no pose that much farther along the path, so they are left
+    # out.
     starts = np.flatnonzero(ends < len(path))
     rpe = rpe_yaw = math.nan
     if len(starts):

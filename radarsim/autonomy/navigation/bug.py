@@ -148,7 +148,7 @@ class Bug1Policy:
 
 
 class Bug2Policy:
-    """Bug2 at one boundary: leave it at the line to the goal, if the robot is nearer.
+    """Bug2 at one boundary: leave it on the line to the goal, once nearer to the goal.
 
     The attributes are those of ``Bug1Policy``.
     """
@@ -240,7 +240,7 @@ class BoundaryController(Controller):
     def _begin_boundary(
         self, kind: type[WallFollower] = WallFollower, *, wall_on_left: bool
     ) -> None:
-        """Start to align with the blocking obstacle's boundary, on the given side."""
+        """Start to align the robot with the boundary of the obstacle that blocks it."""
         limits, self.activity = self._settings.speed_limits, Activity.ALIGNING
         follower = kind(self._settings.bumpers, limits, wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(follower)
@@ -306,7 +306,8 @@ class Bug(BoundaryController):
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
             twist, aligned = self._boundary.follower.align(observation, bearing)
-            # Next to a mirror, the nearest point may change sides with each turn.
+            # Next to a mirror, the nearest point may jump from side to side, so the
+            # robot would turn back and forth forever.
             self._reversals += twist.turn * self._turn < 0
             self._turn = twist.turn
             if aligned or self._reversals >= _MOST_REVERSALS:
@@ -320,8 +321,8 @@ class Bug(BoundaryController):
         ahead = bumpers.towards(observation, bearing)
         if ahead.blocked and not self._is_beyond(observation, ahead.distance):
             return False
-        # A robot that has followed a boundary into
-        # a narrow gap may drive on in the gap.
+        # In a narrow gap, a robot that has just left a boundary may drive on with less
+        # room.
         graze = 0.0 if self._leaving else GRAZE
         return self._side_distance(observation) >= bumpers.safety_distance + graze
 
@@ -379,8 +380,8 @@ class Bug(BoundaryController):
             return self._leave_or_conclude(observation)
         if decision is Decision.LEAVE_UNSURE:
             if self._misses < _MOST_MISSES:
-                # The robot may have circled the next
-                # obstacle already, so it changes the side.
+                # The robot may have circled the next obstacle already, so it follows
+                # the next boundary on the other side.
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
@@ -408,8 +409,8 @@ class Bug(BoundaryController):
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
         if is_other:
-            # The other obstacle is across or behind a gap. With the wall on the same
-            # side, the robot would return to that obstacle.
+            # The other obstacle is across or behind a gap. The robot would return to
+            # that obstacle if it kept the wall on the same side.
             self._change_hand()
         self._best_leave = math.inf
         # In a gap, the robot may circle an obstacle that never

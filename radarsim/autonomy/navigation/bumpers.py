@@ -86,7 +86,7 @@ class Bumpers:
 
     @property
     def pressed_below(self) -> float:
-        """Far end of the band, m."""
+        """Distance, m, below which a bumper may be pressed: the far end of its band."""
         return self.safety_distance + BAND
 
     @property
@@ -142,7 +142,7 @@ class Bumpers:
 
 
 def nearest_share(ranges: Floats, share: float) -> float:
-    """Return the largest value among the given share of the shortest ranges, m.
+    """Return the range, m, that the given share of all ranges does not exceed.
 
     Args:
         ranges: (N,) m, at least one.

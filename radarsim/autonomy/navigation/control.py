@@ -88,8 +88,8 @@ class StuckDetector:
         Raises:
             NavigationError: If the commanded robot does not move.
         """
-        # In a long gap between scans, the loop
-        # stopped the robot or could not command it.
+        # During a long gap between scans, the loop stopped the robot or could not
+        # command it. So only the first part of the gap counts.
         elapsed = min(observation.time - self._last_time, _LONGEST_STEP)
         self._last_time = observation.time
         pose, command = observation.pose, ""
@@ -187,7 +187,7 @@ class ControlLoop:
                 self.drive(STOP)
                 stopped = True
             reports: list[Report] = []
-            # A timeout of one read is not an error before the whole timeout has passed.
+            # A single read may time out. This is an error only after the whole timeout.
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))

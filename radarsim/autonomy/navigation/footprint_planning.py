@@ -49,7 +49,8 @@ _HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
 _LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
 # Costs of the motions at each heading: forward, backward, and a turn to either side.
 _COSTS: Final = np.column_stack([_LENGTHS, _LENGTHS * REVERSE, *np.full((2, 16), TURN)])
-# Greatest ratio of path lengths on a grid with 8 neighbours and one with 16.
+# Greatest ratio of a path's length on a grid with 8 neighbours to its length on a grid
+# with 16 neighbours.
 _LONGER: Final = (1 + math.sqrt(2)) / math.sqrt(5)
 # Number of mask bits per margin: one for each heading in half a circle, and one for
 # each angle between two headings.
@@ -210,7 +211,8 @@ class _PoseGrid:
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
-            # This cost is added where a point is within the margin at every heading.
+            # The cost is added to cells where, at every heading, a point is within the
+            # margin of the footprint.
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)

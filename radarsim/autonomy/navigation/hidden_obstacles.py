@@ -146,7 +146,7 @@ class TouchedPlaces:
 
 
 class TransientObstacles:
-    """Keeps obstacles for some seconds if one scan shows and the next misses them."""
+    """Keeps obstacles for some seconds after they have vanished from the scans."""
 
     def __init__(self) -> None:
         self._last: Observation | None = None
@@ -172,7 +172,7 @@ class TransientObstacles:
 
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
-    """Return boxes, (4,) corners each, map frame, at points missing in the new scan."""
+    """Return boxes, (4,) corners each, map frame, at points that the new scan lacks."""
     near = last.offsets(last.ranges < REACH)
     points = complex(last.pose.x, last.pose.y) + near
     boxes: list[Points] = []
@@ -241,8 +241,8 @@ class TouchMemory:
             return False
         self._moved_on_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # Driving back does not help after a contact on the way back, or without
-        # progress. In both cases the robot searches for another way out.
+        # Driving back does not help if the contact happened on the way back, or if the
+        # robot made no progress. In both cases it searches for another way out.
         self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
@@ -290,7 +290,7 @@ class TouchMemory:
         return way_out
 
     def keep_off(self, observation: Observation, twist: Twist) -> Twist:
-        """Return the motion, or a motion away from the obstacle that it would touch.
+        """Return the motion, or one that leads away if it would touch an obstacle.
 
         Args:
             observation: The newest scan, after ``retreat``.
@@ -299,8 +299,8 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # Planned paths lead close to seen points,
-        # so no distance from these is required.
+        # Planned paths lead close to seen points, so the robot may come close to these,
+        # but not to the boxes.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -308,10 +308,10 @@ class TouchMemory:
         return self.retreat(observation) or twist
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
-        """Return whether the footprint keeps a distance, m, from points in a motion."""
+        """Return whether a motion keeps the footprint a distance, m, from points."""
         now = self._distance_at(points, STOP, 0.0)
-        # Points that seem to be inside the footprint are
-        # close to it: a turning corner may graze them.
+        # Points that seem to be inside the footprint are close to its outline, so a
+        # corner of the robot may graze them in a turn.
         if now < 0 and abs(twist.speed) < LEAST_SPEED:
             return False
         soon = min(self._distance_at(points, twist, time) for time in _SOON)

@@ -76,8 +76,8 @@ class Waiting:
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        # The first of these scans is compared with
-        # the newest one, once it is old enough.
+        # recent scans; the oldest is compared with the newest once enough time has
+        # passed
         self._earlier: deque[Observation] = deque()
         # times, s, and positions, m, map frame, of moving objects
         self._seen: deque[tuple[float, complex]] = deque()
@@ -165,16 +165,17 @@ class Waiting:
         off = np.abs(to_robot[:, None] - velocity * MET_WITHIN).min()
         heading = complex(math.cos(pose.yaw), math.sin(pose.yaw))
         against = (velocity * heading.conjugate()).real < -HEAD_ON * abs(velocity)
-        # While the robot turns aside, an object
-        # that was approaching still counts as such.
+        # An object that was approaching still counts as approaching while the robot
+        # turns aside.
         met_before = self._meets
         least = self._passing_distance * (1.5 if met_before else 1.0)
         self._meets = bool(off < least and (met_before or against))
         if not self._meets:
             return np.zeros((0, 2))
         along = velocity / abs(velocity)
-        # The side is chosen only once, since the shorter side may change from plan to
-        # plan. In a head-on approach, the robot passes on the right.
+        # The side on which to pass the object is chosen only once, since the shorter
+        # side may change from plan to plan. In a head-on approach, the robot passes on
+        # the right.
         if not met_before:
             is_left_of_it = (complex(to_robot.mean()) / along).imag > -STRAIGHT_AT
             self._closed_side = -1j if is_left_of_it else 1j
@@ -184,7 +185,7 @@ class Waiting:
         return np.column_stack([both.real, both.imag])
 
     def back_off(self, observation: Observation) -> Twist | None:
-        """Return the motion away from an object that has hit the robot, or None.
+        """Return the motion away from an object next to the robot; None if not needed.
 
         Args:
             observation: The newest scan, after ``has_to_wait``.
@@ -203,7 +204,7 @@ class Waiting:
         return Twist(forward * BACK_SPEED, 0.0)
 
     def _has_moved(self, observation: Observation) -> bool:
-        """Return whether an object has moved recently near the nearest point."""
+        """Return whether an object has recently moved near the shortest beam's end."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
         (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))
@@ -211,7 +212,7 @@ class Waiting:
         return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
     def _follow(self, observation: Observation, beams: NDArray[np.bool_]) -> None:
-        """Store position and velocity of a moving object, if it is a single one."""
+        """Store the position and velocity of a moving object, if there is only one."""
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return
         pose, now = observation.pose, observation.time

@@ -54,9 +54,9 @@ BEHIND: Final = 0.25  # m beyond a position; a longer beam passes the position
 _BESIDE: Final = 0.3  # m from a position, within which beams belong to it
 _LEAST_SPREAD: Final = math.radians(2.5)  # least angle from a position to such beams
 _AIR: Final = "rain"  # an echo kind that blocks no robot
-# The side rays of a radar beam see the end of a wall that is next to the beam, with a
-# different error from each side. So a scan match with few points has this error, and
-# where few points are seen, an INS is more accurate over a few metres.
+# A radar's side rays see the end of a wall next to the beam, and the error depends on
+# the side. A scan match with few points contains this error. So where few points are
+# seen, an INS is more accurate over a few metres.
 INS_DRIFT: Final = 0.03  # share of the motion by which an INS drifts
 INS_REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad; noise at rest
 JUMP: Final = (0.1, 0.03)  # m and rad; smaller corrections are no jumps
@@ -68,7 +68,7 @@ POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
 
 
 class ScanClock:
-    """Computes scan times from time stamps, or from a clock while stamps stand still.
+    """Computes scan times from time stamps, or from a clock if stamps do not advance.
 
     Some servers send no time stamps, or the same stamp again and again.
     """
@@ -398,7 +398,7 @@ class ObservationBuilder(ScanReader):
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # Only the correction has moved the previous
-            # scan's pose, so that pose is compared.
+            # The previous scan's pose changes only by a correction, so its two values
+            # are compared.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose

@@ -123,8 +123,8 @@ class ObstacleGrid:
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
         # Evidence is limited, so that old obstacles that have moved away are removed
-        # soon. A pane that reappears in a cell may also reappear in a neighbouring
-        # cell, so closings of the neighbours count as well.
+        # soon. A glass pane may reappear in a neighbouring cell, so closings of the
+        # neighbours count as well.
         closings = ndimage.maximum_filter(self._closings, 2 * _AROUND + 1)
         change[passed & ~met & (closings >= _STAYS_CLOSED)] = 0
         was_open = self._evidence <= 0

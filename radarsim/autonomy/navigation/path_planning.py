@@ -252,6 +252,6 @@ class PathPlanning(Controller):
         count = max(2, math.ceil(pose.distance(end) / CELL * 2))
         line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
         costs = self._cost[self._grid.cells(line)]
-        # At a wall, an end of the line alone may
-        # cost more than the limit, which is allowed.
+        # Next to a wall, the first or last point of the line may cost more than the
+        # limit. So a line passes if no point costs more than its ends.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))

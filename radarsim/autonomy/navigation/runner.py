@@ -91,7 +91,7 @@ class TripMeter:
 
 
 class ClearanceCheck:
-    """Checks the clearance once at the start, and in each scan at the next goal.
+    """Checks the clearance at the start once, and at the next goal in each scan.
 
     Attributes:
         trip: Time and path length so far.

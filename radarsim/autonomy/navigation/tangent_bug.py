@@ -251,7 +251,8 @@ class TangentBug(BoundaryController):
 
     def _sees_goal(self, observation: Observation) -> bool:
         left = self._goal_distance(observation.pose)
-        # A goal may be exactly at the safety distance from an obstacle.
+        # A goal may be exactly at the safety distance from an obstacle, so a smaller
+        # radius is used on the last stretch.
         is_last = left < self._settings.bumpers.pressed_below
         radius = self._radius - (GRAZE + NOISE / 2) * is_last
         length = open_length(observation, self._goal_bearing(observation.pose), radius)
@@ -267,7 +268,8 @@ class TangentBug(BoundaryController):
         pose = observation.pose
         self.hit_points.append((pose.x, pose.y))
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
-            # The robot could not go on after it left, so it continues on that boundary.
+            # The robot was blocked right after it left a boundary, so it continues to
+            # follow that boundary.
             boundary, self.activity = self._left, Activity.FOLLOWING
             # Without a least distance, the robot
             # might leave again at the same position.
@@ -333,7 +335,7 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, self.goals[0])
 
     def _leave(self, observation: Observation, place: Point) -> Twist:
-        """Leave the boundary for a position, and store the boundary for another hit."""
+        """Leave the boundary for a position, but store it in case it is hit again."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self._left = self._boundary if self._boundary.is_reached else None
         self._restart()

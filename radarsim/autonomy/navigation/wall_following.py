@@ -144,10 +144,10 @@ class WallFollower:
             # drives an arc around its last corner.
             speed = self.speed_limits.speed
             return self._twist(speed, speed / self.target_distance), False
-        # Rule 3: obstacles ahead are judged in the direction of the next step.
+        # Obstacles ahead are judged in the direction of the next step (rule 3 above).
         heading = self._clear_heading(view, self._along(view, *boundary))
-        # The robot faces the chosen heading, but an obstacle there is too near: without
-        # another heading the robot would stand forever.
+        # If the robot already faces the heading, but an obstacle there is too near,
+        # another heading is chosen. Otherwise the robot would stand forever.
         is_too_near = self.bumpers.towards(view, 0.0).too_near
         if abs(heading) < ALIGNED and is_too_near:
             heading = self._way_out(view, heading)
@@ -262,8 +262,8 @@ class WallFollower:
         # Seen along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
-        # The other side begins ``SIDE_ANGLE`` off, so that the boundary itself, seen at
-        # a flat angle far ahead, does not count as the other side.
+        # Directions within ``SIDE_ANGLE`` of the boundary are excluded, since the
+        # boundary itself is seen there at a flat angle.
         other &= np.isfinite(view.ranges)
         x, y = _end_points(view.bearings[other], view.ranges[other])
         x -= distance * math.cos(bearing)
@@ -300,7 +300,7 @@ class WallFollower:
         return float(headings[clear[0]])
 
     def _way_out(self, view: Observation, heading: float) -> float:
-        """Turn a heading away from the boundary until no obstacle there is too near.
+        """Turn a heading away from the boundary until no obstacle ahead is too near.
 
         A robot whose front bumper is too near does not move.
         """

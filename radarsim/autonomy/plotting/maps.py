@@ -66,7 +66,7 @@ _FILM_EDGE: Final = 0.5  # m around the first extent of a film
 _EDGE: Final = 0.2  # m around a scene
 _MOST_NAMES: Final = 15  # most objects that are named; with more, none is
 _LETTER: Final = 0.65  # width of a letter, relative to the height of the text
-# Possible sides of the start for its label, best first: horizontal and vertical.
+# Possible positions of the label around the start, best first: (right, up).
 _SIDES: Final = ((0, 1), (0, -1), (-1, 0), (1, 0))
 _ALIGNMENTS: Final = ("center", "left", "right")  # by side: 0, 1, -1
 _LEVELS: Final = ("center", "bottom", "top")
@@ -242,7 +242,7 @@ def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Bbox:
 
 
 def first_map_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Bbox:
-    """Return the first extent of a film: the scene, if it is known and not too large.
+    """Return a film's first extent: the scene, or the map if the scene is too large.
 
     Args:
         outlines: The outlines of the scene; empty if it is unknown.

@@ -71,7 +71,7 @@ def box_around(points: Floats) -> Bbox:
 
 
 def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
-    """Return an extent that is enlarged to show objects whole that it cuts off.
+    """Return an extent, enlarged so that objects at its edge are shown whole.
 
     Objects that are too large, such as the walls around a room, stay cut off.
     """

@@ -82,7 +82,7 @@ STYLES: Final = (START, HIT, LEAVE, GOAL, MISSED)
 def marker_places(
     run_log: RunLog, *, is_over: bool = True
 ) -> dict[MarkerStyle, list[Point]]:
-    """Return the positions of the markers of a run, by style; no empty styles.
+    """Return a run's marker positions by style, without styles that have no marker.
 
     Args:
         run_log: The run.
