@@ -147,8 +147,8 @@ class Robots:
                 case RobotJoined(robot, class_name):
                     self._add(robot, class_name).learn_presets(self._config)
                 case RobotLeft(robot) if robot not in self.own:
-                    # Own robots are removed when their connections end. Another
-                    # client's robot may have had the same name before.
+                    # The commander's own robots are removed elsewhere, when their
+                    # connections end.
                     if self.views.pop(robot, None) is not None:
                         self.on_left(robot)
                         news = True
