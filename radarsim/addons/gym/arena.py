@@ -1,4 +1,4 @@
-"""Robots of one class in a scene, which are simulated for one decision at a time.
+"""Simulates robots of one class in a scene, one decision period at a time.
 
 Motion, collisions and scans are computed as in a simulation. Nothing is reported
 between two decisions, so a period takes only a few calls of the engine.
@@ -104,7 +104,7 @@ class Arena:
         return self._fleet.columns[self._slots, first : first + 3]
 
     def places_of_others(self, row: int) -> list[tuple[float, float]]:
-        """Return x and y, m, of the robots that the robot in a row can collide with."""
+        """Return the positions, m, of all robots that the robot in ``row`` can hit."""
         others = self._present & (np.arange(len(self._robots)) != row)
         return [(x, y) for x, y, _ in self.poses[others & self._meets].tolist()]
 
@@ -187,7 +187,7 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        # If robots do not meet, they do not appear in each other's scans.
+        # Robots that cannot collide do not appear in each other's scans either.
         boxes = Boxes(self._fleet.boxes()[self._present]) if self._meets else None
         taken = take_scans(self._tracer, requests, boxes)
         for row, request, (batch, k) in zip(rows, requests, taken, strict=True):
@@ -209,7 +209,7 @@ class Arena:
 
 
 def _power_left(scan: Scan) -> Floats:
-    """Return the share of penetration power left at each beam's range, (beams,)."""
+    """Return the shares of penetration power, (beams,), left at the measured ranges."""
     echoes, shares = scan.echoes, np.zeros(len(scan.ranges))
     # A beam reports the range of one of its echoes; this mask selects these echoes.
     is_read = echoes.ranges == scan.ranges[echoes.beams]

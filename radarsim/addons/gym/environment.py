@@ -22,8 +22,8 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.map_warnings import Position, component_around, free_space
 
-# Optional observations for each beam in addition to the range: smallest and largest
-# value.
+# Smallest and largest value of each optional observation of a beam. The range is always
+# observed.
 BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
     "power": (0.0, 1.0),
     "rays": (-1.0, 1.0),
@@ -105,7 +105,7 @@ _MAX_DRAWS: Final = 1000  # draws before an error is raised
 
 
 class FreePlaces:
-    """The floor area in which a robot fits at any heading, as connected pieces.
+    """The connected pieces of floor on which a robot fits at any heading.
 
     Only pieces that contain a start of the map are used, or the origin if the map has
     no starts. This excludes the floor outside the walls of a room.
@@ -124,7 +124,7 @@ class FreePlaces:
         free = free_space(scene, clearance)
         starts = [(start.pose.x, start.pose.y) for start in scene.starts]
         found = [component_around(free, place) for place in starts or [(0.0, 0.0)]]
-        # Several starts may be in the same piece.
+        # Several starts may be on the same piece of floor, which is listed only once.
         pieces = {piece.wkb: piece for piece in found if piece is not None}
         if not pieces:
             raise ValueError(
@@ -225,7 +225,8 @@ class GoToTask:
         """
         self.settings = settings
         self.arena = Arena(settings, count, meets=meets)
-        # These calls raise errors of wrong settings here instead of in the first reset.
+        # These calls check the settings, so that wrong settings fail here and not in
+        # the first reset.
         _start_pose(self.arena.scene, settings.start)
         _goal_position(self.arena.scene, settings.goal)
         self.goals = np.zeros((count, 2))

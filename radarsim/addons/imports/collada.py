@@ -41,7 +41,8 @@ class _TreeBuilder(ElementTree.TreeBuilder):
         return super().start(tag, attrs)
 
     def doctype(self, *_: object) -> None:
-        # Entities could expand to gigabytes, or include the content of other files.
+        # Document types are refused. Their entities could expand to gigabytes, or
+        # include the content of other files.
         raise MeshError("a document type, expected none")
 
 
@@ -63,7 +64,8 @@ def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            # At a malformed number, numpy only warns and drops the rest of the list.
+            # If a number is malformed, numpy only warns, and drops the rest of the
+            # list. The warning is turned into an error here.
             warnings.filterwarnings("error", "string or file could not be read")
             return _read(content, collada)
     except (MeshError, MissingPackage):
@@ -124,8 +126,8 @@ def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:
             mesh.remove(each)
     for each in mesh.findall(f"*/{namespace}input"):
         if each.get("semantic") not in ("VERTEX", "POSITION"):
-            # Removing the input would shift the columns of indices, so the input
-            # becomes a colour, which is never read.
+            # An ``input`` element has a column of indices, so it cannot be removed
+            # alone. It is marked as a colour instead, because colours are never read.
             each.set("semantic", "COLOR")
             each.set("source", source)
 

@@ -68,7 +68,7 @@ class ImportedMap:
         self.notes.append(place(path, line, text))
 
     def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
-        """Count a model, as left out if more than half of its shapes are left out.
+        """Count a model; it counts as left out if most of its shapes are left out.
 
         Args:
             reasons: The reason for each shape that is left out, such as "without a
@@ -92,7 +92,7 @@ class ImportedMap:
         return 2 * self._left_out.total() > self.models
 
     def summary(self) -> str:
-        """Return how many models, by reason, and how many other parts are left out."""
+        """Return a text that says how many models and other parts are left out."""
         text = f"{self._left_out.total()} of {self.models} models left out"
         reasons = self._left_out.most_common()
         shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]
@@ -120,7 +120,7 @@ class ImportedMap:
         return known or self.options.default_material
 
     def warnings(self) -> list[str]:
-        """Return warnings about unused patterns, default materials and no floor."""
+        """Return warnings: unused patterns, default materials and a missing floor."""
         lines = [f"--material {each!r} matches no object" for each in self._unused]
         names = list(dict.fromkeys(self.defaulted))
         if names:

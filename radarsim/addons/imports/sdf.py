@@ -185,7 +185,7 @@ class _Importer:
         return read_mesh(mesh, file, scale, self._copies)
 
     def _model_of(self, include: XmlElement) -> XmlElement:
-        """Return the model that an include refers to, with the include's changes."""
+        """Return the model that ``include`` names, with the changes in ``include``."""
         uri, named = include.text_of("uri"), include.text_of("name")
         if _NOT_NEEDED.fullmatch(unquote(uri).lower()):
             reason = "robots drive at z = 0, and scanners need no light"
@@ -242,7 +242,7 @@ class _Importer:
 def _restored(
     state: XmlElement | None, place: Pose3
 ) -> tuple[Pose3, list[float], dict[str, Pose3]]:
-    """Return pose and scale of a model and poses of its links from a saved state."""
+    """Return the pose, scale and link poses that a saved state has for a model."""
     if state is None:
         return place, [1.0, 1.0, 1.0], {}
     pose, scale = state.first("pose"), state.first("scale")

@@ -123,7 +123,7 @@ class Frames:
 
 
 def parse_pose(pose: XmlElement) -> Pose3:
-    """Parse an element ``pose``; the result is in the frame that it is relative to.
+    """Parse a ``pose`` element; the frame in ``relative_to`` is not applied.
 
     Raises:
         ForeignFileError: If the pose is malformed.

@@ -65,8 +65,8 @@ class MeshCopies:
             MeshError: If the mesh cannot be used.
             MissingPackage: If it is a COLLADA file and pycollada is not installed.
         """
-        # One copy of a mesh is enough for all uniform scales, such as trees in many
-        # sizes.
+        # Objects that differ only by a uniform scale, such as trees of many sizes,
+        # share one copy of the mesh.
         uniform = scale[0] if len(set(scale)) == 1 and scale[0] > 0 else 1.0
         own = tuple(each / uniform for each in scale)
         key = (file, own, part, centred)

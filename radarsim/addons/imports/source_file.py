@@ -27,7 +27,7 @@ def wrong(path: Path, line: int, text: str) -> ForeignFileError:
 
 
 def place(path: Path, line: int, text: str) -> str:
-    """Return a message about a line of a file."""
+    """Return a message that names a file and a line."""
     return f"{path}:{line}: {text}"
 
 

@@ -1,4 +1,4 @@
-"""Imports the items of robot classes from ``UDKUSAR.ini`` of USARSim for UDK.
+"""Imports sensors and other items of robots from ``UDKUSAR.ini`` of USARSim.
 
 A key may be repeated. Its values are in the notation of Unreal::
 
@@ -33,7 +33,7 @@ _TYPES: Final = (
     *("GPS", "IMU", "AcceleroMeter", "AltitudeSensor", "MagneticCompass"),
     *("MissionTime", "Battery"),
 )
-# Item type of each class of parts, and the preset if the part is a scanner.
+# Item type of each Unreal class; scanners also have a preset.
 ITEMS: Final = {each.casefold(): (each, None) for each in _TYPES} | {
     "acceleration": ("Accel", None),
     "gpssensor": ("GPS", None),
@@ -136,7 +136,7 @@ def _read_sections(path: Path) -> Sections:
 
 
 def _parse_struct(path: Path, number: int, text: str) -> Struct:
-    """Parse a struct, which is valid YAML once brackets and separators are replaced."""
+    """Parse an Unreal struct by rewriting its brackets and separators to YAML."""
 
     def to_yaml(token: re.Match[str]) -> str:
         if token[2]:
@@ -177,7 +177,7 @@ def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
 
 
 def _class_of(part: Struct) -> str:
-    """Return the class name of a part without the name of its package."""
+    """Return the class name of a part, without the Unreal package before the dot."""
     name = part.get("itemclass", "")
     return name.rpartition(".")[2] if isinstance(name, str) else ""
 

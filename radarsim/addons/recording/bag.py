@@ -52,8 +52,8 @@ DISTRIBUTION: Final = "jazzy"  # ROS distribution of the type definitions
 # hundreds of topics.
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
-# Bytes of a record; a chunk has about 2**16. Without the limit, a damaged or forged
-# length could make the reader allocate too much memory.
+# Most bytes of a record; a chunk has about 2**16 bytes. Without this limit, a damaged
+# or forged length could make the reader allocate too much memory.
 LARGEST_RECORD = 2**28
 BROKEN = (
     McapError,
@@ -153,7 +153,8 @@ class BagWriter:
         if topic not in self._channels:
             self._add_topic(topic, type_, latched=latched)
         channel, number = self._channels[topic], self._counts[topic]
-        # Both times are simulated times, so the same run gives the same bag.
+        # The log time and the publish time are simulated times, so the same run gives
+        # the same bag.
         self._writer.add_message(channel, time, data, time, sequence=number)
         self._counts[topic] += 1
         # A chunk ends after an interval of recorded time, not of wall time, so the same
@@ -253,7 +254,7 @@ class BagReader:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Find the file, and read the conditions.
+        """Find the file of the bag, and read the conditions of the recorded run.
 
         Args:
             folder: Folder of the bag.

@@ -103,7 +103,7 @@ class RecordingInfo(BaseModel):
 
     @classmethod
     def of_config(cls, config: "SimulationConfig", **others: object) -> Self:
-        """Create the conditions from a configuration; ``others`` are further fields."""
+        """Create the conditions from a configuration and the fields in ``others``."""
         known = {
             "version": __version__,
             "dialect": config.dialect.name,

@@ -154,7 +154,7 @@ class CallConverter:
             yield from connection.topics.description(name, body)
 
     def _mounted(self, mounts: Iterable[Fields]) -> TopicMessage:
-        """Add mounts of items, and return the mounts of all items."""
+        """Store the poses of items on robots; return all poses as one message."""
         self._mounts.update({each.child_frame_id: each for each in mounts})
         # Late subscribers get only the last message, so it contains all mounts.
         return transforms("/tf_static", list(self._mounts.values()), latched=True)
@@ -162,7 +162,7 @@ class CallConverter:
     def _picture(
         self, connection: _Connection, jpeg: bytes, time: float
     ) -> Iterator[TopicMessage]:
-        """Yield the mount of a robot's camera if it is new, then the picture."""
+        """Yield the pose of the camera on its robot if it is new, then the picture."""
         if connection.topics is not None:
             mount, *messages = connection.topics.of_picture(time, jpeg)
             if mount.child_frame_id not in self._mounts:

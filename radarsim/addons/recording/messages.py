@@ -34,8 +34,8 @@ TARGET: Final = np.dtype(
 
 Points: TypeAlias = NDArray[np.void]
 # The fields of a message, in the order of the type's definition: numbers, texts, arrays
-# of numbers, nested ``Fields``, or lists of these. A namespace is used because the
-# encoder of rosbags reads attributes, so no copy is needed (row m of the benchmarks).
+# of numbers, nested ``Fields``, or lists of these. The encoder of rosbags reads
+# attributes, so a namespace is encoded without a copy (row m of the benchmarks).
 Fields: TypeAlias = SimpleNamespace
 
 

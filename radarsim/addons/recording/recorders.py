@@ -260,7 +260,8 @@ class HostRecorder(HostObserver):
         assert self._simulation is not None  # robots exist only after ``begin``
         for antenna in antennas_of(self._simulation).of(vehicle):
             collector = TurnCollector(antenna.mounted.item.name, report)
-            # Unlike a listener, an observer does not make the antenna rotate.
+            # Listeners make the antenna rotate, but observers do not. So the recording
+            # does not change the run.
             antenna.observers.append(collector.take)
 
 
@@ -378,8 +379,9 @@ class WireRecorder:
         if found:
             # Robots report one after the other, so times may go back between lines.
             self.time = max(self.time, float(found[-1]))
-        # Events before the first reported time get that time. At 0 s, they would be
-        # hours before all other events if the server has been running for hours.
+        # Events before the first reported time get that time. If they got 0 s instead,
+        # a recording of a server that has been running for hours would begin with a gap
+        # of hours.
         if self._early is not None and (found or data is None):
             early, self._early = self._early, None
             for event in early:

@@ -107,7 +107,7 @@ class RecordingProcess:
         host.add_observer(self._recorder)
 
     def add(self, event: RunEvent) -> None:
-        """Record an event; it never raises, and waits only if ``is_patient`` is set."""
+        """Queue an event without raising; if ``is_patient``, wait for a slow child."""
         if self.has_ended:
             return
         frame = frame_of(event)

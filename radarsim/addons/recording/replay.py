@@ -127,7 +127,7 @@ def writes_of(calls: Iterable[RunEvent], client: int | None) -> Writes:
     if not writes:
         raise RecordingError("no client in the recording, expected at least one")
     if client is None:
-        # Of clients with equal numbers of bytes, the first is chosen.
+        # If several clients received equally many bytes, the first of them is chosen.
         client = max(writes, key=lambda n: (sum(len(d) for _, d in writes[n]), -n))
     elif client not in writes:
         numbers = ", ".join(map(str, sorted(writes)))

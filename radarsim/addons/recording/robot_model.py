@@ -44,8 +44,8 @@ def body_of(
             "length": robot.length,
             "width": robot.width,
             "height": robot.height or 2 * robot.wheel_radius + LEAST_BODY,
-            # Servers do not report the height of the origin. Most robots have it near
-            # the axles.
+            # Servers do not report the height of the robot's origin. Most robots have
+            # their origin near the axles.
             "origin_height": robot.wheel_radius,
             "wheel_radius": robot.wheel_radius,
             "wheel_separation": robot.wheel_separation,

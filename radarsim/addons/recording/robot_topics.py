@@ -91,7 +91,7 @@ class RobotFrames:
     """Computes the odometry and the frames of one robot from its pose sensors."""
 
     def __init__(self, name: str, *, own_localization: bool) -> None:
-        """Create frames without readings.
+        """Create the frames of a robot whose sensors have not reported yet.
 
         Args:
             name: Name of the robot, the prefix of its frames and topics; empty for
@@ -119,8 +119,8 @@ class RobotFrames:
         """
         before = self._readings.get(kind)
         self._readings[kind] = time, pose
-        # Once any sensor has reported twice, all sensors have reported. Until then, a
-        # better source than the current one may still report.
+        # When any sensor reports for the second time, every sensor has reported once.
+        # Before that, a better source of poses may still be missing.
         self._knows_all |= before is not None and time > before[0]
         source = next(each for each in SOURCES if each in self._readings)
         if kind is not source or not self._knows_all:
@@ -174,7 +174,7 @@ class RobotTopics:
         ins_mounts: Mapping[str, Pose3],
         time: float,
     ) -> list[Fields]:
-        """Set the description of the robot; return the mounts of its scanners."""
+        """Set the description of the robot; return the poses of its scanners on it."""
         self._robot, self._scanners = robot, tuple(scanners)
         self._ins_mounts = ins_mounts
         base = self._frame("base_link")
@@ -251,7 +251,7 @@ class RobotTopics:
     def of_picture(
         self, time: float, jpeg: bytes
     ) -> tuple[Fields, TopicMessage, TopicMessage]:
-        """Return the mount of the camera, a picture from it, and its intrinsics.
+        """Return the pose of the camera on the robot, its picture and its intrinsics.
 
         Args:
             time: Simulated time, s.

@@ -1,4 +1,4 @@
-"""Creates topics of a map: surfaces, true occupancy grid and camera pictures."""
+"""Creates the topics that show a map: surfaces, occupancy grid, camera pictures."""
 
 import io
 import math
@@ -32,7 +32,8 @@ from radarsim.scene.scene import Part, Scene
 from radarsim.server.views import View
 
 SCENE: Final = "/scene"
-# Some viewers draw more triangles too slowly. A message of this size has 12 MB.
+# Some viewers are too slow with more triangles. A message with this many triangles has
+# 12 MB.
 MOST_TRIANGLES: Final = 170_000
 SMALL_PART: Final = 1000  # triangles; such a part is never thinned
 RESOLUTION: Final = 0.05  # m; side of a cell
@@ -71,7 +72,7 @@ def opacity_of(material: Material) -> float:
 
 
 def _marker(number: int, part: Part, every: int) -> Fields:
-    """Return the marker of a part; a large part keeps each ``every``-th triangle."""
+    """Return a part as a marker; of a large part, show each ``every``-th triangle."""
     faces = part.faces if len(part.faces) <= SMALL_PART else part.faces[::every]
     red, green, blue = (float32(each) for each in to_rgb(colour_of(part.material)))
     corners: Floats = part.vertices[faces.ravel()]

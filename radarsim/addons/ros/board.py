@@ -133,7 +133,7 @@ class BoardClient:
             self.complain(f"{data[:80]!r} is not understood: {reason}")
 
     def complain(self, text: str) -> None:
-        """Queue a status with an error."""
+        """Queue a status message that reports an error to the client."""
         raise NotImplementedError
 
     def _add_subscription(self, topic: str, key: str | int, interval: float) -> Any:

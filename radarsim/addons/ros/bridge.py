@@ -46,8 +46,9 @@ from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.images import ImageType
 from radarsim.protocol.reports import ClockTick, CommandError, Report
 
-# Recorded bytes are needed only to repeat a run. The server reports the time of every
-# tick, so the converter's clock is not published.
+# Topics of recordings that are not published. The bytes are needed only to repeat a
+# run. The clock of the converter is not needed, because the server reports the time of
+# every tick.
 UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
 TWIST: Final = "geometry_msgs/msg/Twist"  # type of ``cmd_vel``
 MAP_INTERVAL: Final = 1.0  # s of simulated time between two maps
@@ -129,7 +130,7 @@ async def publish_map(
     *,
     echoes: bool,
 ) -> None:
-    """Map with a robot's first scanner; begin a new map when the robot joins again.
+    """Publish maps made with a robot's first scanner, a new one whenever it joins.
 
     Args:
         server: Host and port of the server.

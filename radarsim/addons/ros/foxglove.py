@@ -121,7 +121,7 @@ class FoxgloveClient(BoardClient):
         self.waiting.append(json.dumps({"op": "advertise", "channels": channels}))
 
     def _queue(self, data: bytes) -> None:
-        """Queue binary data; if too much waits, drop the oldest, but keep all texts."""
+        """Queue binary data. If too much waits, drop the oldest data, but no texts."""
         self.waiting.append(data)
         if len(self.waiting) > MOST_WAITING * (1 + len(self._subscriptions)):
             oldest = next(

@@ -168,7 +168,7 @@ class Activities:
 
     @property
     def _wanted_distance(self) -> float | None:
-        """Safety distance of the map, m; None for the smallest that suits the robot."""
+        """Safety distance that the map sets, m; None for the smallest possible one."""
         return None if self.scene is None else self.scene.safety_distance
 
     def _check_goal(self, robot: OwnRobot, goal: tuple[float, float]) -> None:
@@ -203,7 +203,7 @@ class Activities:
         if own.refusal is not None:
             raise BadRequest(f"{robot!r} cannot drive by itself: {own.refusal}")
         self.stop(robot)
-        # Threads of cancelled tasks count as well, until they end at their next read or
+        # A cancelled task still counts, because its thread runs until its next read or
         # drive.
         if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, which is the limit")

@@ -49,7 +49,7 @@ HERE: Final = Pose2(0.0, 0.0)  # not used, because the robot is spawned already
 
 
 def _every(interval: float) -> Callable[[], bool]:
-    """Return a function that returns True at most once per interval of wall time, s."""
+    """Return a function that is True once per ``interval`` s of wall time at most."""
     due = -math.inf
 
     def is_due() -> bool:
@@ -215,7 +215,7 @@ def _is_in(colour: str, pixels: NDArray[np.uint8]) -> bool:
 
 
 class MapMaker:
-    """Makes a map from the scans of one scanner of any robot.
+    """Makes a map from the scans of one scanner of a robot.
 
     Attributes:
         colours: Colours of the pictures.

@@ -123,7 +123,7 @@ class Commander:
         """Remove a browser, and stop the robots that it drives."""
         self._viewers.remove(viewer)
         self._watch()
-        # The browser no longer repeats the drive commands of these robots.
+        # The browser that has left no longer repeats its drive commands.
         for robot in self._robots.own.values():
             if robot.driver == viewer.name:
                 robot.release()
@@ -182,7 +182,7 @@ class Commander:
     # Messages to browsers
 
     def _greet(self, viewer: Viewer) -> None:
-        """Send a browser the server's state, and the lists of classes and settings."""
+        """Send a browser the server's state, and the robot classes and settings."""
         state, scene = self._link.state, self._activities.scene
         greeting = {
             "op": "hello",

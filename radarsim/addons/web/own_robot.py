@@ -158,8 +158,8 @@ class OwnRobot:
 
     def _post(self, subject: object, send: Callable[[], Awaitable[None]]) -> None:
         """Queue a command; it replaces a waiting command with the same subject."""
-        # Replacing a waiting command sends only the newest one to a server that reads
-        # slowly.
+        # A new command replaces a waiting one, so a server that reads slowly gets only
+        # the newest command.
         self._outbox.pop(subject, None)
         self._outbox[subject] = send
         self._wake.set()
@@ -238,7 +238,8 @@ class RobotClient(Client):
             number: Number of the task.
             clock: Clock for timeouts.
         """
-        # Here, ``Client`` only uses the clock of its connection, so a clock is enough.
+        # In this class, ``Client`` uses nothing of its connection but the clock, so the
+        # clock is passed as the connection.
         super().__init__(clock)  # type: ignore[arg-type]
         self.robot, self.kind, self.number = robot, kind, number
         self._loop = asyncio.get_running_loop()

@@ -87,7 +87,8 @@ class RecordingSwitch:
         except asyncio.CancelledError:
             self._send_state(False, f"Recorded in {folder}")
         except RadarsimError as error:
-            # After a lost connection, the recording is complete up to the loss.
+            # If only the connection was lost, the recording is complete up to that
+            # time.
             is_cut = isinstance(error, RecordingError)
             text = f"{folder} is not complete" if is_cut else f"Recorded in {folder}"
             self._send_state(False, text if self.state["on"] else "")

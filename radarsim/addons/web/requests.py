@@ -119,7 +119,7 @@ class Setting(Request):
 
 
 class Goto(Request):
-    """Drive to a goal, m, map frame, and turn to a heading there, rad; None for any."""
+    """Drive to a goal, m, and turn to a heading, rad (None: any), in the map frame."""
 
     robot: RobotName
     algorithm: Algorithm
@@ -217,8 +217,8 @@ def parse_request(text: str) -> Request:
     raise BadRequest(problem)
 
 
-# Settings with a slider, starting with the most useful: smallest value, largest value
-# and step. All other numbers have an input field.
+# Smallest value, largest value and step of each setting with a slider. The most useful
+# settings come first. All other numeric settings have an input field.
 SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
     "side_offset_uu": (0, 100, 1),
     "penetration_power": (0, 5, 0.05),

@@ -34,7 +34,7 @@ from radarsim.validation import describe_settings
 NO_RETURN: Final = 65535  # replaces the range, cm, of a beam without return
 
 
-# Owner entry of a robot that another client has spawned.
+# Ownership fields of a frame for a robot that another client has spawned.
 NOT_OWN: Final = {
     "mine": False,
     "driver": None,

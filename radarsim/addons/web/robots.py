@@ -147,8 +147,9 @@ class Robots:
                 case RobotJoined(robot, class_name):
                     self._add(robot, class_name).learn_presets(self._config)
                 case RobotLeft(robot) if robot not in self.own:
-                    # Own robots are removed when their connections end. Another
-                    # client's robot may have had the same name before.
+                    # The commander's own robots are removed when their connections end.
+                    # This report may be about another client's earlier robot of the
+                    # same name.
                     if self.views.pop(robot, None) is not None:
                         self.on_left(robot)
                         news = True

@@ -1,4 +1,4 @@
-"""The connection that watches all robots, and control of the simulation's speed.
+"""Watches all robots of a server, and controls the speed of the simulation.
 
 The connection is opened again when it is lost. The server is asked only for reports
 that a page shows, as copying the lines of robots costs the server time, and computing
@@ -55,7 +55,7 @@ class ServerState:
 
 
 class Link:
-    """The source of robots, a server or a recording, and control of simulated time.
+    """A source of robots, either a server or a recording, that also controls time.
 
     Attributes:
         address: Host and port of the server; None if a recording is played.
