@@ -88,7 +88,7 @@ class NumberFormat:
     step: float | None = None
 
     def format(self, value: float) -> str:
-        """Return the text of a number, clipped to less than 2**31 in size."""
+        """Return the text of a number, clipped to a magnitude below 2**31."""
         return self.join([value])
 
     def cut_to_step(self, value: float) -> float:

@@ -152,7 +152,7 @@ def signal_strength(distance: float, obstacles: int) -> float:
 
 
 def strength_text(strength: float | None) -> str:
-    """Return the fields of an answer to ``GETSS``.
+    """Return the fields of an answer to ``GETSS``, a query for signal strength.
 
     Args:
         strength: Signal strength, dBm; None if it is unknown.

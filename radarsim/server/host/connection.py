@@ -90,8 +90,9 @@ class SendQueue:
 
     def take(self) -> bytes:
         """Remove and return all lines, in order."""
-        # All lines of a tick are one write. A Java client (maldo) loses the first line
-        # of each write, which is then a status line that it does not need.
+        # All lines of a tick are sent in one write. The Java client maldo loses the
+        # first line of each write; if a tick is one write, this is a status line, which
+        # maldo does not need.
         data = b"".join(line for line, _ in self._lines)
         self._lines.clear()
         self._readings = self._answers = 0
