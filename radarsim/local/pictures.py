@@ -150,7 +150,7 @@ class RunPicture:
 def follow_run(
     sim: LocalSimulation, moments: Callable[[], Sequence[Moment]]
 ) -> Callable[[], bool]:
-    """Show a run in a window, or below the cell if a notebook has no windows.
+    """Show a run in a window, or below the cell in a notebook without windows.
 
     Args:
         sim: The simulation.

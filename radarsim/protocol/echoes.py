@@ -66,7 +66,7 @@ class Density(Field[float]):
 
 
 class FixedFlag(Flag):
-    """A Boolean that is part of the line's template; it is constant for an object."""
+    """A Boolean that is constant for an object, so it is part of a line template."""
 
     def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
         return (Segment(self.key, str(value)),)

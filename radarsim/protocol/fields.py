@@ -298,7 +298,7 @@ class Rows(Field[tuple[Any, ...]]):
 
 
 def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment]:
-    """Return the segments in the order of a layout; unchanged without a layout.
+    """Return the segments in the order of a layout, or in their own order without one.
 
     Args:
         segments: Segments in the order of their fields.

@@ -59,7 +59,7 @@ Block: TypeAlias = (
 
 
 class Rounding(IntEnum):
-    """How a number is rounded to its decimals; marks contain these values."""
+    """How a number is rounded to its decimals, with the values used in placeholders."""
 
     NEAREST = 0  # to the nearest; zero never has a minus sign
     FLOAT32 = 1  # rounded like a float32 by C's printf; -0.00 is possible

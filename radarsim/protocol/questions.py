@@ -121,7 +121,7 @@ def _count_between(
     robots: dict[str, Triple],
     count_obstacles: Callable[[Triple, Triple], int],
 ) -> str:
-    """Return the answer to ``GETOBS``; empty if one of the two positions is missing."""
+    """Return the answer to ``GETOBS``; empty if either position is missing."""
     for keys, find in (
         (("From", "To"), robots.get),
         (("Start", "End"), parse_flipped),

@@ -138,7 +138,7 @@ def _find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
 
 
 def _work_of(host: Host, client: Client, command: Command) -> int:
-    """Return the units of work that a command takes."""
+    """Return how many units of work a command costs."""
     work = LIGHT_WORK
     among_robots = HEAVY_WORK + len(host.spawner.clients_by_robot) // ROBOTS_A_UNIT
     match command:

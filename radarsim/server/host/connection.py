@@ -237,7 +237,7 @@ class Diagnostic:
 def join_diagnostics(
     first: Diagnostic | None, consequence: Diagnostic | None
 ) -> Diagnostic | None:
-    """Join the diagnostics of an event and of its consequence; either may be None."""
+    """Join the diagnostics of an event and its consequence; either may be None."""
     if first is None or consequence is None:
         return first or consequence
     return Diagnostic(
