@@ -208,8 +208,8 @@ class Client(_Connected):
                         else:
                             self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # The exchange raises the final error, because only it knows
-                        # the expected report.
+                        # The exchange raises the final error, which names the report
+                        # that was expected.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)
@@ -363,8 +363,8 @@ class AsyncClient(_Connected):
                         else:
                             await self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # The exchange raises the final error, because only it knows
-                        # the expected report.
+                        # The exchange raises the final error, which names the report
+                        # that was expected.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)

@@ -213,7 +213,7 @@ class Requests:
         pose: PoseLike | None = None,
         timeout: float | None = None,
     ) -> Exchange[None]:
-        """Spawn a robot and wait for its first report, which remains unread.
+        """Spawn a robot and wait for its first report, which can still be read.
 
         Servers do not report a failure: if the class is unknown or the position is not
         free, no report comes. The client also sends a question after the request, and
@@ -354,7 +354,7 @@ class Requests:
     def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request the robot's dimensions or the mounts of items.
+        """Request the robot's dimensions or the mounting poses of items.
 
         Args:
             kind: ``Robot``, or a type of items such as ``RangeScanner``.
@@ -512,7 +512,7 @@ class Requests:
     def change_settings(
         self, scanner: str | None = None, /, **settings: Any
     ) -> Exchange[None]:
-        """Change settings of a scanner of the client's robot, from its next scan on.
+        """Change settings of a scanner of the client's robot; its next scan uses them.
 
         Only radarsim supports this. Earlier scans that have not been read are dropped.
 
@@ -609,7 +609,7 @@ class Requests:
     def _describe_scanners(
         self, descriptions: ScannerDescriptions, name: str | None
     ) -> Exchange[None]:
-        """Request mount and settings of one scanner, or of all; collect the answers."""
+        """Request the mounting poses and the settings of one or all scanners."""
         geometry = questions.geometry(RANGE_SCANNER, name)
         configuration = questions.configuration(RANGE_SCANNER, name)
         missing = [geometry, configuration]
@@ -727,8 +727,8 @@ def reading_of(report: Report) -> tuple[Hashable, float] | None:
 
 def is_older(report: Report, other: Report) -> bool:
     """Return whether both reports are readings of one sensor and ``other`` is newer."""
-    # A fast check of the names decides most of the comparisons, of which a call of a
-    # client method makes up to a thousand.
+    # One call of a client method makes up to a thousand comparisons, and this fast
+    # check of the names decides most of them.
     if getattr(report, "name", None) != getattr(other, "name", None):
         return False
     one, two = reading_of(report), reading_of(other)

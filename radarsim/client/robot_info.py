@@ -297,7 +297,7 @@ class ScannerDescriptions:
         return [names[key] for key in dict.fromkeys(keys)]
 
     def incomplete(self, scans: Iterable[str]) -> list[str]:
-        """Return the names of scanners without a mount or without settings."""
+        """Return the names of scanners whose mounting pose or settings are unknown."""
         complete = self._mounts.keys() & self._limits.keys()
         return [name for name in self.names(scans) if name.casefold() not in complete]
 
@@ -358,7 +358,7 @@ def _is_too_wide(fov: float, resolution: float) -> bool:
 def _beam_layout(
     limits: _Limits, scan: RangeScan | None
 ) -> tuple[float, float, int] | None:
-    """Return resolution, field of view and number of beams; None if unknown."""
+    """Return resolution, rad, field of view, rad, and beam count; None if unknown."""
     if scan is not None:
         gaps = len(scan.ranges) - 1
         return (scan.fov / gaps if gaps else scan.resolution), scan.fov, gaps + 1

@@ -76,7 +76,7 @@ class RobotState:
             return None
         (start, before), (end, after) = self._track[0], self._track[-1]
         elapsed, turned = end - start, wrap_angle(after.yaw - before.yaw)
-        # On an arc, the line from one pose to the next has their mean heading.
+        # On an arc, the line between two poses has the mean of their two headings.
         yaw = before.yaw + turned / 2
         ahead = math.cos(yaw) * (after.x - before.x)
         ahead += math.sin(yaw) * (after.y - before.y)
@@ -121,7 +121,7 @@ class EchoCollector:
             self._lines[line.line] = line.echoes
 
     def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Return the echoes of a scan, one entry per line; None if one is missing."""
+        """Return the echoes of a scan, one per line; None if a line is missing."""
         is_complete = len(self._lines) == self._line_count
         if not is_complete or not _is_same_time(scan.time, self._time):
             return None

@@ -210,7 +210,7 @@ def start_poses() -> Question:
 
 
 def geometry(kind: str, name: str | None = None, robot: str | None = None) -> Question:
-    """Return the question for the robot's dimensions or the mounts of items.
+    """Return the question for the robot's dimensions or the mounting poses of items.
 
     Args:
         kind: ``Robot``, or a type of items such as ``RangeScanner``.
@@ -338,7 +338,7 @@ def drive(left: float, right: float, car: RobotGeo | None = None) -> bytes:
 
 
 def fly(ahead: float, left: float, up: float, turn: float) -> bytes:
-    """Return the command for a flying robot, m/s and rad/s, in the dialect ``compat``.
+    """Return the ``compat`` command for the speeds of a flying robot, m/s and rad/s.
 
     Raises:
         ValueError: If a number is not finite.
@@ -422,7 +422,7 @@ def _bytes(command: Command) -> bytes:
 def _of_robot(
     accepts: Callable[[Report], bool], robot: str | None
 ) -> Callable[[Report], bool]:
-    """Extend ``accepts`` to copied lines of another robot, and to errors."""
+    """Return a test that applies ``accepts`` to a robot's copies; errors pass too."""
     if robot is None:
         return accepts
 

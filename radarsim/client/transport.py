@@ -30,7 +30,7 @@ STUCK = "the server has stopped reading"
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
-    """Create the error for an unreachable server, with a hint for a local one."""
+    """Create the error for an unreachable server; a local address adds a hint."""
     at = f"no server at {join_address(host, port)}"
     is_local = host in LOCAL_HOSTS or host.startswith("127.")
     is_refused = (
@@ -117,7 +117,7 @@ class SocketTransport:
         self._selector.register(self._socket, selectors.EVENT_READ)
 
     def send(self, data: bytes) -> None:
-        """Send all bytes; every call after a line that was sent only in part raises.
+        """Send all bytes; once a line was sent only in part, every further call raises.
 
         Raises:
             ConnectionError: If the server does not accept the bytes, or the transport

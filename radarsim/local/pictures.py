@@ -1,4 +1,4 @@
-"""Draws pictures and films of a simulation: true paths and scans over the plan."""
+"""Draws pictures and films of a simulation: true paths and scans on the map."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class RunPicture:
 def follow_run(
     sim: LocalSimulation, moments: Callable[[], Sequence[Moment]]
 ) -> Callable[[], bool]:
-    """Show a run in a window, or below the cell if a notebook has no windows.
+    """Show a run in a window, or below the cell in a notebook without windows.
 
     Args:
         sim: The simulation.
@@ -190,7 +190,7 @@ def follow_run(
 
 
 def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> bytes:
-    """Draw the last moment; return the picture file, in a format of ``FORMS``."""
+    """Draw the last moment, and return the picture in a format of ``FORMS``."""
     return render(figure_of(RunPicture(scene, moments).axes), form)
 
 

@@ -339,7 +339,7 @@ class LocalRobot:
         self._drive(left * scale, right * scale)
 
     def _drive(self, left: float, right: float) -> None:
-        """Send wheel speeds in the server's unit; a car is sent speed and steering."""
+        """Send wheel speeds in the server's unit, or speed and steering for a car."""
         model, car = self._vehicle.model, None
         if model.steering is not None:
             car = cast(RobotGeo, geometry(model, ROBOT, None))
@@ -371,7 +371,7 @@ class LocalRobot:
         self.drive_wheels(0.0, 0.0)
 
     def request_echoes(self, scanner: str | None = None, on: bool = True) -> None:
-        """Request the echoes of a scanner; later scans have them in ``echoes``.
+        """Request the echoes of a scanner, which fill ``echoes`` of later scans.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -379,7 +379,7 @@ class LocalRobot:
         self.send(requests.echoes(self.info.scanner(scanner).name, on))
 
     def request_targets(self, scanner: str | None = None, on: bool = True) -> None:
-        """Request the targets of a detector; later scans have them in ``targets``.
+        """Request the targets of a detector, which fill ``targets`` of later scans.
 
         Raises:
             ClientError: If the robot has no such scanner, or it has no detector.
@@ -458,7 +458,7 @@ class LocalRobot:
         return self.simulation.camera(pose, **size, fov_deg=angle, carrier=self)
 
     def as_client(self) -> Client:
-        """Return a ``Client`` that drives this robot, for example for a navigator.
+        """Return a ``Client`` that drives this robot, as a navigator needs.
 
         The client receives the reports of the robot from now on, and simulated time
         passes while it waits. A client from an earlier call receives no further

@@ -228,7 +228,7 @@ class LocalSimulation:
             self._redraw()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the robots, their true paths and their newest scans over the plan.
+        """Draw the robots, their true paths and their newest scans on the plan.
 
         Args:
             ax: Axes of matplotlib, m; None for a new figure with a legend.
@@ -394,7 +394,7 @@ class LocalSimulation:
         return self._call(lambda: function(self.host.simulation))
 
     def receive(self, number: int, data: bytes) -> list[str]:
-        """Execute lines of a client; return the reasons of lines without effect."""
+        """Execute lines of a client; return the reasons for lines without effect."""
         return [
             each.text for each in self._call(lambda: self.host.receive(number, data))
         ]

@@ -130,7 +130,7 @@ def _one_of(words: Sequence[str]) -> Read:
 
 
 def _parse_echoes(text: str) -> RobotChoice:
-    """Parse a choice of robots; ``true`` means all robots and ``false`` none."""
+    """Parse the robots whose echoes are copied; ``true`` means all, ``false`` none."""
     return RobotChoice.parse(ECHO_WORDS.get(text.strip().casefold(), text))
 
 
@@ -155,7 +155,7 @@ _FIELDS: Final[dict[type, Sequence[tuple[str, str, Read, Write, bool]]]] = {}
 
 
 def _fields_of(command: type) -> Sequence[tuple[str, str, Read, Write, bool]]:
-    """Return name, key, parser, formatter of each attribute, and if it is required."""
+    """Return each attribute's name, key, parser, formatter, and if it is required."""
     if command not in _FIELDS:
         hints = get_type_hints(command, include_extras=True)
         _FIELDS[command] = [
@@ -202,7 +202,7 @@ class KeyedCommand:
         return [key for _, key, *_others in _fields_of(type(self))]
 
     def values(self) -> Values:
-        """Return the text of each field in the order of ``keys``; None omits one."""
+        """Return the field texts in the order of ``keys``; None omits a field."""
         attributes = [
             (getattr(self, name), write)
             for name, _, _read, write, _required in _fields_of(type(self))
@@ -258,7 +258,7 @@ def _few(orders: Sequence[LinkOrder]) -> tuple[LinkOrder, ...]:
 
 @dataclass(frozen=True, slots=True)
 class MovePackage:
-    """Move links of a mission package.
+    """Move links of a mission package, such as an arm, a flipper or a camera mount.
 
     Attributes:
         name: Name of the package.
@@ -272,7 +272,7 @@ class MovePackage:
 
     @classmethod
     def decode(cls, message: Message, _dialect: Dialect) -> Self:
-        """Read the command from its message; each ``Link`` precedes its other fields.
+        """Read the command from its message; ``Link`` is the first field of each order.
 
         ``Rotation`` contains roll, pan and tilt for the two links of a pan-tilt unit.
 
@@ -316,14 +316,14 @@ class MovePackage:
 
 
 class Act(MovePackage):
-    """Move links of a mission package: ``MovePackage`` in the form of UDK servers."""
+    """Move links of a mission package; UDK servers use this form of ``MovePackage``."""
 
     verb: ClassVar[str] = "ACT"
 
 
 @dataclass(frozen=True, slots=True)
 class MultiDrive:
-    """Move several links to angles.
+    """Move several links to given angles.
 
     Attributes:
         orders: Orders for links, which are addressed by their own names.
@@ -505,7 +505,7 @@ class ShowCamera(KeyedCommand):
 
 @dataclass(frozen=True, slots=True)
 class SetViewports:
-    """Choose which cameras of a robot its pictures show.
+    """Choose the cameras that the pictures of a robot show.
 
     Attributes:
         is_quad: Whether a picture shows four cameras instead of one; None keeps the
@@ -535,7 +535,7 @@ class SetViewports:
         return cls(is_quad, tuple(message.get(key) or None for key in VIEWPORTS))
 
     def values(self) -> Values:
-        """Return the text of each field in the order of ``keys``; None omits one."""
+        """Return the field texts in the order of ``keys``; None omits a field."""
         config = None
         if self.is_quad is not None:
             config = "QuadView" if self.is_quad else "SingleView"
@@ -559,7 +559,7 @@ class Trace(KeyedCommand):
 
 
 class Action(StrEnum):
-    """An action of a world controller."""
+    """An action on crates by a world controller, which is a client without a robot."""
 
     CREATE = "Create"
     KILL = "Kill"
@@ -711,7 +711,7 @@ def encode_command(command: Command) -> str:
 
 
 def parse_pose(params: str) -> Pose3:
-    """Parse ``x,y,z,roll,pitch,yaw`` in the wire frame, the parameters of INS POSE.
+    """Parse the parameters of INS POSE: ``x,y,z,roll,pitch,yaw`` in the wire frame.
 
     Raises:
         MalformedMessage: If the text is not six numbers.
@@ -721,7 +721,7 @@ def parse_pose(params: str) -> Pose3:
 
 
 def parse_switch(params: str) -> bool:
-    """Parse ``true`` or ``false`` in any case, the parameters of ECHOES.
+    """Parse the parameter of ECHOES: ``true`` or ``false`` in any case.
 
     Raises:
         MalformedMessage: If the text is another word.

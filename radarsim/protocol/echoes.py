@@ -66,7 +66,7 @@ class Density(Field[float]):
 
 
 class FixedFlag(Flag):
-    """A Boolean that is part of the line's template; it is constant for an object."""
+    """A Boolean that is constant for an object, so it is part of a line template."""
 
     def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
         return (Segment(self.key, str(value)),)
@@ -172,7 +172,7 @@ def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead
 
 @lru_cache(100)  # limited, because lines from other servers may have any kinds
 def find_mark(dialect: Dialect, kind: str) -> bytes:
-    """Return the template of one echo, with marks for its beam, range and powers."""
+    """Return the template of one echo, with placeholders for beam, range and powers."""
     before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
     after = series_marks(dialect.plain, 2)
     return f"{before},{reduce_text(kind.capitalize())},{after}".encode("latin-1")

@@ -208,7 +208,7 @@ class Flag(Field[bool]):
 
 
 class Extent(Numbers):
-    """Three lengths, which are the same in the axes of the wire."""
+    """Three lengths, which need no conversion to the axes of the wire."""
 
     def read(self, message: Message) -> Triple:
         return message.parse(self.key, parse_triple)
@@ -233,7 +233,7 @@ class BodyAngles(Point):
 
 
 class WheelPose(FormattedField[Pose2]):
-    """x, y and unwrapped yaw."""
+    """A pose as x, y and unwrapped yaw, written in the axes of the wire."""
 
     def read(self, message: Message) -> Pose2:
         x, y, yaw = message.parse(self.key, parse_triple)
@@ -298,7 +298,7 @@ class Rows(Field[tuple[Any, ...]]):
 
 
 def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment]:
-    """Return the segments in the order of a layout; unchanged without a layout.
+    """Return the segments in the order of a layout, or in their own order without one.
 
     Args:
         segments: Segments in the order of their fields.
@@ -416,7 +416,7 @@ class LineReport:
         return line.removesuffix(b"\r\n").decode("ascii")
 
     def sources(self, dialect: Dialect) -> list[str]:
-        """Return attributes whose numbers are in the line, by their position there."""
+        """Return the attributes with numbers in the line, in the line's order."""
         found = [
             (name, field)
             for name, field in fields_of(type(self))

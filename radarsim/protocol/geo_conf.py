@@ -92,7 +92,7 @@ class AerialGeo(RobotGeo):
 
 
 class ItemGeo(LineReport):
-    """The mounts of items.
+    """The mounting poses of items.
 
     Attributes:
         type: Type of the items in the spelling of the request.
@@ -142,7 +142,7 @@ class ItemGeo(LineReport):
 
 
 class Steering(Field[tuple[float, float] | None]):
-    """Steering type, and steering limits of the wheels; None for skid steering."""
+    """Steering type and steering limits; the limits are None for skid steering."""
 
     def read(self, message: Message) -> tuple[float, float] | None:
         if (message.get(self.key) or "").lower() != _ACKERMANN.lower():
@@ -163,7 +163,7 @@ class Steering(Field[tuple[float, float] | None]):
 
 
 class RobotConf(LineReport):
-    """The performance of the robot.
+    """The mass of the robot, and its limits of speed, torque and steering.
 
     Attributes:
         name: Class of the robot, not the name that its client chose.
@@ -191,7 +191,7 @@ class RobotConf(LineReport):
 
 
 class AerialConf(RobotConf):
-    """The performance of a flying robot, with its maximum forward speed, m/s."""
+    """The performance of a flying robot; ``max_speed`` limits forward speed, m/s."""
 
     layouts: ClassVar[Layouts] = {
         "compat": "{Type AerialVehicle} {Name} {Mass} {MaxSpeed}",
@@ -286,7 +286,7 @@ class EncoderConf(ItemConf):
 
 
 class CameraLimits(NamedTuple):
-    """The zoom limits of a camera, and the region of its image in pictures.
+    """The zoom limits of a camera, and the region that its image fills in pictures.
 
     Attributes:
         name: Name of the camera.
@@ -379,7 +379,7 @@ _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
 
 
 def decode_geo(message: Message) -> LineReport | None:
-    """Read a GEO message; return None for one about mission packages.
+    """Read a GEO message; return None if it describes mission packages.
 
     Raises:
         MalformedMessage: If a field is missing or not readable.

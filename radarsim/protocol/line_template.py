@@ -59,7 +59,7 @@ Block: TypeAlias = (
 
 
 class Rounding(IntEnum):
-    """How a number is rounded to its decimals; marks contain these values."""
+    """How a number is rounded to its decimals, with the values used in placeholders."""
 
     NEAREST = 0  # to the nearest; zero never has a minus sign
     FLOAT32 = 1  # rounded like a float32 by C's printf; -0.00 is possible
@@ -88,7 +88,7 @@ class NumberFormat:
     step: float | None = None
 
     def format(self, value: float) -> str:
-        """Return the text of a number, clipped to less than 2**31 in size."""
+        """Return the text of a number, clipped to a magnitude below 2**31."""
         return self.join([value])
 
     def cut_to_step(self, value: float) -> float:

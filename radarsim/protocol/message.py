@@ -120,7 +120,7 @@ class LineBuffer:
         return lines
 
     def _split_at_each_end(self, data: bytes) -> list[bytes]:
-        """Split bytes at CR, LF or a pair, even if a pair spans two calls."""
+        """Split bytes at CR, LF or a pair of both, even if two calls split the pair."""
         if self._half_end and data[:1] in (b"\r", b"\n") and data[:1] != self._half_end:
             data, self._half_end = data[1:], b""
         if data:
@@ -148,9 +148,10 @@ class LineBuffer:
         return True
 
 
-# Limit of numbers in commands, m, rad or rad/s; their results still fit into reports.
+# Largest number in commands, m, rad or rad/s; results computed from it still fit into
+# reports.
 LARGEST_COMMANDED = 1e9
-# Limit of numbers in reports, as in lines.hpp; the original casts to 32-bit integers.
+# Largest number in reports, as in lines.hpp; the original server uses 32-bit integers.
 LARGEST = 2.0**31
 _LARGEST_WRITTEN = 2.0**31 - 128.0  # the largest float32 below LARGEST
 
@@ -162,7 +163,7 @@ _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1
 
 
 def clip_numbers(numbers: Floats) -> Floats:
-    """Return the numbers clipped to less than ``LARGEST`` in size, with NaN as 0."""
+    """Return the numbers clipped to a magnitude below ``LARGEST``, and 0 for NaN."""
     text = "a number of a line is clipped, expected less than 2**31 in size"
     warnings.warn(text, RuntimeWarning, stacklevel=1)  # Python shows it once
     finite = np.nan_to_num(numbers, nan=0.0)

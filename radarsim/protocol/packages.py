@@ -25,7 +25,7 @@ BANG_BANG, RELATIVE = 3, 10  # target angle, rad; change of the angle, rad
 
 
 class LinkOrder(NamedTuple):
-    """An order for a link of a mission package.
+    """An order for one link of a mission package, such as an arm or a camera mount.
 
     Attributes:
         name: Name of the package, or of the link.
@@ -81,7 +81,7 @@ class LinkStates(Field[tuple[tuple[float, float], ...]]):
 
 
 class PackageState(LineReport):
-    """The state of a mission package.
+    """The state of a mission package, such as an arm, a flipper or a camera mount.
 
     Attributes:
         time: Simulated time, s; NaN if the line has none.
@@ -100,7 +100,7 @@ class PackageState(LineReport):
 
 
 class PackageConf(LineReport):
-    """The limits of the links of mission packages; never decoded.
+    """The limits of each link of mission packages, such as arms; never decoded.
 
     Attributes:
         type: Type of the packages in the spelling of the request.
@@ -137,7 +137,7 @@ class PackageConf(LineReport):
 
 
 class PackageGeo(LineReport):
-    """The poses of the links of mission packages; never decoded.
+    """The pose of each link of mission packages, such as arms; never decoded.
 
     Attributes:
         type: Type of the packages in the spelling of the request.

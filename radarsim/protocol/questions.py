@@ -121,7 +121,7 @@ def _count_between(
     robots: dict[str, Triple],
     count_obstacles: Callable[[Triple, Triple], int],
 ) -> str:
-    """Return the answer to ``GETOBS``; empty if one of the two positions is missing."""
+    """Return the answer to ``GETOBS``; empty if either position is missing."""
     for keys, find in (
         (("From", "To"), robots.get),
         (("Start", "End"), parse_flipped),
@@ -152,7 +152,7 @@ def signal_strength(distance: float, obstacles: int) -> float:
 
 
 def strength_text(strength: float | None) -> str:
-    """Return the fields of an answer to ``GETSS``.
+    """Return the fields of an answer to ``GETSS``, a query for signal strength.
 
     Args:
         strength: Signal strength, dBm; None if it is unknown.

@@ -190,7 +190,8 @@ class SteeringAngles(FormattedField[tuple[float, float] | None]):
         keys = (self.key, self._other_key)
         if value is None:
             return [Segment(key, dialect.no_steering) for key in keys]
-        # The signs of the angles are inverted, like the sign of y in a vector.
+        # Steering angles are positive to the right on the wire, so their signs are
+        # inverted.
         text = FLIPPED + marks(self.format(dialect))
         return [
             Segment(k, text, (angle,)) for k, angle in zip(keys, value, strict=True)
@@ -429,7 +430,7 @@ class Altitude(ItemReport):
 
 
 class CompassAngle(FormattedField[float]):
-    """An angle from north, rad: clockwise on the wire, counter-clockwise in reports."""
+    """An angle from north, rad, clockwise on the wire, counter-clockwise in reports."""
 
     def read(self, message: Message) -> float:
         return 0.0 - message.parse(self.key, parse_number)
@@ -448,7 +449,7 @@ class Compass(ItemReport):
 
 
 class MissionTime(ItemReport):
-    """The whole minutes since the spawn of the robot."""
+    """The time since the robot was spawned, in whole minutes."""
 
     sensor_type: ClassVar[str] = "MissionTime"
 

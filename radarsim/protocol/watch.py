@@ -81,7 +81,7 @@ class RobotChoice:
         return text or _NONE.capitalize()
 
     def includes(self, name: str) -> bool:
-        """Return whether the robot with this name, as on the wire, is in the choice."""
+        """Return whether the choice includes a robot, given its name on the wire."""
         if self.names is None:
             return True
         return name.casefold() in self._folded

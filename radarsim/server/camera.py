@@ -1,4 +1,4 @@
-"""Renders images of a robot's camera by the ray engine, and encodes them as bytes.
+"""Renders images of a robot's camera with the ray engine, and encodes them as bytes.
 
 An image depends on the scene and the view only: the same view gives the same pixels.
 
@@ -89,7 +89,7 @@ class Renderer:
         self._field_of_view = field_of_view
 
     def render_tiles(self, tiles: Tiles) -> Pixels:
-        """Return an image, (H, W, 3), of one view, or (2H, 2W, 3) of four views.
+        """Return an image of one view, (H, W, 3), or of four views, (2H, 2W, 3).
 
         Four views fill the quarters of the image row by row; None gives a black
         quarter.

@@ -234,7 +234,7 @@ class Viewer(PeerConnection):
         loop.call_later(LOOK_INTERVAL, self.look)
 
     def look(self) -> None:
-        """Check the connection periodically, because a waiting viewer is not read."""
+        """Check the connection; nothing is read from it while the viewer waits."""
         if self._transport is not None:
             super().look()
             asyncio.get_running_loop().call_later(LOOK_INTERVAL, self.look)

@@ -67,8 +67,8 @@ class RefusalLog:
         self._unlogged, self._next_line = 0, now + LOG_INTERVAL
 
 
-# Open files per permitted peer. If the system permits few open files, all others are
-# left for clients with robots.
+# One peer is permitted for each 16 files that the system lets the server open. If the
+# system permits few open files, the others are left for clients with robots.
 FILES_EACH: Final = 16
 
 
@@ -119,7 +119,7 @@ class PeerServer(ABC):
         """Return the protocol of a new connection."""
 
     async def _work(self) -> None:  # noqa: B027 - not all servers do more
-        """Do the server's periodic work until cancelled; nothing by default."""
+        """Do the server's periodic work until cancelled; the base class has none."""
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
@@ -226,7 +226,7 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         return waiting_bytes(self._transport) >= FLOOD_BYTES
 
     def _end_in_time(self) -> None:
-        """Abort the connection after ``CLOSE_GRACE``, even if data is still waiting."""
+        """Abort the connection after ``CLOSE_GRACE``, even if data is still unsent."""
         if self._grace is None and self._transport is not None:
             loop = asyncio.get_running_loop()
             self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
@@ -296,7 +296,7 @@ class ReadAllowance:
 
 
 class ReadTurns:
-    """A first-in, first-out queue of connections that wait until they are read.
+    """A queue of connections that wait to be read, first in, first out.
 
     Attributes:
         ticks: Number of ticks so far.
@@ -311,7 +311,7 @@ class ReadTurns:
         self._waiting.append(allowance)
 
     def advance(self) -> None:
-        """Start a tick, and grant its turns to the first connections in the queue."""
+        """Start a tick, in which the first connections in the queue are read once."""
         self.ticks += 1
         turns = TURNS
         while self._waiting and turns:

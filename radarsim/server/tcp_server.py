@@ -202,7 +202,8 @@ class Server(PeerServer):
         self._ticks += 1
         watchers_rest = self._ticks % WATCHER_TICKS
         for number in self.host.clients_to_send():
-            # Watchers get a write in every third tick only, as each write takes time.
+            # Clients that only watch are sent data in every third tick, as each write
+            # takes time.
             if watchers_rest and self.host.only_watches(number):
                 continue
             if number in connections:

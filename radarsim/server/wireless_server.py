@@ -166,7 +166,7 @@ class WirelessServer(QuestionServer):
         return {v.robot.name: v for v in self._simulation.vehicles if v.alive}
 
     def _look(self) -> None:
-        """Disconnect robots that have left, and open or close the next relay port.
+        """Disconnect robots that have left; open or close one relay port per call.
 
         Each call checks the signal of one relay port, in round-robin order.
         """

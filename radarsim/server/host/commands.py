@@ -88,8 +88,9 @@ def handle(host: Host, client: Client, line: str) -> Handled:
         command, unknown = parse_command(line, dialect)
     except MalformedMessage as error:
         malformed = Diagnostic.of_malformed(line, error)
-        # A zero after each character means UTF-16. Only new clients send it by mistake,
-        # so they get an error answer, which existing clients would not understand.
+        # A zero after each character means that the client sends UTF-16. Only clients
+        # under development make this mistake. They get an error line, which existing
+        # clients would not understand.
         if malformed.kind == f"malformed {Watch.verb}" or line[1:4:2] == "\0\0":
             client.reply(CommandError(malformed.text), dialect)
         return True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading
@@ -126,7 +127,7 @@ def _execute(
 
 
 def _find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
-    """Return the robot of a client, or the reason why it cannot execute commands."""
+    """Return the robot of a client, or the reason why commands have no effect."""
     if client.vehicle is None:
         text = f"{verb} without a robot, expected INIT"
         return Diagnostic(f"{verb} without robot", text)
@@ -137,7 +138,7 @@ def _find_robot(client: Client, verb: str) -> Vehicle | Diagnostic:
 
 
 def _work_of(host: Host, client: Client, command: Command) -> int:
-    """Return the units of work that a command takes."""
+    """Return how many units of work a command costs."""
     work = LIGHT_WORK
     among_robots = HEAVY_WORK + len(host.spawner.clients_by_robot) // ROBOTS_A_UNIT
     match command:
@@ -164,7 +165,7 @@ def _work_of(host: Host, client: Client, command: Command) -> int:
 
 
 def _is_answered(command: Command) -> bool:
-    """Return whether the client is sent the reason if its command has no effect.
+    """Return whether a client gets an error line if the command has no effect.
 
     The reason is sent only for commands that radarsim has added to the protocol,
     because other clients do not know such answers.
@@ -181,7 +182,7 @@ def _changes_settings(command: SetItem) -> bool:
 
 
 def _drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Execute a drive command; which fields count depends on the type of robot."""
+    """Execute a drive command; each type of robot uses different fields."""
     if command.value is not None and command.joint is not None:
         order = LinkOrder(command.joint, None, command.value, command.order)
         return move_links(vehicle, command.verb, [order])
@@ -209,8 +210,8 @@ def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
         missing = "Left" if left is None else "Right"
         text = f"DRIVE without {missing}, expected Left and Right"
         return Diagnostic("one side", f"{text}, or none of them")
-    # Only angles are checked: a client stops any robot by sending the speeds of all
-    # types of vehicles, without angles.
+    # Only angles are checked, because one client stops any robot by sending zero speeds
+    # for all types of vehicles, but no angles.
     if steers:
         text = f"DRIVE with FrontSteer of {vehicle.model.name}, which is skid-steered"
         return Diagnostic("steering", f"{text}, expected Left and Right")
@@ -218,7 +219,7 @@ def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
 
 
 def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    """Set the speeds of a flying robot; return a diagnostic for fields of a car."""
+    """Set the speeds of a flying robot; return a diagnostic for a car's fields."""
     speeds = command.linear, command.lateral, command.altitude, command.rotational
     vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
     others = command.speed, command.front_steer, command.rear_steer
@@ -281,7 +282,7 @@ def _answer(host: Host, client: Client, question: Question) -> Diagnostic | None
 def _answer_of_others(
     host: Host, client: Client, question: Question
 ) -> Diagnostic | None:
-    """Reply to a question about all robots with a given name, of any client."""
+    """Reply to a question about the robots of all clients that have a given name."""
     name = question.robot or ""
     named = robots_named(host.simulation, name)
     if not named:
@@ -303,8 +304,8 @@ def _reply_key(
     if isinstance(question, GetStartPoses):
         return (question.verb,)
     vehicle = client.vehicle
-    # Replies are not cached if the robot's settings were changed, or for cameras, whose
-    # zoom and position in pictures can change.
+    # Replies are not cached for robots with changed settings, nor for cameras, because
+    # the zoom of a camera and its region in pictures can change.
     if vehicle is None or vehicle.config is not host.simulation.config:
         return ()
     if isinstance(question, GetConf) and question.type.casefold() == CAMERA.lower():

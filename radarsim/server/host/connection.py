@@ -90,8 +90,9 @@ class SendQueue:
 
     def take(self) -> bytes:
         """Remove and return all lines, in order."""
-        # All lines of a tick are one write. A Java client (maldo) loses the first line
-        # of each write, which is then a status line that it does not need.
+        # All lines of a tick are sent in one write. The Java client maldo loses the
+        # first line of each write; if a tick is one write, this is a status line, which
+        # maldo does not need.
         data = b"".join(line for line, _ in self._lines)
         self._lines.clear()
         self._readings = self._answers = 0
@@ -236,7 +237,7 @@ class Diagnostic:
 def join_diagnostics(
     first: Diagnostic | None, consequence: Diagnostic | None
 ) -> Diagnostic | None:
-    """Join the diagnostics of an event and of its consequence; either may be None."""
+    """Join the diagnostics of an event and its consequence; either may be None."""
     if first is None or consequence is None:
         return first or consequence
     return Diagnostic(

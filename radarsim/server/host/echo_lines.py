@@ -36,7 +36,7 @@ MOST_HEADS: Final = 2000  # cached objects per sensor; each new robot adds one
 def describe_target(
     echoes: Echoes, part: int, robot_names: Mapping[int, str]
 ) -> TargetEchoes:
-    """Return the properties of the object that a part belongs to, without echoes.
+    """Return the properties of the object with a given part, without any echoes.
 
     Args:
         echoes: Echoes of the scan.
@@ -52,12 +52,12 @@ def describe_target(
 
 @lru_cache
 def _find_marks(dialect: Dialect) -> dict[int, bytes]:
-    """Return the template of an echo by the kind of echo."""
+    """Return the line template of one echo for each kind of echo."""
     return {int(kind): find_mark(dialect, name) for kind, name in KINDS.items()}
 
 
 class EchoWriter:
-    """Writes the echo lines of scans of one simulation."""
+    """Writes the echo lines for all scans of one simulation."""
 
     def __init__(self, robot_names: Callable[[], Mapping[int, str]]) -> None:
         """Start with an empty cache.

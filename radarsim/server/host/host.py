@@ -60,9 +60,9 @@ if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
 COMMANDS_PER_TICK = 20  # per client; real clients send a few
-# Limits of work per tick for all clients together, in units of about 20 us: for
-# commands on arrival, for first commands of clients after that limit is reached, and
-# for waiting commands.
+# Limits of work per tick for all clients together, in units of about 20 us. The first
+# limit is for commands on arrival, the second for the first command of each client once
+# the first limit is reached, and the third for waiting commands.
 ARRIVAL_WORK = 80
 FIRST_WORK = 50
 WAITING_WORK = 40
@@ -237,7 +237,7 @@ class Host:
         return self._clients[number].vehicle is not None
 
     def only_watches(self, number: int) -> bool:
-        """Return whether a client has no robot, and all its unsent lines are copies."""
+        """Return whether a client has no robot and only copied lines to send."""
         client = self._clients[number]
         return client.vehicle is None and not client.send_queue
 
@@ -251,11 +251,11 @@ class Host:
         return self._clients[number].close_reason()
 
     def fault(self, number: int) -> Exception | None:
-        """Return the error that has ended the robot of a client, or None."""
+        """Return the error that removed a client's robot; None without an error."""
         return self._clients[number].fault
 
     def raise_fault(self) -> None:
-        """Raise the error that has ended the robot of any client, if there is one."""
+        """Raise the error that removed the robot of any client, if there is one."""
         for client in self._clients.values():
             if client.fault is not None:
                 raise client.fault
@@ -289,8 +289,8 @@ class Host:
         # If a robot reports in this tick, the replies are already among its readings.
         for number in sorted(self._replying):
             self._queue_replies(self._clients[number])
-        # Observers are called at the end of the tick, to match existing recordings: in
-        # them, a new robot comes after the radar revolutions of other robots.
+        # Observers are called at the end of the tick, so that recordings keep their
+        # order: a new robot is recorded after the radar revolutions of other robots.
         for observer in self._observers:
             for number in waiting:
                 observer.execute(number, self._clients[number].vehicle)
@@ -430,7 +430,7 @@ class Host:
         return replies
 
     def _queue_outputs(self, outputs: Mapping[int, TickOutput]) -> None:
-        """Queue the reports of all robots in a tick, encoded by one call."""
+        """Encode the reports of all robots in a tick by one call, and queue them."""
         if not outputs:  # the case in nine of ten ticks with a single robot
             return
         robots = self.spawner.clients_by_robot  # without robots that have no client
@@ -488,7 +488,7 @@ class Host:
             self._unsent.add(client.number)
 
     def _lines_of(self, scan: ScanEchoes | DueScan, dialect: Dialect) -> bytes:
-        """Return the lines of the echoes of a scan, or of its other reports."""
+        """Return the echo lines of a scan, or the lines of its other reports."""
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)

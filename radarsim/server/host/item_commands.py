@@ -1,4 +1,4 @@
-"""Executes commands to items of a robot, and commands that choose shown cameras.
+"""Executes commands to a robot's items, and commands that choose cameras to show.
 
 Each function executes one type of command. It returns a ``Diagnostic`` if the command
 had no effect or another one than requested.
@@ -139,7 +139,7 @@ def _apply_opcode(
 def describe_missing(
     vehicle: Vehicle, command: GetGeo | GetConf | SetItem, of_type: Sequence[Item]
 ) -> Diagnostic:
-    """Describe which item of a command the robot does not have.
+    """Describe the item that a command names but the robot does not have.
 
     Args:
         vehicle: The robot.
@@ -159,7 +159,7 @@ def describe_missing(
 
 
 def set_viewports(vehicle: Vehicle, command: SetViewports) -> Diagnostic | None:
-    """Choose the cameras in pictures; an unknown camera changes no viewport."""
+    """Choose the cameras in pictures; change nothing if one camera is unknown."""
     names = {camera.name.casefold(): camera.name for camera in vehicle.cameras}
     chosen = list(vehicle.viewports)
     for number, wanted in enumerate(command.cameras):

@@ -70,7 +70,8 @@ def configuration(
     if item_type.casefold() == ROBOT:
         return _performance(model, config)
     items = items_reporting(model, item_type, name)
-    # Some clients request the packages of every robot, even of robots without any.
+    # Some clients request the mission packages (such as arms) of every robot, even if
+    # it has none.
     if item_type.casefold() == PACKAGE and not items:
         return reports.NameConf(item_type, ())
     if not items:

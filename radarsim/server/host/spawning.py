@@ -29,7 +29,7 @@ MAX_NAME_LENGTH: Final = 64  # characters of a robot's name; longer names are cu
 SPAWN_COOLDOWN: Final = 10
 FAILED_SPAWN_COOLDOWN: Final = 100  # ticks after a spawn without a free position
 SPAWNS_PER_TICK: Final = 4  # for all clients together
-# Ticks without a spawn of any client after a search for a free position.
+# Number of ticks in which no client can spawn after a search for a free position.
 SEARCH_COOLDOWN: Final = 3  # if the requested position was occupied
 FAILED_SEARCH_COOLDOWN: Final = 10  # if no position was free
 # Limit of the work of all searches in a tick, about 2 ms, in the unit of
@@ -61,7 +61,7 @@ class Spawner:
         self._classes = {name.casefold(): name for name in names}
 
     def begin_tick(self) -> None:
-        """Reset the work for searches, minus the excess work of the last tick."""
+        """Renew the work for searches, reduced by the excess work of the last tick."""
         self._search_work = min(self._search_work, 0) + SEARCH_WORK
 
     def is_too_early(self, client: Client) -> bool:
@@ -168,7 +168,7 @@ class Spawner:
         return join_diagnostics(diagnostic, moved)
 
     def _describe_place(self, vehicle: Vehicle, requested: Pose2) -> Diagnostic | None:
-        """Describe a position that was moved or is outside the map, or return None."""
+        """Return a diagnostic if the pose was moved or is outside the map."""
         pose, scene = vehicle.robot.pose, self.simulation.scene
         if (pose.x, pose.y) != (requested.x, requested.y):
             moved = f"from {_place(requested)} to {_place(pose)}"

@@ -76,7 +76,7 @@ class Watchers:
                 del self._audiences[number]
 
     def add_robot(self, vehicle: Vehicle) -> None:
-        """Add a new robot for the watchers that have chosen it."""
+        """Let the watchers that have chosen a new robot watch it."""
         self._robots[vehicle.number] = vehicle
         for client, watch in self._watches.values():
             self._join(client, watch, vehicle)
@@ -110,7 +110,7 @@ class Watchers:
         lines: bytes,
         with_echoes: bytes | None = None,
     ) -> None:
-        """Queue copies of the lines to the client of a robot.
+        """Queue copies, for watchers, of the lines sent to the client of a robot.
 
         Args:
             vehicle: A watched robot.
@@ -118,7 +118,7 @@ class Watchers:
             with_echoes: The same lines with the echo lines of all scanners; None if
                 both are equal.
         """
-        # Every line gets the prefix, because watchers may lose the lines before it.
+        # Each line has its own prefix, because a watcher may lose the lines before it.
         head = see_head(vehicle.robot.name)
         copies = [
             head + head.join(each.splitlines(keepends=True)) if each else b""
