@@ -116,7 +116,7 @@ def _check_places(address: str, port: int) -> None:
 
 
 def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
-    """Return a socket that is bound, and does not listen yet.
+    """Return a socket that is bound but does not listen yet.
 
     Args:
         address: Address to listen on; the first address of a host name.

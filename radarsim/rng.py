@@ -39,7 +39,7 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
 def as_generator(
     rng: np.random.Generator | int | None, *names: str
 ) -> np.random.Generator | None:
-    """Return a generator for a seed and names; keep a given generator, or None.
+    """Return a generator for a seed and names; return a generator or None unchanged.
 
     Raises:
         TypeError: If the argument is neither a generator nor a seed.

@@ -237,7 +237,7 @@ def _position_at(text: str, index: int) -> Position:
 
 
 class _Parser(CParser):  # type: ignore[misc]
-    """Composes nodes with the tags of the text only, and limits the nesting depth."""
+    """Composes nodes without guessing tags from values; limits the nesting depth."""
 
     _depth = 0
 

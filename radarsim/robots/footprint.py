@@ -77,7 +77,7 @@ class Footprint:
         return abs(along) <= self.length / 2 and abs(across) <= self.width / 2
 
     def gaps(self, poses: Floats, lines: Lines) -> Floats:
-        """Return the smallest gap at each pose, (P,) m; see ``contacts``."""
+        """Return the gap to the closest line at each pose, (P,) m; see ``contacts``."""
         gaps: Floats = self.contacts(poses, lines)["gap"]
         return gaps
 

@@ -312,7 +312,7 @@ def _matrix(node: _Node) -> Floats:
 
 
 def _faces(corners: Any, mode: int) -> Any:
-    """Return the triangles, (F, 3), of a list of corners in a glTF primitive mode."""
+    """Convert a list of corners to triangles, (F, 3), by the mode of the primitive."""
     if mode == _TRIANGLES:
         return corners.reshape(-1, 3)
     if mode == _FAN:

@@ -161,7 +161,7 @@ def _degrees(yaw: float) -> float:
 def _placed_keys(
     position: Sequence[float], yaw: float | None = None, **others: Any
 ) -> dict[str, Any]:
-    """Return the keys of an entry with a position, without keys that are None."""
+    """Return the keys of an entry with a position; keys that are None are left out."""
     angle = None if yaw is None else _degrees(yaw)
     keys = {**others, "position": list(position), "yaw_deg": angle}
     return {key: value for key, value in keys.items() if value is not None}

@@ -1,4 +1,4 @@
-"""Mission packages: chains of links that rotate to commanded angles."""
+"""Mission packages (arms, flippers, camera mounts): links that rotate on command."""
 
 import math
 from typing import Final
@@ -16,7 +16,7 @@ FAR: Final = 1e6  # rad; target angle of a link without limits that has a rate o
 
 
 class MissionPackage(EngineSensor, types=["MisPkg"]):
-    """A mission package, which reports the state of its links."""
+    """An arm, flipper or camera mount, which reports the state of its links."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)

@@ -49,7 +49,7 @@ class Program(NamedTuple):
 
 
 class ReadingTable:
-    """The sensor states of all robots, a row for each slot of a fleet, and all jobs."""
+    """The sensor states of robots, one row per slot of the fleet, and the job table."""
 
     def __init__(self, fleet: "Fleet") -> None:
         self._fleet = fleet

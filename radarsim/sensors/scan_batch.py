@@ -212,7 +212,7 @@ class ScanBatch:
 
     @cached_property
     def reported(self) -> Floats:
-        """The ranges that robots report, (J, N) m: without a return, the maximum."""
+        """The ranges that robots report, (J, N) m; the maximum if nothing returned."""
         return np.minimum(self.ranges, self.pattern.settings.max_range)
 
     def all_rays(self, row: int) -> Rays:

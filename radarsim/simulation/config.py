@@ -233,7 +233,7 @@ class SimulationConfig:
 
 
 def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
-    """Return the limited numbers of rays of a scanner, in the order of ``NAMES``."""
+    """Return a scanner's ray counts that have limits, in the order of ``NAMES``."""
     settings, interval = config.scanner_settings(item), config.interval(item)
     if settings.has_detector:
         fmcw = load_fmcw_settings(config.sensor_name(item))

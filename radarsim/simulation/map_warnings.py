@@ -88,7 +88,7 @@ def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
 
 @lru_cache(maxsize=8)
 def _solids(scene: Scene) -> tuple[Geometry, ...]:
-    """Return the obstacles: solid areas, and lines of open surfaces and of rooms."""
+    """Return solid areas as polygons; walls of rooms and open surfaces as lines."""
     floor = _floor_of(scene)
     starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
     return tuple(

@@ -431,7 +431,7 @@ class Simulation:
         return readings
 
     def _prepare_spawns(self) -> None:
-        """Load presets and slice the walls at the starts, to make spawns faster."""
+        """Load presets and slice walls at the starts, so that later spawns are fast."""
         sensor_presets()
         sensor_presets("items")
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)

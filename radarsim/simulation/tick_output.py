@@ -57,7 +57,7 @@ class TickOutput(NamedTuple):
 
 
 class Faults:
-    """The errors of single robots, which only bugs can cause.
+    """The errors that single robots raised; only bugs can cause them.
 
     Attributes:
         errors: The errors by the robot's number; the caller of ``Simulation.step``
