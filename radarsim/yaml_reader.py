@@ -57,7 +57,7 @@ _CONSTANTS: dict[str, bool | None] = {
 
 
 class UnreadableYaml(Exception):
-    """The text cannot be parsed after a position."""
+    """The text cannot be parsed beyond a certain position."""
 
     def __init__(self, position: Position, message: str) -> None:
         super().__init__(message)

@@ -167,7 +167,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def reads_first_returns(self) -> bool:
-        """Whether clouds return beams from random depths, as in first-return mode."""
+        """Whether the laser reads first returns, from random depths inside clouds."""
         return (
             self.medium == "laser"
             and 0 < self.penetration_power < math.inf

@@ -114,7 +114,7 @@ class Tracer:
         self._events_per_ray = 4  # the largest average of all calls so far
 
     def losses(self, ray_class: RayClass) -> tuple[Floats, float, Floats]:
-        """Return the losses of rays in each part, and the scattered shares.
+        """Return the losses of rays in each part, and the share that scatters.
 
         Returns:
             The power lost per metre in each part, (P,), and in the air; and the

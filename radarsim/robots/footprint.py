@@ -32,7 +32,7 @@ _CONTACT: Final = engine.rows["Contact"]
 
 
 def line_table(segments: Floats) -> Lines:
-    """Convert segments, (S, 2, 2) m, to lines, (S,), with their indices as ranks."""
+    """Convert segments, (S, 2, 2) m, to lines, (S,); ranks are segment indices."""
     first, second = segments[:, 0], segments[:, 1]
     ranks = np.arange(len(segments))
     columns = (first + second) / 2, (second - first) / 2, ranks

@@ -202,7 +202,7 @@ class GltfFile:
                 yield (*self._read(primitive), matrix)
 
     def _nodes(self) -> Iterator[tuple[_Node, Floats]]:
-        """Yield the nodes of the scene with their matrices, children in reverse order.
+        """Yield the scene's nodes and their matrices; children are in reverse order.
 
         A MeshError is raised if the nodes do not form trees.
         """
@@ -231,7 +231,7 @@ class GltfFile:
             yield node, matrix
 
     def _accessor(self, index: int, kind: str) -> _Accessor:
-        """Return an accessor after checking its type, and that its values are plain."""
+        """Return an accessor; raise MeshError if it is not usable, such as sparse."""
         accessor = _item(self._tree.accessors, index, "accessor")
         name = f"accessor {index}"
         if accessor.bufferView is None or accessor.sparse is not None:

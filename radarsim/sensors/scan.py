@@ -321,7 +321,7 @@ class Scan:
         }
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Return ranges and rays with the dimension ``angle``; the rest as attributes.
+        """Return ranges and rays along the dimension ``angle``, and attributes.
 
         Raises:
             MissingPackage: If xarray is not installed.

@@ -48,7 +48,7 @@ NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan
 
 @dataclass(frozen=True, slots=True)
 class SimulationConfig:
-    """The dialect of commands, changed item settings, and additional robot classes.
+    """The command dialect, changed settings of items, and additional robot classes.
 
     Attributes:
         dialect: Rates, limits and the unit of DRIVE.

@@ -112,7 +112,7 @@ def _slices(part: Part, floor: float) -> Iterator[Floats]:
 
 
 def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
-    """Yield the areas that segments enclose; yield the lines if open or of a room."""
+    """Yield enclosed areas without starts, and all lines if some bound no such area."""
     lines = shapely.linestrings(segments)
     areas, *rest = shapely.polygonize_full(lines)
     rooms = shapely.intersects(shapely.get_parts(areas), starts)

@@ -348,7 +348,7 @@ class Simulation:
         }
 
     def _read_scanner_items(self) -> list[DueScan]:
-        """Return the scans of add-ons in this tick, and make their robots due."""
+        """Return the scans that add-ons read, and mark the scanned robots as due."""
         due_scans = [
             due_scan
             for items in self.scanner_items.values()

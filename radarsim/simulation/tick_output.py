@@ -51,7 +51,7 @@ class TickOutput(NamedTuple):
 
     @property
     def has_status(self) -> bool:
-        """Whether the group has a status, which is always its first report."""
+        """Whether the group has a status report, which is always its first report."""
         samples = self.group.samples
         return bool(samples) and isinstance(samples[0], Status)
 

@@ -168,7 +168,7 @@ class Vehicle:
         self._reschedule()
 
     def _power_status(self) -> dict[str, list[Job]]:
-        """Return the jobs of the status, after adding the state of the battery."""
+        """Add the battery to the robot's state, and return the jobs of the status."""
         charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
         charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
         # Clients pause a robot whose battery reads 0, so a battery that never runs out
