@@ -59,7 +59,7 @@ def fixed_number(rng: np.random.Generator) -> int:
         rng: The generator; its state is not used or changed.
     """
     seed: Any = rng.bit_generator.seed_seq
-    # Generators that are spawned have numbers from 0 on, so none of them has this
+    # Spawned generators have the numbers 0, 1 and so on, so none of them has this
     # number.
     own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 2**32 - 1))
     return int(own.generate_state(1, np.uint64)[0])

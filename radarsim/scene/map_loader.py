@@ -285,7 +285,7 @@ class MapLoader:
     def _build(
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Budget
     ) -> list[Part]:
-        """Build an object, or return the parts that were built for another variant."""
+        """Build an object, or return its parts if another variant has built them."""
         # The key contains the materials, not their names, since a variant can redefine
         # a name.
         key = (at, tuple(used.values()))

@@ -20,7 +20,7 @@ from radarsim.scene.scene import REFLECTOR, Part, Scene
 
 
 def material_keys(material: Material) -> dict[str, Any]:
-    """Return the keys of a map file that describe a material.
+    """Return the map file keys that describe a material, with their values.
 
     >>> material_keys(Material("leaf", density=0.5, solid=False))
     {'density': 0.5, 'laser_density': 'opaque', 'solid': False}

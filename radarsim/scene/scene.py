@@ -1,4 +1,4 @@
-"""The scene: parts with materials, start poses, reflectors, victims, tags, crates."""
+"""Scenes: parts with materials, start poses, reflectors, victims, tags and crates."""
 
 import math
 from collections.abc import Iterable, Mapping

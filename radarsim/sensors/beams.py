@@ -290,7 +290,7 @@ def _turned(vectors: Floats, rotation: Floats) -> Floats:
 
 
 def _deviations(settings: SensorSettings) -> tuple[float, float]:
-    """Return the standard deviations of a cone in azimuth and elevation, rad."""
+    """Return a cone's standard deviations in azimuth and elevation, rad."""
     across, up = settings.beamwidth_az_deg, settings.beamwidth_el_deg
     return (
         two_way_deviation(math.radians(across)),

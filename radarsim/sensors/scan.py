@@ -321,7 +321,7 @@ class Scan:
         }
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Return ranges and rays along the dimension ``angle``, and attributes.
+        """Return a dataset: ranges and rays by ``angle``, and the rest as attributes.
 
         Raises:
             MissingPackage: If xarray is not installed.

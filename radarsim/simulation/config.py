@@ -198,7 +198,7 @@ class SimulationConfig:
         return load_settings(self.sensor_name(item), **self.settings(item))
 
     def settings_of(self, item: Item) -> Any:
-        """Return the settings of an item; None if it has none.
+        """Return the settings of an item; None if the item has no settings.
 
         Raises:
             PresetError: If a setting is unknown or out of range.

@@ -33,7 +33,7 @@ HEADROOM: Final = 20.0  # m; flight ceiling above the highest point of the map
 INSET: Final = 0.01  # m from the sides of a robot to its outer rays
 _LOOK_AHEAD: Final = 4  # ticks between two computations of the next band
 _SIDES: Final = (-1.0, 0.0, 1.0)
-# Starts of the rays, as multiples of half the length and half the width.
+# Starts of the vertical rays, as multiples of half the robot's length and width.
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
 
 

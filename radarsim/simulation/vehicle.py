@@ -278,7 +278,7 @@ class Vehicle:
         self.fovs[camera.name] = settings.limit(fov_deg or settings.fov_deg)
 
     def request_scan(self, item: Item) -> None:
-        """Request an extra scan in the next tick; ignore items that do not scan."""
+        """Request an extra scan in the next tick, unless the item does not scan."""
         if item.type == "RangeScanner":
             self._requested_scans.add(item.name)
             self._schedule.request(self)
@@ -326,7 +326,7 @@ class Vehicle:
                 sensor.reset()
 
     def move_link(self, order: LinkOrder) -> bool:
-        """Move a link of a mission package; return whether the robot has the link."""
+        """Move a link of a mission package; return False if the link is unknown."""
         packages = (s for s in self._sensors if isinstance(s, MissionPackage))
         return any(package.move(order, self._clock.ticks) for package in packages)
 
