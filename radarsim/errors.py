@@ -160,7 +160,7 @@ class MappingError(RadarsimError):
 
 
 class NavigationError(RadarsimError):
-    """A robot cannot do a task."""
+    """A robot cannot complete a navigation task."""
 
 
 class TooNearError(NavigationError):

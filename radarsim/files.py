@@ -50,8 +50,8 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
             parts.append((part, target))
             with _report_as(path):
                 _write_new(part, files[path])
-        # Devices come after the temporary files, since writing to a device cannot be
-        # undone.
+        # Devices are written after the temporary files, since writing to a device
+        # cannot be undone.
         for path in special:
             with _report_as(path):
                 path.write_bytes(files[path])

@@ -68,7 +68,7 @@ def signal_callbacks(
 
 @contextmanager
 def exit_code_of_signal() -> Iterator[asyncio.Future[int]]:
-    """Convert the first exit signal to the result of a future.
+    """Yield a future that the first exit signal completes with an exit code.
 
     Yields:
         A future of the exit code: 130 after SIGINT, 0 after SIGTERM, 129 after SIGHUP.
@@ -116,7 +116,7 @@ def _check_places(address: str, port: int) -> None:
 
 
 def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
-    """Return a socket that is bound, and does not listen yet.
+    """Return a socket that is bound but does not listen yet.
 
     Args:
         address: Address to listen on; the first address of a host name.

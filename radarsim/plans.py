@@ -201,7 +201,7 @@ def read_help(docstring: str) -> Mapping[str, str]:
 
 
 def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
-    """Return the type of a value, its markers, and whether it is repeated."""
+    """Return a hint's value type and markers, and whether the option is repeatable."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         if any(isinstance(each, Form) for each in inner[1:]):

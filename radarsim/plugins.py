@@ -70,7 +70,7 @@ def has(group: str, name: str) -> bool:
 
 
 def import_part(module: str, wanted_by: str = "") -> Any:
-    """Import and return a module of a part of radarsim that may be missing.
+    """Import and return a module of radarsim that an installation may lack.
 
     Args:
         module: Name of the module.

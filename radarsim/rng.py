@@ -39,7 +39,7 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
 def as_generator(
     rng: np.random.Generator | int | None, *names: str
 ) -> np.random.Generator | None:
-    """Return a generator for a seed and names; keep a given generator, or None.
+    """Return a generator for a seed and names; return a generator or None unchanged.
 
     Raises:
         TypeError: If the argument is neither a generator nor a seed.
@@ -59,7 +59,7 @@ def fixed_number(rng: np.random.Generator) -> int:
         rng: The generator; its state is not used or changed.
     """
     seed: Any = rng.bit_generator.seed_seq
-    # Generators that are spawned have numbers from 0 on, so none of them has this
+    # Spawned generators have the numbers 0, 1 and so on, so none of them has this
     # number.
     own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 2**32 - 1))
     return int(own.generate_state(1, np.uint64)[0])

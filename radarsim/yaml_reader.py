@@ -57,7 +57,7 @@ _CONSTANTS: dict[str, bool | None] = {
 
 
 class UnreadableYaml(Exception):
-    """The text cannot be parsed after a position."""
+    """The text cannot be parsed beyond a certain position."""
 
     def __init__(self, position: Position, message: str) -> None:
         super().__init__(message)
@@ -237,7 +237,7 @@ def _position_at(text: str, index: int) -> Position:
 
 
 class _Parser(CParser):  # type: ignore[misc]
-    """Composes nodes with the tags of the text only, and limits the nesting depth."""
+    """Composes nodes without guessing tags from values; limits the nesting depth."""
 
     _depth = 0
 

@@ -46,7 +46,7 @@ def _known_type(value: str) -> str:
 
 
 class Source(BaseModel, frozen=True, extra="forbid"):
-    """The source of some keys of a class.
+    """The source of the values of some keys of a robot class.
 
     Attributes:
         of: Names of the keys.
@@ -60,7 +60,7 @@ class Source(BaseModel, frozen=True, extra="forbid"):
 
 
 class Link(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """A link of a mission package, which rotates about a joint.
+    """A link of an arm, flipper or camera mount, which rotates about a joint.
 
     Attributes:
         name: Name of the link in MULTIDRIVE commands; empty for none.

@@ -39,7 +39,7 @@ MAX_NODES = 100  # of a quadrature in a row; with more, the outer weights underf
 
 
 def _check_quantum(value: float) -> float:
-    """Require 0, or a step of at least 1e-6 m, since ranges are divided by it."""
+    """Require a quantum of 0, or at least 1e-6 m, since ranges are divided by it."""
     if 0 < value < 1e-6:
         raise ValueError("expected 0 or at least 1e-06")
     return value
@@ -167,7 +167,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def reads_first_returns(self) -> bool:
-        """Whether clouds return beams from random depths, read as first returns."""
+        """Whether the laser reads first returns, from random depths inside clouds."""
         return (
             self.medium == "laser"
             and 0 < self.penetration_power < math.inf
@@ -287,7 +287,7 @@ class CameraSettings(BaseModel, extra="forbid", frozen=True):
 
 
 def offset_angle(side_offset_uu: float, distance: float) -> float:
-    """Return the angle between a beam and a side ray with an offset, rad.
+    """Return the angle, rad, between a beam and its side ray at an offset.
 
     Args:
         side_offset_uu: Offset N, Unreal units.

@@ -106,7 +106,7 @@ def open_library() -> ctypes.CDLL:
 
 
 def load_library(paths: list[Path]) -> ctypes.CDLL:
-    """Open the library in a list of one file, and check that it is Embree 4.
+    """Open the library, given as a list of one path, and check that it is Embree 4.
 
     Raises:
         EngineError: If there is not exactly one file, or it is not Embree 4.
@@ -145,7 +145,7 @@ def expect_version(library: ctypes.CDLL) -> None:
 
 
 def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
-    """Return the bounding boxes of the parts of triangles between two heights.
+    """Clip triangles to the slab between two heights, and return their bounds.
 
     Args:
         triangles: (T, 9) m, the corners of triangles that reach into the slab.

@@ -228,14 +228,14 @@ class Boxes:
     def find(
         self, ids: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return which of the ids belong to boxes, as indices, (K,), and their rows."""
+        """Return the indices of ids that belong to boxes, (K,), and the box rows."""
         known = self.rows[:, 7].astype(np.int64)
         found = np.flatnonzero(np.isin(ids, known))
         order = np.argsort(known)
         return found, order[np.searchsorted(known, ids[found], sorter=order)]
 
     def table(self, centre: Floats) -> NDArray[np.void]:
-        """Return the boxes as ROBOT_BOX rows for the engine; each centre is cached.
+        """Return the boxes as ROBOT_BOX rows for the engine, cached by ``centre``.
 
         Args:
             centre: (3,) m, origin of the coordinates in the table.

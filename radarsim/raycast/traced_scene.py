@@ -62,7 +62,7 @@ def _glint_cosine(angle: float) -> float:
 
 
 def scattering_of(material: Material, ray_class: RayClass) -> float:
-    """Return the scattered share of a loss in a volume or a sheet, relative to foliage.
+    """Return the share of a volume or sheet loss that scatters, relative to foliage.
 
     For light, all clouds and plants are assumed to scatter the same share.
     """

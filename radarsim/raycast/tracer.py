@@ -54,7 +54,7 @@ THREAD_RAYS: Final = 2_000  # number of rays from which a call uses all processo
 INITIAL_CAPACITY: Final = 512  # crossings per segment; events per call
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
-# The argument ``scans`` of a call that traces given rays.
+# The argument ``scans`` of engine calls that trace given rays instead of scans.
 NO_SCANS: Final = (
     np.zeros((0, 7)),
     np.zeros((0, 0)),
@@ -114,7 +114,7 @@ class Tracer:
         self._events_per_ray = 4  # the largest average of all calls so far
 
     def losses(self, ray_class: RayClass) -> tuple[Floats, float, Floats]:
-        """Return the losses of rays in each part, and the scattered shares.
+        """Return the losses of rays in each part, and the share that scatters.
 
         Returns:
             The power lost per metre in each part, (P,), and in the air; and the

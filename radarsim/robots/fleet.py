@@ -75,7 +75,7 @@ class Fleet:
         self._pack()
 
     def _pack(self) -> None:
-        """Pack robots and walls into the structure that the engine reads."""
+        """Pack robots and walls into a structure for the engine."""
         # The buffer has room for all walls, and the sides of all robots.
         room = self._walls.lines + 4 * len(self.table)
         # The buffer is reused, since allocating megabytes can take milliseconds.

@@ -32,7 +32,7 @@ _CONTACT: Final = engine.rows["Contact"]
 
 
 def line_table(segments: Floats) -> Lines:
-    """Convert segments, (S, 2, 2) m, to lines, (S,), with their indices as ranks."""
+    """Convert segments, (S, 2, 2) m, to lines, (S,); ranks are segment indices."""
     first, second = segments[:, 0], segments[:, 1]
     ranks = np.arange(len(segments))
     columns = (first + second) / 2, (second - first) / 2, ranks
@@ -77,7 +77,7 @@ class Footprint:
         return abs(along) <= self.length / 2 and abs(across) <= self.width / 2
 
     def gaps(self, poses: Floats, lines: Lines) -> Floats:
-        """Return the smallest gap at each pose, (P,) m; see ``contacts``."""
+        """Return the gap to the closest line at each pose, (P,) m; see ``contacts``."""
         gaps: Floats = self.contacts(poses, lines)["gap"]
         return gaps
 

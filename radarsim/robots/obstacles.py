@@ -1,4 +1,4 @@
-"""The obstacles on a floor: horizontal slices through all solid objects, as walls.
+"""The obstacles on a floor: walls, which are horizontal slices of solid objects.
 
 The walls near a position are found in a grid of square cells. A wall has an entry in
 each cell that it crosses. Cells are numbered row by row and the entries are sorted by
@@ -42,8 +42,8 @@ _SEARCH_STEP = 0.05  # m between candidate positions
 _BATCH = 128  # candidate positions per step of the search
 _CLEARANCE = 0.01  # m around the footprint at a candidate position
 _LINES = 512  # lines per step of the search
-# Estimated costs of a position without lines, of sorting a line, and of one call of
-# `is_open`. The unit is the cost of comparing one position with one line.
+# Estimated costs of testing a position without lines, sorting a line, and calling
+# `is_open`, relative to the cost of comparing one position with one line.
 _POSITION_WORK = 300
 _SORTING_WORK = 30
 _TRACING_WORK = 40_000
@@ -135,7 +135,7 @@ def floor_walls(segments: Floats) -> FloorWalls:
 
 
 class WallStore:
-    """The walls of several floors, with room for more.
+    """The walls of several floors, in arrays with spare room for more floors.
 
     Floors are only added, and entries of the table never change, so references to the
     table stay valid.

@@ -198,7 +198,7 @@ class Robot:
 
     @property
     def top_speed(self) -> float:
-        """Largest possible speed, m/s, of the centre, including pushes by robots."""
+        """Largest possible speed of the centre, m/s, even when other robots push it."""
         return float(self.fleet.columns.item(self.slot, COLUMN["top_speed"]))
 
     @property
@@ -224,7 +224,7 @@ class Robot:
             normalized: Whether this command and later ones are percentages.
             light: Whether the headlight is on.
         """
-        # Later commands without the flag use the last value.
+        # A command without the ``Normalized`` flag keeps the flag's previous value.
         self._normalized = self._normalized if normalized is None else normalized
         self.light = self.light if light is None else light
         # As in the original server, a command needs both speeds; some clients send only
@@ -302,8 +302,8 @@ class Robot:
             old if speed is None else _limited(speed, limit, normalized=normalized)
             for speed, old, limit in zip(speeds, before, limits, strict=True)
         )
-        # As in the original server, percentages tilt the robot by only a part of the
-        # angle.
+        # As in the original server, a command in percent uses only ``tilt_deg`` percent
+        # of the largest tilt.
         tilt = math.radians(flight.tilt_deg)
         tilt *= flight.tilt_deg / 100 if normalized else 1.0
         if ahead is not None:

@@ -137,7 +137,7 @@ class Budget:
         self._taken = dict.fromkeys(limits, 0)
 
     def take(self, count: int, what: str) -> None:
-        """Count objects, parts, triangles, or another kind that has a limit.
+        """Add to the counter of a kind, such as objects or triangles, up to its limit.
 
         Raises:
             BuildError: If the new total exceeds the limit.
@@ -166,7 +166,7 @@ class PartBuilder:
     def build(
         self, entry: ObjectEntry, materials: Mapping[str, Material], room: Budget
     ) -> list[Part]:
-        """Build an object's parts, one for each copy and each of its materials.
+        """Build the parts of an object: one for each pair of a copy and a material.
 
         Args:
             entry: The object, with one shape.
@@ -208,7 +208,7 @@ class PartBuilder:
     def _pieces(
         self, entry: ObjectEntry, materials: Mapping[str, Material]
     ) -> list[_Piece]:
-        """Return the meshes of an object by material, in m, before its rotation."""
+        """Return the meshes of an object, m, by material; they are not rotated yet."""
         if entry.reflector is not None:
             return [(REFLECTOR, octahedron(entry.reflector.trihedral or POINT_EDGE))]
         if entry.mesh is None:
@@ -231,7 +231,7 @@ class PartBuilder:
     def _mesh(
         self, entry: ObjectEntry, mesh: str, materials: Mapping[str, Material]
     ) -> list[_Piece]:
-        """Return the surfaces of a mesh file, joined by material, in its own frame."""
+        """Return a file's surfaces, joined by material, in the frame of the file."""
         # Meshes are cached, since joining a large mesh takes seconds. The cache key
         # contains the materials, not only their names, because a variant of the map can
         # redefine a material and so require a closed volume.
@@ -322,7 +322,7 @@ def orient_for(material: Material, vertices: Floats, faces: Faces) -> Mesh:
 def _group_by_material(
     entry: ObjectEntry, surfaces: list[Surface]
 ) -> dict[str, list[Surface]]:
-    """Group the surfaces of a mesh file by the name of their material in the map."""
+    """Group the surfaces of a mesh file by material, named as in the map."""
     if entry.material is not None:
         return {entry.material: surfaces}
     given = entry.materials or {}
@@ -408,13 +408,13 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_C
 
 
 def _draw_forever(rng: np.random.Generator) -> Iterator[float]:
-    """Yield random numbers in [0, 1), equal to those of repeated ``rng.random()``."""
+    """Yield the random numbers that repeated calls of ``rng.random()`` return."""
     while True:
         yield from rng.random(_DRAWS).tolist()
 
 
 class _Neighbourhood:
-    """Positions in an area with a minimum distance, stored in the cells of a grid.
+    """Positions that keep a minimum distance from each other, stored in a grid.
 
     A cell is a little larger than the distance, so rounding cannot put a neighbour
     outside the 3 x 3 cells that are searched. The grid starts in the area's corner and

@@ -1,4 +1,4 @@
-"""Create modified copies of a scene: with a material or an object added or removed."""
+"""Create copies of a scene: a material is changed, or an object added or removed."""
 
 from __future__ import annotations
 

@@ -202,7 +202,7 @@ class GltfFile:
                 yield (*self._read(primitive), matrix)
 
     def _nodes(self) -> Iterator[tuple[_Node, Floats]]:
-        """Yield the nodes of the scene with their matrices, children in reverse order.
+        """Yield the scene's nodes and their matrices; children are in reverse order.
 
         A MeshError is raised if the nodes do not form trees.
         """
@@ -231,7 +231,7 @@ class GltfFile:
             yield node, matrix
 
     def _accessor(self, index: int, kind: str) -> _Accessor:
-        """Return an accessor after checking its type, and that its values are plain."""
+        """Return an accessor; raise MeshError if it is not usable, such as sparse."""
         accessor = _item(self._tree.accessors, index, "accessor")
         name = f"accessor {index}"
         if accessor.bufferView is None or accessor.sparse is not None:
@@ -312,7 +312,7 @@ def _matrix(node: _Node) -> Floats:
 
 
 def _faces(corners: Any, mode: int) -> Any:
-    """Return the triangles, (F, 3), of a list of corners in a glTF primitive mode."""
+    """Convert a list of corners to triangles, (F, 3), by the mode of the primitive."""
     if mode == _TRIANGLES:
         return corners.reshape(-1, 3)
     if mode == _FAN:

@@ -117,7 +117,7 @@ def air_problems(material: Material) -> Iterator[Problem]:
 
 
 def object_problems(item: object) -> Iterator[Problem]:
-    """Check a raw object for exactly one shape, and keys that exclude each other."""
+    """Check that a raw object has exactly one shape, and keys that are compatible."""
     if not isinstance(item, dict):
         return
     given = {key for key, value in item.items() if value is not None}

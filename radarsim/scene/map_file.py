@@ -92,7 +92,7 @@ def load_map(path_or_name: str | Path) -> Scene:
 
 
 def load_variants(path_or_name: str | Path) -> list[Scene]:
-    """Load a map and then all its variants, or only the selected one.
+    """Load a map and then its variants, or only the variant that the name selects.
 
     Raises:
         MapError: If the map or a variant has problems; the error lists them.

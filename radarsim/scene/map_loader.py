@@ -149,8 +149,8 @@ class MapLoader:
         entries = list(self._objects(layers, materials))
         starts = self._placed(data, "starts", StartEntry, MAX_STARTS)
         trial = self._trial(data)
-        # If there are too many objects, this problem has been reported, and none is
-        # built.
+        # If there are too many objects, the problem was reported above, and no object
+        # is built.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
         reflectors: list[Reflector] = []
         for _, entry in () if self._is_too_much else entries:
@@ -193,7 +193,7 @@ class MapLoader:
         yield at, layer if isinstance(layer, dict) else {}
 
     def _materials(self, layers: list[_Layer]) -> tuple[dict[str, Material], set[str]]:
-        """Return all materials, and the names of invalid materials, made opaque."""
+        """Return all materials, and the names of invalid ones, which become opaque."""
         materials: dict[str, Material] = {}
         invalid: set[str] = set()
         for at, item in self._entries(layers, "materials", MAX_MATERIALS):
@@ -285,7 +285,7 @@ class MapLoader:
     def _build(
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Budget
     ) -> list[Part]:
-        """Build an object, or return the parts that were built for another variant."""
+        """Build an object, or return its parts if another variant has built them."""
         # The key contains the materials, not their names, since a variant can redefine
         # a name.
         key = (at, tuple(used.values()))

@@ -20,7 +20,7 @@ from radarsim.scene.scene import REFLECTOR, Part, Scene
 
 
 def material_keys(material: Material) -> dict[str, Any]:
-    """Return the keys of a map file that describe a material.
+    """Return the map file keys that describe a material, with their values.
 
     >>> material_keys(Material("leaf", density=0.5, solid=False))
     {'density': 0.5, 'laser_density': 'opaque', 'solid': False}
@@ -161,7 +161,7 @@ def _degrees(yaw: float) -> float:
 def _placed_keys(
     position: Sequence[float], yaw: float | None = None, **others: Any
 ) -> dict[str, Any]:
-    """Return the keys of an entry with a position, without keys that are None."""
+    """Return the keys of an entry with a position; keys that are None are left out."""
     angle = None if yaw is None else _degrees(yaw)
     keys = {**others, "position": list(position), "yaw_deg": angle}
     return {key: value for key, value in keys.items() if value is not None}

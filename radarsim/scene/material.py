@@ -216,7 +216,7 @@ class LibraryEntry(BaseModel, extra="forbid", frozen=True):
 
     @property
     def amount(self) -> Amount | None:
-        """The key that scales the losses, such as ``mm_per_h``; None without one."""
+        """The key that scales the losses, such as ``mm_per_h``, or None."""
         return next((name for name in AMOUNTS if name in self.numbers), None)
 
 

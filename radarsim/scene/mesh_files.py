@@ -41,7 +41,7 @@ class MeshError(Exception):
 
 
 class MeshBudget:
-    """Counters for all mesh files of one map together, with limits."""
+    """Counters with limits, which all mesh files of one map share."""
 
     def __init__(self) -> None:
         self._taken = dict.fromkeys(_LIMITS, 0)
@@ -205,7 +205,7 @@ def _as_ascii(content: bytes) -> bytes:
 
 
 def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
-    """Return name, count and least bytes per row of each element; and if it is text."""
+    """Return each element's name, count and least row size, and whether it is text."""
     is_text = False
     elements: list[tuple[str, int, int]] = []
     for line in header.decode("ascii", "replace").splitlines():

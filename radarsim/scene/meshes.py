@@ -114,7 +114,7 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
 
 
 def _weld(surfaces: list[Surface]) -> list[Mesh]:
-    """Orient the closed surfaces outward, and weld the open ones into a closed one.
+    """Orient closed surfaces outward, and weld open surfaces into one closed mesh.
 
     Raises:
         MeshError: If the welded surface is still open.
@@ -274,7 +274,7 @@ def _parse(
 
 
 def _select(vertices: Floats, faces: Any) -> Mesh:
-    """Return the faces, and the vertices without most of the unused vertices."""
+    """Return vertices and faces; drop unused vertices if there are many."""
     _check_corners(faces, len(vertices))
     if faces.size >= len(vertices):  # Most are used, so sorting is not worth its time.
         return vertices, faces.astype(np.int32)

@@ -1,4 +1,4 @@
-"""The scene: parts with materials, start poses, reflectors, victims, tags, crates."""
+"""Scenes: parts with materials, start poses, reflectors, victims, tags and crates."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -29,8 +29,8 @@ SMALLEST, LARGEST = 0.05, 10.0  # m; sides of crates
 REFLECTOR: Final = Material("reflector", backscatter_db=-math.inf)
 POINT_EDGE: Final = 0.05  # m
 
-# Positions of body parts of a man of average size (height 1.75 m, an estimate),
-# relative to the pelvis: towards the head, and to the left, m.
+# Positions of the body parts of a man 1.75 m tall (estimated), relative to the pelvis:
+# distances towards the head, and to the left, m.
 BODY_PARTS: Final = (
     ("Head", 0.75, 0.0),
     ("Chest", 0.40, 0.0),

@@ -88,7 +88,7 @@ def cylinder(radius: float, height: float) -> Mesh:
 
 
 def octahedron(radius: float) -> Mesh:
-    """Create an octahedron with its corners on the axes, at the radius, m."""
+    """Create an octahedron with a corner at ``radius``, m, on each half-axis."""
     vertices = radius * np.vstack([np.eye(3), -np.eye(3)])
     faces = [
         (x, y, z) if (x < 3) ^ (y < 3) ^ (z < 3) else (x, z, y)

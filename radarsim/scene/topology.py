@@ -144,7 +144,7 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
 
 
 def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
-    """Return whether closed faces, oriented outward, enclose a point.
+    """Return whether a closed mesh with outward faces encloses a point.
 
     Uses the solid angle of the faces as seen from the point (Van Oosterom and
     Strackee): 4 pi from inside, 0 from outside.
@@ -164,7 +164,7 @@ def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
 
 
 def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
-    """Count the faces of a closed mesh, oriented outward, that bound no volume.
+    """Count the faces that bound no volume in a closed mesh with outward faces.
 
     Args:
         vertices: (V, 3) m, merged.
@@ -239,12 +239,12 @@ class _Shells:
         self._faces = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
     def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
-        """Return whether a point is inside components whose boxes contain another box.
+        """Return whether a point is inside the components whose boxes contain a box.
 
         Args:
-            low: (3,) lower corner of the other box, m.
-            high: (3,) upper corner of the other box, m.
-            point: (3,) a point in the other box, m.
+            low: (3,) lower corner of the box, m.
+            high: (3,) upper corner of the box, m.
+            point: (3,) a point in the box, m.
         """
         from shapely import Point  # noqa: PLC0415
 

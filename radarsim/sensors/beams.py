@@ -185,7 +185,7 @@ class BeamPattern:
         )
 
     def _pack_source(self, table: Packed) -> Packed:
-        """Pack the values that all rays share, as one row, and the table of nodes."""
+        """Pack one row with the values that all rays share, and the table of nodes."""
         settings = self.settings
         return engine.structures["RaySource"].pack(
             origins=np.zeros((0, 3)),
@@ -290,7 +290,7 @@ def _turned(vectors: Floats, rotation: Floats) -> Floats:
 
 
 def _deviations(settings: SensorSettings) -> tuple[float, float]:
-    """Return the standard deviations of a cone in azimuth and elevation, rad."""
+    """Return a cone's standard deviations in azimuth and elevation, rad."""
     across, up = settings.beamwidth_az_deg, settings.beamwidth_el_deg
     return (
         two_way_deviation(math.radians(across)),
@@ -314,7 +314,7 @@ def _starts(settings: SensorSettings, angles: Floats) -> Floats:
 
 
 def _sides(offsets: Floats) -> Sides:
-    """Return -1, 0 or 1 per ray, (K,) or (K, N), for offsets, (K, 1 or N, 2) rad."""
+    """Return the side of each ray, -1, 0 or 1, (K,) or (K, N), for offsets in rad."""
     across = offsets[..., 0]
     sides = np.where(np.abs(across) < CENTRE_TOLERANCE, 0.0, np.sign(across)).astype(
         np.int8

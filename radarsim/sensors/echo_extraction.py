@@ -78,7 +78,7 @@ def return_law(settings: SensorSettings) -> tuple[float, float, bool]:
 
 
 def returned_share(share: Floats | float, settings: SensorSettings) -> Floats:
-    """Return the relative echo power, 0 to 1, of rays with a share of power left."""
+    """Convert the share of power that rays have left to relative echo power, 0 to 1."""
     returned = np.exp(return_law(settings)[1] * (np.asarray(share) - 1.0))
     return np.where(np.asarray(share) > NOTHING_LEFT, returned, 0.0)
 
@@ -134,7 +134,7 @@ def extract_echoes(
 
 
 def insert_echoes(echoes: EchoTable, added: EchoTable) -> EchoTable:
-    """Return two tables of echoes as one, beam by beam, sorted by range."""
+    """Merge two tables of echoes into one, sorted by beam and then by range."""
     joined = np.concatenate([echoes, added], dtype=ECHO)  # dtype keeps the padding
     return joined.take(np.lexsort([joined["t"], joined["beam"]]))
 

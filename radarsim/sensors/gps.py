@@ -1,4 +1,4 @@
-"""GPS: latitude and longitude, with an accuracy given by the satellites in sight.
+"""GPS receivers; the accuracy depends on the number of satellites in sight.
 
 Theory of operation
 ===================

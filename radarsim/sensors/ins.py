@@ -13,8 +13,8 @@ from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
 INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
 
-# A fraction of the motion. With larger fractions, the estimate would overflow over
-# time.
+# An error as a fraction of the motion. Larger fractions would make the estimated pose
+# overflow over time.
 _Share = Annotated[float, Field(ge=0, le=10, strict=True)]
 
 
@@ -35,7 +35,7 @@ class InsSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class Ins(EngineSensor, types=["INS"]):
-    """Reads a pose that drifts.
+    """Reads an estimated pose, which drifts away from the true pose.
 
     Attributes:
         drift: The job that updates the drift, due every ``INS_DRIFT_INTERVAL``.

@@ -1,4 +1,4 @@
-"""Mission packages: chains of links that rotate to commanded angles."""
+"""Mission packages (arms, flippers, camera mounts): links that rotate on command."""
 
 import math
 from typing import Final
@@ -16,7 +16,7 @@ FAR: Final = 1e6  # rad; target angle of a link without limits that has a rate o
 
 
 class MissionPackage(EngineSensor, types=["MisPkg"]):
-    """A mission package, which reports the state of its links."""
+    """An arm, flipper or camera mount, which reports the state of its links."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -43,7 +43,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         return pose
 
     def move(self, order: LinkOrder, ticks: int) -> bool:
-        """Start the motion of a link, if the order names a link of this package.
+        """Start to move a link, if the order names a link of this package.
 
         Args:
             order: Order for a link.
@@ -62,7 +62,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         return False
 
     def _turn(self, number: int, order: LinkOrder, ticks: int) -> None:
-        """Set the motion of a link; an unknown order is ignored."""
+        """Set how a link moves; an unknown order is ignored."""
         link, state = self.item.links[number], self._memory[number : number + 1]
         angle = engine.angle_of_link(state, ticks)
         speed = link.max_speed

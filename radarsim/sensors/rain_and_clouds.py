@@ -70,7 +70,7 @@ def cell_depth(settings: SensorSettings) -> float:
 
 
 def contrast(settings: SensorSettings, mm_per_h: float) -> float:
-    """Return the contrast q of a cell at 1 m; at range R it is q / R^2."""
+    """Return the contrast of a range cell at 1 m; it falls with the squared range."""
     az = math.radians(settings.beamwidth_az_deg or DEFAULT_BEAMWIDTH)
     el = math.radians(settings.beamwidth_el_deg or DEFAULT_BEAMWIDTH)
     volume = math.pi * az * el * cell_depth(settings) / (8 * math.log(2))

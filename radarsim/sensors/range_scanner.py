@@ -303,7 +303,7 @@ def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
 
 
 def sensor_pose(scene: Scene, pose: Pose2 | Pose3 | Sequence[float]) -> Pose3:
-    """Convert a sensor pose: x, y, z, roll, pitch, yaw, or x, y, yaw at default height.
+    """Convert a pose given as x, y, z, roll, pitch, yaw, or as x, y, yaw only.
 
     A ``Pose3`` provides six numbers, and a ``Pose2`` three.
 

@@ -49,7 +49,7 @@ class Program(NamedTuple):
 
 
 class ReadingTable:
-    """The sensor states of all robots, a row for each slot of a fleet, and all jobs."""
+    """The sensor states of robots, one row per slot of the fleet, and the job table."""
 
     def __init__(self, fleet: "Fleet") -> None:
         self._fleet = fleet
@@ -59,7 +59,7 @@ class ReadingTable:
         self._tables = self._pack()
 
     def program(self, jobs: Sequence[Job], size: int) -> Program:
-        """Return a program of jobs that write ``size`` numbers; equal jobs share it."""
+        """Return a program of jobs that write ``size`` numbers; programs are cached."""
         key = tuple(jobs)
         # Robots of one class have their states in the same columns, so a hundred robots
         # need only a dozen programs.

@@ -140,7 +140,7 @@ class Echoes:
 
     @property
     def targets(self) -> dict[int, Target]:
-        """The objects that returned the echoes, by part index as in ``parts``."""
+        """The objects that returned the echoes; the keys are part indices."""
         return {part: self.target(part) for part in np.unique(self.parts).tolist()}
 
     def target(self, part: int, robot_names: Mapping[int, str] | None = None) -> Target:
@@ -207,7 +207,7 @@ class Echoes:
 
 
 class Targets(NamedTuple):
-    """T targets of one revolution, beam by beam from the right, the nearest first.
+    """T targets of one revolution, sorted by beam from the right, then by range.
 
     Attributes:
         beams: (T,) int64, number of the beam.
@@ -297,7 +297,7 @@ class Scan:
 
     @property
     def cast(self) -> Rays:
-        """The ray of each beam that gave its range; any of its rays without a range."""
+        """The ray that gave each beam's range; an arbitrary ray if it has no range."""
         return self.find_cast()
 
     @property
@@ -321,7 +321,7 @@ class Scan:
         }
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Return ranges and rays with the dimension ``angle``; the rest as attributes.
+        """Return a dataset: ranges and rays by ``angle``, and the rest as attributes.
 
         Raises:
             MissingPackage: If xarray is not installed.

@@ -212,7 +212,7 @@ class ScanBatch:
 
     @cached_property
     def reported(self) -> Floats:
-        """The ranges that robots report, (J, N) m: without a return, the maximum."""
+        """The ranges that robots report, (J, N) m; the maximum if nothing returned."""
         return np.minimum(self.ranges, self.pattern.settings.max_range)
 
     def all_rays(self, row: int) -> Rays:
@@ -266,7 +266,7 @@ class ScanBatch:
         """Return the ranges, (J * N,) m, of the echoes selected for the beams."""
         pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
-        # Without a selected ray, the middle ray represents the beam.
+        # A beam without a selected ray is represented by its middle ray.
         middle = np.arange(per_beam // 2, self.nodes.size, per_beam)
         rows = middle if self._rows is None else self._rows
         echoes = self._all_echoes(rows)
@@ -324,7 +324,7 @@ class ScanBatch:
         self._add_errors(echoes["front"], errors)
 
     def _add_errors(self, ranges: Floats, errors: Floats | None) -> None:
-        """Add the sensor's random errors to ranges and quantise them, in place.
+        """Add the sensor's random errors to ranges, in place, and quantise the ranges.
 
         Args:
             ranges: Ranges, m.

@@ -99,7 +99,7 @@ class Sensor:
         return self.robot.body.compose(self.item.mount)
 
     def rays(self) -> Rays:
-        """Return the rays of the next reading, traced together with all others."""
+        """Return the rays of the next reading; the caller traces all rays together."""
         return sight_rays(np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
 
     def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
@@ -144,7 +144,7 @@ class EngineSensor(Sensor):
         return self._state[self._places].view(self._dtype)
 
     def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
-        """Set the source: a sample report, and jobs for all attributes except time."""
+        """Set ``source``; ``jobs`` has the jobs of each attribute except the time."""
         self.source = sample, {"time": [Job(Reading.TIME)], **jobs}
 
 

@@ -62,7 +62,7 @@ class SonarSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class Sonars(Sensor, types=["Sonar"]):
-    """All sonars of a robot, whose cones are cast together."""
+    """All sonars of a robot; the rays of their cones are traced together."""
 
     settings: ClassVar[type[BaseModel]] = SonarSettings
     is_joined = True

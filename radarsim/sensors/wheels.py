@@ -87,7 +87,7 @@ class Encoder(EngineSensor, types=["Encoder"]):
 
 
 def encoded_wheels(name: str, sides: Sequence[str]) -> list[tuple[str, int, int]]:
-    """Return the wheels whose ticks an encoder counts, by its name.
+    """Return the wheels that the name of an encoder lists.
 
     ``W1`` counts wheel 1. ``ECLeft`` counts the first left wheel, with negative ticks
     for forward motion, as clients of UT2004 servers expect.

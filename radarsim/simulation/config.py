@@ -48,7 +48,7 @@ NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan
 
 @dataclass(frozen=True, slots=True)
 class SimulationConfig:
-    """The dialect of commands, changed item settings, and additional robot classes.
+    """The command dialect, changed settings of items, and additional robot classes.
 
     Attributes:
         dialect: Rates, limits and the unit of DRIVE.
@@ -198,7 +198,7 @@ class SimulationConfig:
         return load_settings(self.sensor_name(item), **self.settings(item))
 
     def settings_of(self, item: Item) -> Any:
-        """Return the settings of an item; None if it has none.
+        """Return the settings of an item; None if the item has no settings.
 
         Raises:
             PresetError: If a setting is unknown or out of range.
@@ -233,7 +233,7 @@ class SimulationConfig:
 
 
 def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
-    """Return the limited numbers of rays of a scanner, in the order of ``NAMES``."""
+    """Return a scanner's ray counts that have limits, in the order of ``NAMES``."""
     settings, interval = config.scanner_settings(item), config.interval(item)
     if settings.has_detector:
         fmcw = load_fmcw_settings(config.sensor_name(item))

@@ -33,7 +33,7 @@ HEADROOM: Final = 20.0  # m; flight ceiling above the highest point of the map
 INSET: Final = 0.01  # m from the sides of a robot to its outer rays
 _LOOK_AHEAD: Final = 4  # ticks between two computations of the next band
 _SIDES: Final = (-1.0, 0.0, 1.0)
-# Starts of the rays, as multiples of half the length and half the width.
+# Starts of the vertical rays, as multiples of half the robot's length and width.
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
 
 
@@ -223,7 +223,7 @@ class Airspace:
 
 
 class SolidMesh:
-    """The triangles of all solid parts, in an index for slices of small areas.
+    """An index of the triangles of all solid parts, used to slice small areas.
 
     Triangles are sorted by spatial cells and divided into blocks of equal size. Only
     the triangles of blocks whose bounds reach into the area are sliced, so the time
@@ -255,7 +255,7 @@ class SolidMesh:
         self._found = np.zeros(self._lows.shape[1], np.int64)  # output of `find_boxes`
 
     def near(self, area: Area, *heights: float) -> Faces:
-        """Return all triangles in an area at some heights, and maybe triangles nearby.
+        """Return all triangles in an area and a height range, and possibly nearby ones.
 
         Args:
             area: Smallest and largest x, smallest and largest y, m, map frame.
@@ -279,7 +279,7 @@ class SolidMesh:
 
 
 def _chunks(count: int) -> Iterator[slice]:
-    """Yield slices of triangles, since bounds of millions would exhaust the memory."""
+    """Yield triangles in blocks, since bounds of millions would exhaust the memory."""
     size = 4096 * _BLOCK
     return (slice(first, first + size) for first in range(0, count, size))
 

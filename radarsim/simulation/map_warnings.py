@@ -88,7 +88,7 @@ def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
 
 @lru_cache(maxsize=8)
 def _solids(scene: Scene) -> tuple[Geometry, ...]:
-    """Return the obstacles: solid areas, and lines of open surfaces and of rooms."""
+    """Return solid areas as polygons; walls of rooms and open surfaces as lines."""
     floor = _floor_of(scene)
     starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
     return tuple(
@@ -112,7 +112,7 @@ def _slices(part: Part, floor: float) -> Iterator[Floats]:
 
 
 def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
-    """Yield the areas that segments enclose; yield the lines if open or of a room."""
+    """Yield enclosed areas without starts, and all lines if some bound no such area."""
     lines = shapely.linestrings(segments)
     areas, *rest = shapely.polygonize_full(lines)
     rooms = shapely.intersects(shapely.get_parts(areas), starts)

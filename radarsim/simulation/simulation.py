@@ -348,7 +348,7 @@ class Simulation:
         }
 
     def _read_scanner_items(self) -> list[DueScan]:
-        """Return the scans of add-ons in this tick, and make their robots due."""
+        """Return the scans that add-ons read, and mark the scanned robots as due."""
         due_scans = [
             due_scan
             for items in self.scanner_items.values()
@@ -431,7 +431,7 @@ class Simulation:
         return readings
 
     def _prepare_spawns(self) -> None:
-        """Load presets and slice the walls at the starts, to make spawns faster."""
+        """Load presets and slice walls at the starts, so that later spawns are fast."""
         sensor_presets()
         sensor_presets("items")
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)

@@ -51,13 +51,13 @@ class TickOutput(NamedTuple):
 
     @property
     def has_status(self) -> bool:
-        """Whether the group has a status, which is always its first report."""
+        """Whether the group has a status report, which is always its first report."""
         samples = self.group.samples
         return bool(samples) and isinstance(samples[0], Status)
 
 
 class Faults:
-    """The errors of single robots, which only bugs can cause.
+    """The errors that single robots raised; only bugs can cause them.
 
     Attributes:
         errors: The errors by the robot's number; the caller of ``Simulation.step``

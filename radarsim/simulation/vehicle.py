@@ -168,7 +168,7 @@ class Vehicle:
         self._reschedule()
 
     def _power_status(self) -> dict[str, list[Job]]:
-        """Return the jobs of the status, after adding the state of the battery."""
+        """Add the battery to the robot's state, and return the jobs of the status."""
         charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
         charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
         # Clients pause a robot whose battery reads 0, so a battery that never runs out
@@ -278,7 +278,7 @@ class Vehicle:
         self.fovs[camera.name] = settings.limit(fov_deg or settings.fov_deg)
 
     def request_scan(self, item: Item) -> None:
-        """Request an extra scan in the next tick; ignore items that do not scan."""
+        """Request an extra scan in the next tick, unless the item does not scan."""
         if item.type == "RangeScanner":
             self._requested_scans.add(item.name)
             self._schedule.request(self)
@@ -326,7 +326,7 @@ class Vehicle:
                 sensor.reset()
 
     def move_link(self, order: LinkOrder) -> bool:
-        """Move a link of a mission package; return whether the robot has the link."""
+        """Move a link of a mission package; return False if the link is unknown."""
         packages = (s for s in self._sensors if isinstance(s, MissionPackage))
         return any(package.move(order, self._clock.ticks) for package in packages)
 
