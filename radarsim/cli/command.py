@@ -54,7 +54,7 @@ _METAVARS: Final = {int: "N", float: "NUMBER", Path: "FILE"}
 
 @dataclass(frozen=True, slots=True)
 class PlansOf:
-    """Marks a parameter that receives the plans which parts of the program register.
+    """Marks a parameter that receives the plans registered by parts of the program.
 
     Attributes:
         group: Group under which the plans are registered; see ``radarsim.plugins``.

@@ -179,8 +179,8 @@ def spectrum(
     scanner = plan.load_scanner()
     scene = load_map(map_)
     pose = plan.find_pose(scene)
-    # All revolutions share a random generator, so the first revolutions are the same
-    # for each number of revolutions.
+    # All revolutions use one random generator, so more revolutions do not change the
+    # first ones.
     rng = generator_for(plan.seed, plan.sensor)
     turns = [scanner.spectrum(scene, pose, rng) for _ in range(count)]
     if layout is not None:
@@ -256,7 +256,7 @@ def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
 
 
 def _load_path(path: Path, scene: Scene) -> DrivenPath:
-    """Read the path of an antenna; if all heights are 0, use a scanner's height.
+    """Read the path of an antenna; heights of only 0 become the scanner's height.
 
     Raises:
         click.BadParameter: If the file cannot be read, or has no valid path.

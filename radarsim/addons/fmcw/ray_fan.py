@@ -69,7 +69,7 @@ class RayFan(NamedTuple):
 
 @lru_cache(maxsize=16)
 def cell_edges(settings: FmcwSettings) -> Floats:
-    """Return the elevations of the cell borders of a column, rad."""
+    """Return the elevations of the borders between the cells of a column, rad."""
     low, high = elevation_limits(settings)
     elevations = np.linspace(low, high, _EDGE_STEPS)
     # The density of cells follows the square root of the one-way pattern, plus a
@@ -220,7 +220,7 @@ def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
 def _divisions(
     settings: FmcwSettings, things: Divisions, columns: range
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the numbers of parts of the cells of some columns, in both angles.
+    """Return into how many parts, in both angles, the cells of columns are divided.
 
     An object subdivides a rectangle of cells around it.
     """
