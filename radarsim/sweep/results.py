@@ -189,7 +189,7 @@ class SweepFolder:
             self.errors[key] = result["error"]
 
     def write(self, file: Path, sweep: SweepFile, tasks: Tasks) -> None:
-        """Write the table, the description of the sweep, and the log in order.
+        """Write the table, the description of the sweep, and the log in order of tasks.
 
         Args:
             file: Path of the sweep file.

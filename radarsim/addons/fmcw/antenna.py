@@ -25,8 +25,8 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-# The main lobe is cut off at this angle, in beamwidths, where its two-way level is -38
-# dB.
+# The angle, in beamwidths, at which the main lobe is cut off. Its two-way level there
+# is -38 dB.
 REACH: Final = 1.25
 _STEPS = 20_001  # samples of the numerical integrals over angles
 

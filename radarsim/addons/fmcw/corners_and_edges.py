@@ -299,7 +299,7 @@ def _pieces(triangles: Floats, planes: Floats) -> NDArray[np.int64]:
     places = np.round(triangles.reshape(-1, 3), _DIGITS)
     corners = np.hstack([keys, places]) + 0.0  # turns -0.0 into 0.0
     _, vertex = np.unique(corners, axis=0, return_inverse=True)
-    # A graph that links triangles to the vertices in their planes.
+    # The graph links each triangle to the vertices in its plane.
     rows, columns = np.repeat(np.arange(count), 3), vertex.ravel() + count
     size = int(columns.max()) + 1
     links = sparse.coo_matrix((np.ones(3 * count), (rows, columns)), (size, size))

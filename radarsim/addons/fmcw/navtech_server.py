@@ -76,7 +76,7 @@ class NavtechServer(PeerServer, HostObserver):
         await super().stop()
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
-        """Find the radar, since robots come and go; subscribe if clients need it."""
+        """Find the radar, since robots come and go; subscribe if clients want data."""
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
             each

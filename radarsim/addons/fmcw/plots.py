@@ -169,8 +169,8 @@ def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> No
     """Draw a line at each range at which an azimuth crosses an outline."""
     cos, sin = math.cos(angle), math.sin(angle)
     pieces = pieces @ np.array([[cos, -sin], [sin, cos]])
-    # Adjacent pieces share an end. An azimuth through this end crosses only one of
-    # both.
+    # Adjacent pieces share an end, so an azimuth through this end crosses at least one
+    # of the pieces.
     (x0, y0), (x1, y1) = pieces[:, 0].T, pieces[:, 1].T
     share = np.divide(y0, y0 - y1, out=np.full(len(y0), np.inf), where=y0 != y1)
     ranges = (x0 + share * (x1 - x0))[(share >= 0) & (share <= 1)]

@@ -198,7 +198,7 @@ class FmcwRadar:
     def _standing(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator
     ) -> tuple[Viewpoints, Echoes, Tones, NumberedStreams]:
-        """Compute the arguments of ``receive``; arguments as in ``spectrum``."""
+        """Return the arguments of ``receive`` for a radar that does not move."""
         rows = range(self.settings.azimuths)
         view = fixed_viewpoints(pose, self.times(_count_children(rng)))
         key, echoes = fixed_number(rng), self.new_turn(scene)
@@ -213,7 +213,7 @@ class FmcwRadar:
         return np.asarray(self.settings.sweep_time * rows)
 
     def new_turn(self, scene: Scene) -> TurnEchoes:
-        """Return an object for the echoes of a revolution, without echoes."""
+        """Return an empty object for the echoes of a revolution."""
         parts = scene_scattering(tracer_of(scene), self.ray_class).parts
         return TurnEchoes(self.settings, sways=bool(parts["sway"].any()))
 

@@ -118,7 +118,7 @@ def fresnel_square(ends: Floats, wavelength: float, distance: Floats) -> Floats:
         wavelength: Wavelength, m.
         distance: Distances from the antenna to these feet, (N,) m.
     """
-    # The line integral of a spherical wave by Fresnel integrals.
+    # Fresnel integrals give the line integral of a spherical wave.
     scale = np.sqrt(4 / (wavelength * distance))
     sines, cosines = fresnel(ends * scale[:, None])
     square = np.diff(sines) ** 2 + np.diff(cosines) ** 2

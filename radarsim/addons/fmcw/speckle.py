@@ -67,7 +67,8 @@ _MASK: Final = np.uint64(_LEVELS - 1)
 _STEP: Final = np.uint64(0x9E3779B97F4A7C15)
 _FIRST_FACTOR: Final = np.uint64(0xBF58476D1CE4E5B9)
 _SECOND_FACTOR: Final = np.uint64(0x94D049BB133111EB)
-# The scatterers of columns of the fan as seen from the antenna: rows of the engine.
+# The scatterers in columns of the ray fan as seen from the antenna, as rows for the
+# engine.
 Scatterers: TypeAlias = NDArray[np.void]
 
 
@@ -137,7 +138,7 @@ def _mixed(words: Words) -> Words:
 
 @lru_cache(maxsize=1)
 def hash_levels() -> NDArray[np.void]:
-    """Return amplitude, phase and speed for each hash level: rows of the engine."""
+    """Return amplitude, phase and speed for each hash level, as rows for the engine."""
     shares = (np.arange(_LEVELS) + 0.5) / _LEVELS
     power = -np.log(shares)
     turns = 2 * math.pi * np.arange(_LEVELS) / _LEVELS
