@@ -256,7 +256,7 @@ def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
 
 
 def _load_path(path: Path, scene: Scene) -> DrivenPath:
-    """Read the path of an antenna; heights of only 0 become the scanner's height.
+    """Read the path of an antenna; if all heights are 0, use a scanner's height.
 
     Raises:
         click.BadParameter: If the file cannot be read, or has no valid path.
