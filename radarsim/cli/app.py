@@ -58,7 +58,7 @@ def describe_usage_error(error: click.UsageError) -> str:
 
 
 def _name_source(error: click.BadParameter) -> str:
-    """Return the name of the wrong parameter, or of the variable that has set it."""
+    """Return the name of the wrong parameter, or of its environment variable."""
     param, ctx = error.param, error.ctx
     if param is None:
         return ""

@@ -54,7 +54,7 @@ _METAVARS: Final = {int: "N", float: "NUMBER", Path: "FILE"}
 
 @dataclass(frozen=True, slots=True)
 class PlansOf:
-    """Marks a parameter that receives the plans which parts of the program register.
+    """Marks a parameter that receives the plans registered by parts of the program.
 
     Attributes:
         group: Group under which the plans are registered; see ``radarsim.plugins``.
@@ -300,7 +300,7 @@ class PlanCommand(click.Command):
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return the fields set by the command line, the environment or a file."""
-        # The source of each value decides, since a given value may equal the default.
+        # Values are not compared with the default, since a given value may equal it.
         absent = (None, ParameterSource.DEFAULT)
         return {
             key for key in self.fields if ctx.get_parameter_source(key) not in absent

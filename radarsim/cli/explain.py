@@ -192,7 +192,7 @@ def as_text(report: dict[str, Any]) -> list[str]:
     degrees = math.degrees(report["angle"])
     if report["one_of"] > 1:
         ray += f", one of {report['one_of']} that answer together"
-    # For scans with a detector this is the maximum one-way loss of a ray, dB.
+    # With a detector, ``power`` is the maximum one-way loss of a ray, dB.
     full = report["power"] if report["targets"] is not None else None
     lines = [f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}"]
     if full is None:
@@ -260,7 +260,7 @@ def _mirror_text(row: dict[str, Any], full: float | None) -> str:
 
 
 def _change_text(row: dict[str, Any], full: float | None) -> str:
-    """Return the change of the power as text; in dB of loss if ``full`` is given."""
+    """Return a change of power as text; if ``full`` is given, as losses in dB."""
     before, after = row["power_before"], row["power_after"]
     if full is None:
         return f"power {_power_text(before)} to {_power_text(after)}"

@@ -214,7 +214,7 @@ def without_empty_folder(folder: Path) -> Iterator[None]:
 
 
 def _obstacle_to_writing(path: Path) -> str:
-    # If the path is a symbolic link, the file that the link points to is replaced.
+    # For a symbolic link, the file that the link points to is replaced.
     target = Path(os.path.realpath(path))
     try:
         if not path.parent.is_dir() or not target.parent.is_dir():

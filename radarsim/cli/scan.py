@@ -158,7 +158,7 @@ def scan(
     elif is_terminal and format_ is None:
         print_lines(_summary(scans))
     else:
-        # Bytes are written, since the format may be a picture.
+        # The output is written as bytes, since it may be a picture.
         print_bytes(_as_bytes(scans, scene, plan.start, chosen))
 
 

@@ -161,7 +161,7 @@ class ServeExtension:
         """Receive the host of the simulation, before simulated time advances."""
 
     def follow_pace(self, pace: Pace) -> None:
-        """Receive the pace of simulated time, which only the event loop may use."""
+        """Receive the pace of simulated time; use it only in the event loop."""
 
     async def start(self, address: str) -> None:
         """Start to listen.
@@ -276,7 +276,7 @@ class SideServers(ServeExtension):
 
 @contextmanager
 def hint_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
-    """On an error of a port, add to its message the option that takes a free port.
+    """Add to the message of a port error the option that selects a free port.
 
     Args:
         options: Ports by their options; any other port belongs to ``--port``.

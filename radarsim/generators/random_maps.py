@@ -37,7 +37,7 @@ class Block:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distances of points, (N, 2) m, to the solid, (N,) m; 0 inside."""
+        """Return distances, (N,) m, of points, (N, 2) m, to the solid; 0 inside."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         along = (points - (self.x, self.y)) @ np.array([[c, -s], [s, c]])
         outside = np.abs(along) - (self.length / 2, self.width / 2)
@@ -45,7 +45,7 @@ class Block:
         return distances
 
     def as_yaml(self) -> str:
-        """Return the keys of the solid in a map file, as YAML."""
+        """Return the solid as YAML keys for a map file."""
         size = f"[{self.length:.3f}, {self.width:.3f}, {HEIGHT}]"
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"box: {size}, position: {place}, yaw_deg: {math.degrees(self.yaw):.3f}"
@@ -61,13 +61,13 @@ class Disc:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distances of points, (N, 2) m, to the solid, (N,) m; 0 inside."""
+        """Return distances, (N,) m, of points, (N, 2) m, to the solid; 0 inside."""
         from_centre = np.hypot(*(points - (self.x, self.y)).T)
         distances: Floats = np.maximum(from_centre - self.radius, 0.0)
         return distances
 
     def as_yaml(self) -> str:
-        """Return the keys of the solid in a map file, as YAML."""
+        """Return the solid as YAML keys for a map file."""
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"cylinder: [{self.radius:.3f}, {HEIGHT}], position: {place}"
 
@@ -118,7 +118,7 @@ class RandomMap:
 
 
 def make_random_map(number: int) -> RandomMap:
-    """Return the random map of a number from 0; consecutive maps differ in family."""
+    """Return the random map with this number; consecutive maps differ in family."""
     family = FAMILIES[number % len(FAMILIES)]
     rng = generator_for(number, "random map")
     maker = MapMaker(family, rng)

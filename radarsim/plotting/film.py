@@ -91,7 +91,8 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
         fps=FRAME_RATE,
         codec="libx264",
         quality=_QUALITY,
-        # H.264 needs even sides, which all frames have. The default, 16, would rescale.
+        # H.264 needs even sides, which all frames have. The default, multiples of 16,
+        # would rescale the frames.
         macro_block_size=2,
         ffmpeg_log_level="quiet",
         output_params=["-f", "mp4", "-movflags", "+faststart"],
@@ -282,7 +283,8 @@ class Film:
             )
             self._encoder.start()
         for _ in range(times):
-            # put() blocks while the queue is full, since frames need much memory.
+            # The queue is short, since frames need much memory; put() blocks while it
+            # is full.
             self._queue.put(pixels)
             self.frames += 1
 

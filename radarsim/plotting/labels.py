@@ -25,7 +25,8 @@ from radarsim.plotting.style import HALO, escape_texts, figure_of, shorten
 SIZE: Final = 8.0  # points
 LONGEST: Final = 24  # maximum number of letters in a label
 GAP: Final = 3.0  # points between a label and the object that it names
-# Candidate positions as steps right and up from the middle of an object, best first.
+# Candidate positions of a label: steps right and up from the middle of its object, best
+# first.
 _SIDES: Final = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 _ALONG: Final = (0.0, -0.5, 0.5)  # shift along a side, as a share of its half length
 _COVERED: Final = 10.0  # cost of covering only other objects, in ranks of positions
@@ -170,7 +171,7 @@ def _is_free(place: Floats, frame: Bbox, taken: Iterable[Floats]) -> bool:
 
 
 def _covered(place: Floats, others: Floats) -> float:
-    """Return the share of a box that lies on other objects; overlaps count twice.
+    """Return the share of a box that covers objects; overlapping objects both count.
 
     Objects that contain the whole box, such as a cloud, do not count.
     """

@@ -86,7 +86,7 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
     fall = np.maximum(share - arriving, 0.0)
     # Rounding errors must not add a segment if the quotient is an integer.
     counts = np.maximum(np.ceil(fall / MAX_POWER_DROP - 1e-9), 1).astype(np.int64)
-    # Events at the same distance, such as touching faces, have no segment between them.
+    # No segment lies between events at the same distance, such as touching faces.
     counts[t <= start] = 0
     each = np.repeat(np.arange(len(events)), counts)
     rank = np.arange(len(each)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -118,7 +118,7 @@ def scan_colour(scan: Scan) -> str:
 
 
 def line_opacity(shares: Floats) -> Floats:
-    """Return the opacity of lines for shares of the power that is left on the ray."""
+    """Return the opacity of lines for the shares of power that are left on rays."""
     return SPENT_OPACITY + (FULL_OPACITY - SPENT_OPACITY) * shares
 
 
@@ -357,7 +357,7 @@ def add_ray_rows(
 def draw_many(
     axes: Axes, scans: Sequence[Scan], sights: Sequence[Sight], legend: Legend
 ) -> None:
-    """Draw the readings of several scans as pale dots, or their echoes.
+    """Draw the readings of several scans, or their echoes, as pale dots.
 
     Args:
         axes: Axes in m.
@@ -420,5 +420,5 @@ def _draw_dots(axes: Axes, points: Floats, colour: Any, label: str) -> None:
 
 
 def lists_echoes(scan: Scan) -> bool:
-    """Return whether a scan has all echoes, so that they replace readings in plots."""
+    """Return whether plots show all echoes of a scan instead of its readings."""
     return scan.echoes.settings.return_mode == "all" and scan.targets is None

@@ -144,7 +144,7 @@ def _draw_part(axes: Axes, part: Part, lines: Floats) -> None:
 
 
 def _area(part: Part, lines: Floats) -> Geometry:
-    """Return the area that a section encloses; for leaves their convex hull."""
+    """Return the area that a section encloses; for leaves, the convex hull."""
     if part.material.sheet_loss is not None:
         hull = shapely.convex_hull(shapely.multipoints(lines.reshape(-1, 2)))
         # The hull of one or two points is a point or a line, which has no area.
@@ -288,7 +288,7 @@ def _box_of(corners: Floats) -> shapely.Polygon:
 
 
 def _names(boxes: Mapping[str, shapely.Polygon]) -> dict[str, str]:
-    """Return the texts of labels, each with the name of the object that it names."""
+    """Return the texts of labels, each with the name of the labelled object."""
     rows: dict[str, list[str]] = {}
     for name in boxes:
         rows.setdefault(re.sub(r"_\d+$", "", name), []).append(name)

@@ -111,7 +111,7 @@ def name_sensor(scan: Scan) -> str:
 
 
 def _names_of(scanners: Sequence[RangeScanner], scans: Sequence[Scan]) -> list[str]:
-    """Return the names of sensors; to equal names, settings that differ are added."""
+    """Return the names of sensors; equal names get the settings that differ."""
     names = [
         name_sensor(scan) + (" with noise of one's own" if scanner.noise else "")
         for scanner, scan in zip(scanners, scans, strict=True)
@@ -353,7 +353,7 @@ def compare(
 
 
 def _fit_panels(figure: Figure, panels: Sequence[Axes]) -> float:
-    """Arrange panels with equal limits without empty space; return their width, inches.
+    """Arrange panels of equal limits without gaps; return the total width, inches.
 
     Panels of long maps are stacked, others are side by side.
     """

@@ -61,7 +61,7 @@ class Sight:
 
 
 def name_materials(materials: Iterable[Material]) -> str:
-    """Return the names of materials as words; several of a family become the family."""
+    """Return materials as words; several of a family become the name of the family."""
     words = (
         as_words(names[0]) if len(names) == 1 else family.value
         for family, names in names_by_family(materials).items()
@@ -145,7 +145,7 @@ def _end_of_beam(
 
 
 def _echo_ranges(scan: Scan) -> Floats:
-    """Return the ranges of the echoes that beams read; without an echo, the readings.
+    """Return the exact range of each reading's echo; the reading if it has no echo.
 
     The exact ranges are needed, since with a custom noise model a reading may be closer
     to the edge of a volume than to the wall that it belongs to.

@@ -279,7 +279,7 @@ def area_style(family: Family) -> dict[str, Any]:
     """
     colour = to_rgb(FAMILY_COLOURS[family])
     opacity = SMOKE_OPACITY if family is Family.SMOKE else 1.0
-    # The fill is chosen so that on white it appears in the colour of the family.
+    # The translucent fill is chosen so that it has the colour of the family on white.
     paint = tuple((part - 1 + opacity) / opacity for part in colour)
     return {
         "facecolor": (*paint, opacity),

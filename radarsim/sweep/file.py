@@ -204,8 +204,9 @@ def _sensor_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
             text = expected_one_of(str(name), known)
             yield file.problem(("sensor", "name"), text)
             return
-    # All combinations are checked, since limits of some settings depend on others. Only
-    # the first error is reported, since a wrong value occurs in many combinations.
+    # All combinations are checked, since limits of some settings depend on other
+    # settings. Only the first error is reported, since a wrong value is part of many
+    # combinations.
     for settings in sweep._sensors():
         try:
             load_settings(settings.pop("name"), **settings)

@@ -157,8 +157,8 @@ class SweepFolder:
                     f" expected {__version__}; choose another folder"
                 )
             self._keep(line + "\n", result)
-        # Tasks may have been added to the sweep file. They must not have been removed,
-        # since their results would be missing in the new table.
+        # The sweep file may have new tasks since the earlier run. No task may be
+        # removed, since its results would be missing in the new table.
         if others := len(self.lines.keys() - tasks.keys()):
             try:
                 before = json.loads((self.path / ABOUT).read_bytes())["file"]
@@ -189,7 +189,7 @@ class SweepFolder:
             self.errors[key] = result["error"]
 
     def write(self, file: Path, sweep: SweepFile, tasks: Tasks) -> None:
-        """Write the table, the description of the sweep, and the log in order.
+        """Write the table, the description of the sweep, and the log in order of tasks.
 
         Args:
             file: Path of the sweep file.
@@ -210,7 +210,7 @@ class SweepFolder:
             log.writelines(self.lines[key] for key in tasks)
 
     def _write_table(self, path: Path, sweep: SweepFile, tasks: Tasks) -> None:
-        """Write the table by groups of tasks, since all of it may not fit in memory."""
+        """Write the table in groups of tasks, since the whole may not fit in memory."""
         arrow = import_optional("pyarrow", EXTRA)
         parquet = import_optional("pyarrow.parquet", EXTRA)
         # The schema depends only on the sweep file, so types do not depend on results.

@@ -25,7 +25,8 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-# Angle at which the main lobe is cut off, in beamwidths; its two-way level is -38 dB.
+# The angle, in beamwidths, at which the main lobe is cut off. Its two-way level there
+# is -38 dB.
 REACH: Final = 1.25
 _STEPS = 20_001  # samples of the numerical integrals over angles
 
@@ -64,14 +65,17 @@ def elevation_pattern(settings: FmcwSettings, elevations: ArrayLike) -> Floats:
 
 
 def elevation_limits(settings: FmcwSettings) -> tuple[float, float]:
-    """Return the lower and the upper edge of the beam, rad."""
+    """Return the elevations of the lower and the upper edge of the beam, rad."""
     upper = REACH * math.radians(settings.beamwidth_el_deg)
     return -max(upper, math.radians(settings.fan_deg)), upper
 
 
 @lru_cache(maxsize=16)
 def directivity(settings: FmcwSettings) -> float:
-    """Return the gain in the middle of the beam; a Gaussian has 16 ln 2 / (az el)."""
+    """Return the gain in the middle of the beam, relative to an isotropic antenna.
+
+    The gain of a Gaussian beam is 16 ln 2 / (az el), with its beamwidths in rad.
+    """
     low, high = -math.pi / 2, math.pi / 2
     elevations = np.linspace(low, high, _STEPS)
     height = float(elevation_pattern(settings, elevations).mean() * (high - low))
@@ -81,7 +85,7 @@ def directivity(settings: FmcwSettings) -> float:
 
 
 def rows_in_beam(settings: FmcwSettings) -> int:
-    """Return the number of azimuths on each side of a point whose beams cover it.
+    """Return how many azimuths on each side of a point have a beam that covers it.
 
     The beam is the main lobe, and the part of its shoulders that exceeds the sidelobes.
     """

@@ -81,7 +81,7 @@ class NumberedStreams:
 
 
 class Tones(NamedTuple):
-    """The beat components of N echoes of points.
+    """The beat components of the echoes of N points.
 
     Attributes:
         rows: Index of the azimuth that receives each component, (N,) int64.
@@ -193,7 +193,7 @@ def sample_sweeps(
     signal = sweep[:, :samples]
     _add_tones(settings, sweep, first, tones)
     _add_noise(settings, signal, random[:, :samples])
-    # Clipping affects the spectrum at all ranges.
+    # Clipping changes the power in all bins of the spectrum.
     if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
         np.clip(signal, *limits, out=signal)
     return sweep
@@ -226,8 +226,8 @@ def _add_tones(settings: FmcwSettings, sweeps: Power, first: int, tones: Tones) 
     level = np.interp(places, np.arange(len(shape)), shape)
     turns = 2 * np.pi * places / fft_length(settings)
     amplitudes, samples = 2 * np.sqrt(power / level), sample_count(settings)
-    # Phases are given in the middle of the sweep, where the window has its maximum; the
-    # engine needs them at the first sample.
+    # Phases are given for the middle of the sweep, where the window has its maximum.
+    # The engine needs the phases at the first sample.
     phases = phases - turns * samples / 2
     engine.add_cosines(sweeps, samples, rows - first, turns, phases, amplitudes)
 
@@ -242,7 +242,7 @@ def _leakage(settings: FmcwSettings) -> Power:
     bins = math.ceil(2 * settings.leakage_range / settings.bin_size)
     ranges = np.arange(min(bins, settings.bins)) * settings.bin_size
     share = np.clip(2 - ranges / max(settings.leakage_range, 1e-9), 0, 1)
-    # The window sums the leakage of all bins within a resolution cell.
+    # The window adds up the leakage of all bins within a resolution cell.
     window = window_of(settings)
     spread = float((window**2).sum()) * fft_length(settings)
     power = 10 ** (settings.leakage_db * share / 10) / spread

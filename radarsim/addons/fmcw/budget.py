@@ -122,7 +122,8 @@ def link_budget(
             kind, label, gamma = echo
             part = tracer.parts[event.part]  # the scene has no robots
             own = {f"1 / R^2 at {event.t:.2f} m": -20 * math.log10(event.t)}
-            # Losses are one-way and doubled, as the echo returns on the same path.
+            # The given losses are one-way. They are doubled, since the echo returns on
+            # the same path.
             own |= {f"lost in {name}": -2 * db for name, db in lost.items()}
             own[label] = _db(gamma)
             echoes.append(
@@ -149,7 +150,7 @@ def _entries(ledger: Mapping[str, float]) -> list[dict[str, Any]]:
 
 
 def beam_solid_angle(settings: FmcwSettings) -> float:
-    """Return the integral of the two-way pattern, sr."""
+    """Return the integral of the two-way antenna pattern over all directions, sr."""
     low, high = elevation_limits(settings)
     elevations = np.linspace(low, high, _STEPS)
     up = (elevation_pattern(settings, elevations) ** 2).mean() * (high - low)
@@ -164,7 +165,7 @@ def _echo_of(
     scattering: NDArray[np.void],
     radar: FmcwRadar,
 ) -> tuple[str, str, float] | None:
-    """Return kind, cause and gamma of an event's echo; None if it has no echo."""
+    """Return kind, cause and gamma of an event's echo; None for no echo."""
     # All robots share the last row of the table.
     part = scattering[min(event.part, len(scattering) - 1)]
     if event.kind is EventKind.HIT:
@@ -202,7 +203,7 @@ def _with_losses(
             lost[name] += taken / radar.ray_class.power_per_db
 
     for event in events:
-        # In overlapping volumes the loss is attributed to the last entered volume.
+        # Where volumes overlap, the loss is assigned to the volume entered last.
         add(inside[-1] if inside else None, power - event.power)
         power = event.power
         yield event, lost

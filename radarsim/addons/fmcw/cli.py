@@ -179,8 +179,8 @@ def spectrum(
     scanner = plan.load_scanner()
     scene = load_map(map_)
     pose = plan.find_pose(scene)
-    # All revolutions share a random generator, so the first revolutions are the same
-    # for each number of revolutions.
+    # All revolutions use one random generator, so a larger number of revolutions does
+    # not change the first ones.
     rng = generator_for(plan.seed, plan.sensor)
     turns = [scanner.spectrum(scene, pose, rng) for _ in range(count)]
     if layout is not None:

@@ -154,7 +154,7 @@ def _cross_sections(
     share = np.where(is_mixed, mirrors.prod(axis=1), smooth)
     half = (corners["depths"] * cosines).min(axis=1)
     length = np.ptp(corners["ends"], axis=1)
-    # A facet that is smaller than the dents of its surface has smaller slopes.
+    # On a facet that is smaller than a dent, slopes are smaller than on a large one.
     dents = np.minimum(corners["depths"] * length[:, None] / DENT_AREA, 1.0)
     slopes = corners["slopes"] * dents
     wavelength = settings.wavelength
@@ -184,7 +184,7 @@ def _cross_sections(
 def _share_of_lobe(
     slopes: Floats, waves: Floats, beam: Floats, angles: Floats
 ) -> Floats:
-    """Return the share of a lobe that a corner covers and a beam illuminates, (N,).
+    """Return the shares of lobes that are both on the corner and in the beam, (N,).
 
     Args:
         slopes: Variances of the reflection angles from slopes, (N,) rad^2.
@@ -214,7 +214,7 @@ def _find_corners(tracer: Tracer) -> NDArray[np.void]:
 
 
 def _corner_of(first: Facet, second: Facet) -> tuple[object, ...] | None:
-    """Return the corner of two facets as a row; None if they do not form a corner."""
+    """Return the corner that two facets form, as a row; None if they form none."""
     if first.is_mirror and second.is_mirror:
         return None
     cosine = float(first.normal @ second.normal)
@@ -286,7 +286,7 @@ def _find_facets(tracer: Tracer) -> list[Facet]:
 
 
 def _pieces(triangles: Floats, planes: Floats) -> NDArray[np.int64]:
-    """Return the number of the facet of each triangle, (F,).
+    """Return for each triangle the number of the facet that contains it, (F,).
 
     Triangles of a plane that share a vertex belong to the same facet.
 
@@ -299,7 +299,7 @@ def _pieces(triangles: Floats, planes: Floats) -> NDArray[np.int64]:
     places = np.round(triangles.reshape(-1, 3), _DIGITS)
     corners = np.hstack([keys, places]) + 0.0  # turns -0.0 into 0.0
     _, vertex = np.unique(corners, axis=0, return_inverse=True)
-    # A graph that links triangles to the vertices in their planes.
+    # The graph links each triangle to the vertices in its plane.
     rows, columns = np.repeat(np.arange(count), 3), vertex.ravel() + count
     size = int(columns.max()) + 1
     links = sparse.coo_matrix((np.ones(3 * count), (rows, columns)), (size, size))
@@ -329,7 +329,7 @@ def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
     cosine = -np.einsum("ni,ni->n", way, normals) / distance
     cosine = np.clip(cosine, 0.0, 1 - 1e-12)
     slant = (1 - cosine**2) / np.maximum(cosine, 1e-6) ** 2  # tan^2
-    # Within the specular lobe of the plate, the echo of its edges is part of the lobe.
+    # Within the plate's specular lobe, the lobe already contains the echo of the edges.
     zone = np.minimum(area.ravel(), wavelength * distance / 2)
     spread = slopes.ravel() + wavelength**2 / (8 * math.pi * zone)
     away = 1 - np.exp(-slant / (2 * spread))
@@ -342,7 +342,7 @@ def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
 
 
 def _find_edges(tracer: Tracer) -> Floats:
-    """Return the upright edges of metal plates, with a row for each face at an edge.
+    """Return the upright edges of metal plates: a row for each face at each edge.
 
     The columns are x and y of the edge, m; a unit vector away from the plate; z of both
     ends, m; the normal of the face, x and y; the variance of its slopes, rad^2; and the

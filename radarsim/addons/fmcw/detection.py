@@ -123,7 +123,7 @@ class Training(NamedTuple):
 
 
 def training_of(settings: FmcwSettings) -> Training:
-    """Return the training bins of a radar, far enough apart to be independent."""
+    """Return training bins that are far enough apart to have independent noise."""
     step = max(round(SPACING * settings.padding), 1)
     return Training(TRAINING, max(round(GUARD * settings.padding), 1), step)
 
@@ -132,7 +132,7 @@ def training_of(settings: FmcwSettings) -> Training:
 def training_correlation(
     settings: FmcwSettings, training: Training
 ) -> tuple[float, ...]:
-    """Return the correlation of the noise between bins, by their distance in bins."""
+    """Return the correlation of the noise of two bins for each distance in bins."""
     half = training.bins // 2
     farthest = training.guard + 1 + (half - 1) * training.step
     return (*noise_correlation(settings, np.arange(2.0 * farthest + 1)).tolist(),)
@@ -202,7 +202,7 @@ def _check_pfa(pfa: float) -> None:
 
 
 def _root(log_pfa: Callable[[float], float], pfa: float) -> float:
-    """Return the factor at which a decreasing probability of false alarm is ``pfa``."""
+    """Return the factor for which the probability of false alarm is ``pfa``."""
     high = 1.0
     while log_pfa(high) > math.log(pfa):
         high *= 2
@@ -218,7 +218,7 @@ def ca_mask(
     pfa: float,
     correlation: tuple[float, ...] | None = None,
 ) -> Mask:
-    """Return a mask of bins that exceed the mean of their training bins, (A, B).
+    """Return a mask of bins above the mean of their training bins, (A, B).
 
     Near the first and the last bin only the training bins on one side are used.
 
@@ -245,7 +245,7 @@ def ca_mask(
 def os_mask(
     power: NDArray[np.float32], training: Training, pfa: float, order: int
 ) -> Mask:
-    """Return a mask of bins that exceed the training bin of the given rank, (A, B).
+    """Return a mask of bins above their training bin of a given rank, (A, B).
 
     Near the first and the last bin only the training bins on one side are used, with a
     proportional rank.

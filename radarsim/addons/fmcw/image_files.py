@@ -40,7 +40,7 @@ VALID: Final = 255
 def put_metadata(
     counts: NDArray[np.uint8], times: NDArray[np.int64], encoder: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
-    """Return rows of an image in the layout of the Oxford data set, (R, 11 + B).
+    """Return image rows in the layout of the Oxford data set, (R, 11 + B).
 
     Args:
         counts: Counts of each azimuth, (R, B).
@@ -71,7 +71,8 @@ _FASTEST: Final = 1  # compression level of PNG files
 
 LEAST_TIME_US: Final = 10**15  # the least time with 16 digits, like current times
 EPOCH_US: Final = 1_600_000_000_000_000
-# pyboreas assumes finer bins after this time, so sequences with fine bins begin later.
+# The library pyboreas assumes fine bins for data after this time, so sequences with
+# fine bins begin after it.
 BOREAS_CHANGE_US: Final = 1_632_182_400_000_000
 _LATE_EPOCH_US: Final = 1_650_000_000_000_000
 COARSE_BIN, FINE_BIN = 0.0596, 0.04381  # m, bins in pyboreas before and after that time
@@ -97,7 +98,7 @@ def epoch_of(layout: str, bin_size: float, start_us: int) -> int:
 
 
 def assumed_bin(layout: str, time_us: int) -> float:
-    """Return the size of bins that the reader of a data set assumes, m.
+    """Return the bin size, m, that the reader library of a data set assumes.
 
     Args:
         layout: Name of the data set.
@@ -138,7 +139,7 @@ def sequence_notes(
 
 
 def through_jpeg(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return counts after JPEG compression as in images of RADIATE, (A, B)."""
+    """Return counts after the JPEG compression that RADIATE uses, (A, B)."""
     data = io.BytesIO()
     columns = Image.fromarray(np.ascontiguousarray(counts.T))
     columns.save(data, "JPEG", quality=RADIATE_QUALITY)
@@ -156,7 +157,8 @@ def cartesian_image(spectrum: Spectrum) -> bytes:
     row = np.remainder(np.arctan2(right, ahead), 2 * np.pi) / settings.step
     places = np.stack([row, np.hypot(right, ahead) / settings.bin_size])
     counts = through_jpeg(spectrum.counts)
-    # The first azimuth is appended after the last for interpolation between them.
+    # The first azimuth is appended, so that values between the last and the first
+    # azimuth can be interpolated.
     turn = np.concatenate([counts, counts[:1]]).astype(np.float32)
     pixels = map_coordinates(turn, places, order=1, cval=0.0)
     return _as_png(np.rint(pixels).astype(np.uint8))

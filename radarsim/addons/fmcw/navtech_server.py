@@ -76,7 +76,7 @@ class NavtechServer(PeerServer, HostObserver):
         await super().stop()
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
-        """Find the radar, since robots come and go, and subscribe to it if needed."""
+        """Find the radar, since robots come and go; subscribe if clients want data."""
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
             each
@@ -129,7 +129,7 @@ class NavtechServer(PeerServer, HostObserver):
             )
             for k, row in enumerate(sector.rows)
         )
-        # The set is copied, since closing a client removes it from the set.
+        # The loop needs a copy, since closing a client removes the client from the set.
         for client in list(self.peers):
             if client.wants_data:
                 client.send(data)

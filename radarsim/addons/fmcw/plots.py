@@ -105,7 +105,8 @@ def plot_spectrum(
 
 def echo_reach(spectrum: "Spectrum") -> float:
     """Return the longest range with echoes above the noise, plus a margin, m."""
-    # The mean power of echoes is used, since random peaks of noise would extend it.
+    # The mean power of echoes is used, since random peaks of noise would extend the
+    # range.
     noise = spectrum.noise_floor * np.float32(10 ** (VISIBLE / 10))
     loud = (spectrum.echo_power > noise).sum(axis=0) >= LEAST_LOUD
     last = np.flatnonzero(loud).max(initial=0)
@@ -131,8 +132,8 @@ def outline_pieces(spectrum: "Spectrum", scene: "Scene") -> Floats:
     pose = spectrum.pose
     cuts = [slice_mesh(part.vertices, part.faces, pose.z) for part in scene.parts]
     ends = np.concatenate([np.zeros((0, 2, 2)), *cuts])
-    # If only a corner of a triangle reaches the height, its section is a point, which
-    # is removed.
+    # If only a corner of a triangle reaches the height, the section is a single point.
+    # Such points are removed.
     lines = shapely.linestrings(ends[(ends[:, 0] != ends[:, 1]).any(axis=1)])
     coordinates, line = shapely.get_coordinates(
         shapely.segmentize(lines, PIECE), return_index=True
@@ -148,7 +149,7 @@ def _polar_lines(pieces: Floats) -> Floats:
     x, y = pieces[..., 0], pieces[..., 1]
     degrees = np.degrees(np.arctan2(-y, x)) % 360
     lines = np.stack([np.hypot(x, y), degrees], axis=2)
-    # Lines that cross 0 degrees are left out.
+    # Lines that cross 0 degrees would span the whole picture, so they are left out.
     return np.asarray(lines[np.ptp(degrees, axis=1) < 180])
 
 
@@ -168,7 +169,8 @@ def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> No
     """Draw a line at each range at which an azimuth crosses an outline."""
     cos, sin = math.cos(angle), math.sin(angle)
     pieces = pieces @ np.array([[cos, -sin], [sin, cos]])
-    # Adjacent pieces share an end, so an azimuth through this end crosses one of them.
+    # Adjacent pieces share an end, so an azimuth through this end crosses at least one
+    # of the pieces.
     (x0, y0), (x1, y1) = pieces[:, 0].T, pieces[:, 1].T
     share = np.divide(y0, y0 - y1, out=np.full(len(y0), np.inf), where=y0 != y1)
     ranges = (x0 + share * (x1 - x0))[(share >= 0) & (share <= 1)]
@@ -202,7 +204,7 @@ def _draw_cartesian(
 
 
 def _from_above(spectrum: "Spectrum", reach: float) -> NDArray[np.float32]:
-    """Return a revolution as seen from above, dB; nan beyond its range."""
+    """Return a revolution as seen from above, dB; nan beyond the radar's range."""
     values, pixels = _grey(spectrum), PIXELS
     places: Floats = ((np.arange(pixels) + 0.5) / pixels * 2 - 1) * reach
     right, ahead = places[None, :], -places[:, None]

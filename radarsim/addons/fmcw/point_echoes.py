@@ -111,7 +111,7 @@ class Sight(NamedTuple):
     carrier_id: int
 
     def losses(self, starts: Floats, ends: Floats) -> Floats:
-        """Return the one-way losses between positions, (N,) dB; inf if hidden."""
+        """Return one-way losses between positions, (N,) dB; inf if hidden."""
         loss = np.full(len(ends), np.inf)
         rows = np.flatnonzero(np.linalg.norm(ends - starts, axis=1) > 2 * CLEARANCE)
         if len(rows):
@@ -124,7 +124,7 @@ class Sight(NamedTuple):
     def losses_to_parts(
         self, ends: Floats, parts: NDArray[np.int64], absorbed_db: Floats
     ) -> Floats:
-        """Return the one-way losses to positions on parts, (N,) dB; inf if hidden."""
+        """Return one-way losses to positions on parts, (N,) dB; inf if hidden."""
         starts = np.broadcast_to(self.origin, ends.shape)
         traces, reach = self._trace(starts, ends, CLEARANCE)
         met = (traces.outcomes == Outcome.HIT) & (traces.parts == parts)
@@ -134,7 +134,7 @@ class Sight(NamedTuple):
     def _trace(
         self, starts: Floats, ends: Floats, longer: float
     ) -> tuple[Traces, Floats]:
-        """Trace rays that end ``longer``, m, behind ``ends``; also return ranges, m."""
+        """Trace rays that end ``longer`` m behind ``ends``; also return lengths, m."""
         offsets = ends - starts
         distance = np.linalg.norm(offsets, axis=1)
         reach, directions = distance + longer, offsets / distance[:, None]
@@ -178,7 +178,8 @@ def _find_planes(tracer: Tracer) -> Iterator[tuple[object, ...]]:
         absorbed = material.absorption_db if material.radar_mirror else 0.0
         kind = (number, reflected, material.radar_mirror, absorbed)
         for size, plane in zip(areas.tolist(), found, strict=True):
-            # The exact normal is kept, as a rounded one would shift distant images.
+            # The exact normal is kept, since a rounded normal would shift distant
+            # mirror images.
             exact = planes[(np.abs(planes - plane) < 10**-_DIGITS).all(axis=1)][0]
             yield (size, exact[:3], exact[3], *kind)
 
@@ -230,7 +231,7 @@ def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
     origin, places = sight.origin, points.positions
     found = [straight_ways(sight, points, wavelength)]
     planes = reflecting_planes(sight.tracer)
-    # The copy is contiguous, since products with another memory layout are rounded
+    # The copy is contiguous, since numpy rounds products of other memory layouts
     # differently.
     directions = planes["normal"].copy()
     height = directions @ origin - planes["offset"]
@@ -258,7 +259,7 @@ def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
 def reflected_share(
     planes: NDArray[np.void], cosine: Floats, wavelength: float
 ) -> Floats:
-    """Return the share of power that planes reflect specularly."""
+    """Return the share of the power that planes reflect specularly."""
     head_on = planes["reflected"]
     # Height variations of the surface change the phase by this rms value, rad.
     turn = 4 * math.pi * ROUGHNESS * cosine / wavelength
@@ -286,7 +287,7 @@ def point_tones(
     across = across + np.arctan2(seen[..., 1], seen[..., 0])
     across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
     elevation = np.arcsin(np.clip(seen[..., 2] / np.maximum(distance, 1e-9), -1, 1))
-    # The one-way sidelobes have half of the two-way decibels.
+    # The level of one-way sidelobes in dB is half of the two-way level.
     pattern = azimuth_pattern(settings, across)
     pattern = np.maximum(pattern, 10 ** (settings.sidelobe_db / 20))
     pattern *= elevation_pattern(settings, elevation)

@@ -198,7 +198,7 @@ class FmcwRadar:
     def _standing(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator
     ) -> tuple[Viewpoints, Echoes, Tones, NumberedStreams]:
-        """Compute the arguments of ``receive``; arguments as in ``spectrum``."""
+        """Return the arguments of ``receive`` for a radar that does not move."""
         rows = range(self.settings.azimuths)
         view = fixed_viewpoints(pose, self.times(_count_children(rng)))
         key, echoes = fixed_number(rng), self.new_turn(scene)
@@ -213,7 +213,7 @@ class FmcwRadar:
         return np.asarray(self.settings.sweep_time * rows)
 
     def new_turn(self, scene: Scene) -> TurnEchoes:
-        """Return an object for the echoes of a revolution, without echoes."""
+        """Return an empty object for the echoes of a revolution."""
         parts = scene_scattering(tracer_of(scene), self.ray_class).parts
         return TurnEchoes(self.settings, sways=bool(parts["sway"].any()))
 
@@ -358,14 +358,14 @@ class FmcwRadar:
         echoes.add(rows, packed, traces.events, scattering, scatterers)
 
     def _scatterers(self, rows: range, view: Viewpoints, key: int) -> Scatterers:
-        """Return the scatterers of the columns of azimuths, and of the next column."""
+        """Return the scatterers in the columns of azimuths and in the next column."""
         parts = self.settings.rays_across
         columns = np.arange(rows.start * parts, rows.stop * parts + 1)
         azimuths = np.asarray(columns * (self.settings.step / parts), np.float64)
         row = np.minimum(columns // parts - rows.start, len(rows) - 1)
         found = scatterers_in(self.settings, azimuths, view.of(row), key, _IN_BEAMS)
-        # The column after the last column of a revolution is the first one again. The
-        # powers of both add up, so their scatterers must be independent.
+        # After the last column of a revolution the first column follows again. The
+        # powers of both passes add up, so their scatterers must be independent.
         found["key"][-1] ^= ~np.uint64(0)
         return found
 
@@ -377,7 +377,7 @@ class FmcwRadar:
         view: Viewpoints,
         key: int,
     ) -> None:
-        """Add the echoes that the sidelobes receive at some azimuths.
+        """Add the echoes that sidelobes receive at some azimuths.
 
         Args:
             echoes: Echoes at the azimuths, to which echoes are added.
@@ -424,6 +424,6 @@ class FmcwRadar:
 
 
 def _count_children(rng: np.random.Generator) -> int:
-    """Return how many generators were spawned from ``rng``: one per revolution."""
+    """Return how many generators ``rng`` has spawned; each revolution spawns one."""
     seed: Any = rng.bit_generator.seed_seq
     return int(seed.n_children_spawned)

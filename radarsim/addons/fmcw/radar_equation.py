@@ -60,7 +60,7 @@ def window_of(settings: FmcwSettings) -> Floats:
 
 
 def noise_correlation(settings: FmcwSettings, bins: Floats) -> Floats:
-    """Return the real correlation of the noise's amplitude between bins.
+    """Return the real part of the correlation between the noise of two bins.
 
     Args:
         settings: Settings of the radar.
@@ -119,7 +119,7 @@ def noise_shape(settings: FmcwSettings) -> NDArray[np.float32]:
 
 
 def doppler_shift(settings: FmcwSettings, speed: ArrayLike) -> Floats:
-    """Return the shift of a point's range by the Doppler effect, m.
+    """Return by how much the Doppler effect shifts the range of a point, m.
 
     The frequency rises during a sweep, so approaching points appear closer.
 

@@ -69,11 +69,11 @@ class RayFan(NamedTuple):
 
 @lru_cache(maxsize=16)
 def cell_edges(settings: FmcwSettings) -> Floats:
-    """Return the elevations of the cell borders of a column, rad."""
+    """Return the elevations of the borders between the cells of a column, rad."""
     low, high = elevation_limits(settings)
     elevations = np.linspace(low, high, _EDGE_STEPS)
-    # The density of cells follows the square root of the one-way pattern, plus a
-    # constant, so that the weak fan also has cells.
+    # The density of cells follows the square root of the one-way pattern. A constant is
+    # added, so that elevations with a weak pattern also have cells.
     density = np.sqrt(elevation_pattern(settings, elevations)) + 0.02
     share = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
     places = np.linspace(0.0, share[-1], settings.rays_up + 1)
@@ -108,7 +108,7 @@ def refined_fan(
     """
     columns = range(rows.start * settings.rays_across, rows.stop * settings.rays_across)
     first, last = columns.start * settings.rays_up, columns.stop * settings.rays_up
-    # If there is no thin object, as usual, views of the plain fan are returned.
+    # Without thin objects, the usual case, views of the plain fan are returned.
     fan = RayFan._make(column[first:last] for column in plain_fan(settings))
     things = _thin_things(settings, bounds, position, rotation)
     across, up = _divisions(settings, things, columns)
@@ -220,7 +220,7 @@ def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
 def _divisions(
     settings: FmcwSettings, things: Divisions, columns: range
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the numbers of parts of the cells of some columns, in both angles.
+    """Return into how many parts, in both angles, the cells of columns are divided.
 
     An object subdivides a rectangle of cells around it.
     """

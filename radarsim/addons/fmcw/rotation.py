@@ -201,10 +201,11 @@ class Rotation:
             self._streams = NumberedStreams(self._rng)
             self._echoes.pop(turn - 2, None)
         own, before = self._echoes[turn], self._echoes[turn - 1]
-        # If the next revolution is needed, it has already begun.
+        # At the end of a revolution, echoes of the next one are needed. It has begun by
+        # then.
         after = self._echoes.get(turn + 1, own)
         echoes = own.rows(rows.start, rows.stop, before, after)
-        # The azimuths may have been traced together with others, in several calls.
+        # Several calls may have traced these azimuths, together with other azimuths.
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
         offset = start - looks[0].rows.start
@@ -232,7 +233,7 @@ class TurnReceiver(Rotation):
     ) -> None:
         """Create an antenna that points straight ahead; see ``Rotation``."""
         super().__init__(radar, scene, rng)
-        # Settings at the beginning of the current revolution, which uses them until its
+        # The settings at the beginning of the current revolution, which apply until its
         # end; None without detector.
         self._settings: SensorSettings | None = None
         self._targets: list[Targets] = []

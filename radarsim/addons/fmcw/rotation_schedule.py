@@ -171,7 +171,7 @@ class Antenna:
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:
-    """Return the time, s, at which an antenna has rotated ``turns`` + 1 times."""
+    """Return the time, s, at which an antenna has made ``turns`` + 1 revolutions."""
     return (since - 1) * TICK + (turns + 1) / settings.rotation_hz
 
 
@@ -216,7 +216,7 @@ class Antennas:
     def read_due(
         self, find_boxes: Callable[[], Boxes], faults: Faults
     ) -> list[DueScan]:
-        """Rotate all rotating antennas for a tick, and return the received scans.
+        """Rotate all active antennas for a tick, and return the received scans.
 
         Args:
             find_boxes: Returns the boxes of robots.
@@ -241,7 +241,7 @@ class Antennas:
         ]
 
     def _with_velocities(self, boxes: Boxes, ticks: int) -> Boxes:
-        """Return boxes with velocities since the last tick; 0 for new robots."""
+        """Return boxes with mean velocities since the last tick; 0 for new robots."""
         last, before = self._before
         velocities = np.zeros((len(boxes.rows), 2))
         if last == ticks - 1:

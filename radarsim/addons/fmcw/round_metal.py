@@ -91,7 +91,8 @@ def round_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
     place = np.einsum("ni,ni->n", way, rows["along"])
     across = way - place[:, None] * rows["along"]
     faces = np.einsum("ni,ni->n", across, rows["normal"]) > 0
-    # A row faces the antenna if it is closer than all its neighbours; TIE decides ties.
+    # A vertex or edge faces the antenna if it is closer than all its neighbours; TIE
+    # decides ties.
     middle = across[owners] + away / 2 + TIE
     np.logical_and.at(faces, owners, np.einsum("ki,ki->k", away, middle) > 0)
     rows, place, across = rows[faces], place[faces], across[faces]
@@ -109,7 +110,7 @@ def round_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
 
 
 def fresnel_square(ends: Floats, wavelength: float, distance: Floats) -> Floats:
-    """Return the integral F of lines that an antenna sees from the side, (N,) m^2.
+    """Return the squared Fresnel integrals of lines beside an antenna, (N,) m^2.
 
     Args:
         ends: Both ends along each line, from the foot of the perpendicular from the
@@ -117,7 +118,7 @@ def fresnel_square(ends: Floats, wavelength: float, distance: Floats) -> Floats:
         wavelength: Wavelength, m.
         distance: Distances from the antenna to these feet, (N,) m.
     """
-    # The line integral of a spherical wave by Fresnel integrals.
+    # Fresnel integrals give the line integral of a spherical wave.
     scale = np.sqrt(4 / (wavelength * distance))
     sines, cosines = fresnel(ends * scale[:, None])
     square = np.diff(sines) ** 2 + np.diff(cosines) ** 2
@@ -184,7 +185,7 @@ class _HalfEdges:
         beyond = self.places[self.third[self.twin]] - self.places[self.begin]
         is_bent = (self.cosine >= BENT) & (self.cosine < 1 - FLAT)
         is_bent &= np.einsum("hi,hi->h", beyond, self.normals) < 0
-        # A part is round if faces at bent edges make up most of its area.
+        # A part is round if faces at bent edges form most of its area.
         of_faces = np.repeat(is_bent.reshape(-1, 3).any(axis=1), 3)
         weights = np.where(of_faces, self.doubled, -self.doubled)
         parts = np.bincount(self.part, weights, count) > 0

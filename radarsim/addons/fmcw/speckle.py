@@ -67,7 +67,8 @@ _MASK: Final = np.uint64(_LEVELS - 1)
 _STEP: Final = np.uint64(0x9E3779B97F4A7C15)
 _FIRST_FACTOR: Final = np.uint64(0xBF58476D1CE4E5B9)
 _SECOND_FACTOR: Final = np.uint64(0x94D049BB133111EB)
-# The scatterers of columns of the fan as seen from the antenna: rows of the engine.
+# The scatterers in columns of the ray fan as seen from the antenna, as rows for the
+# engine.
 Scatterers: TypeAlias = NDArray[np.void]
 
 
@@ -94,14 +95,14 @@ def scatterers_in(
     beside = y * np.cos(angle) - x * np.sin(angle)
     base = np.uint64((key + (salt + 1) * int(_STEP)) % 2**64)
     keys = _mixed(base + number.astype(np.uint64))
-    # The set of scatterers of each direction is replaced at other positions of the
-    # antenna, so that not all sets change at once.
+    # While the antenna moves, the scatterers of each direction are replaced at
+    # different positions, so that not all sets change at once.
     repeat = settings.wavelength / (2 * width)
     strips = np.floor(beside / repeat + keys / 2.0**64).astype(np.int64)
     keys = _mixed(keys + _STEP * strips.astype(np.uint64))
     shift = doppler_shift(settings, np.einsum("ni,ni->n", ahead, view.velocities))
     starts = np.rint((along - shift) / settings.bin_size).astype(np.int64)
-    # The phase is given in the middle of the sweep, and includes the phase that the
+    # The phase is given for the middle of the sweep. It includes the phase that the
     # beat component accumulates until then.
     tone = 0.5 * sample_count(settings) / fft_length(settings)
     turns = np.remainder(starts * tone - 2 * along / settings.wavelength, 1.0)
@@ -120,7 +121,7 @@ def scatterers_in(
 
 @lru_cache(maxsize=4)
 def clutter_texture(shape: float) -> NDArray[np.float32]:
-    """Return the factors of the power by position, (N, N); empty if ``shape`` is 0."""
+    """Return power factors on a grid of positions, (N, N); empty for ``shape`` 0."""
     if not shape:
         return np.zeros((0, 0), np.float32)
     noise = generator_for(0, "clutter").standard_normal([TEXTURE_CELLS] * 2)
@@ -137,7 +138,7 @@ def _mixed(words: Words) -> Words:
 
 @lru_cache(maxsize=1)
 def hash_levels() -> NDArray[np.void]:
-    """Return amplitude, phase and speed for each hash level: rows of the engine."""
+    """Return amplitude, phase and speed for each hash level, as rows for the engine."""
     shares = (np.arange(_LEVELS) + 0.5) / _LEVELS
     power = -np.log(shares)
     turns = 2 * math.pi * np.arange(_LEVELS) / _LEVELS

@@ -94,7 +94,7 @@ class Spectrum:
 
     @cached_property
     def mean(self) -> NDArray[np.float32]:
-        """The expected power over many seeds, (A, B) W: without speckle, with noise.
+        """The mean power over many seeds, (A, B) W: without speckle, with mean noise.
 
         The window spreads each echo over several bins.
         """

@@ -156,7 +156,7 @@ class TurnEchoes:
     def note_velocities(
         self, rows: NDArray[np.int64], ranges: Floats, away: Floats
     ) -> None:
-        """Store the speeds at which robots recede, in the bins of their K echoes.
+        """Store in the bins of K echoes the speeds at which the echoes' robots recede.
 
         Args:
             rows: Index of the azimuth of each echo, (K,).
