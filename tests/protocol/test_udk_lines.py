@@ -9,6 +9,7 @@ from radarsim.protocol import packages, reports
 from radarsim.protocol.dialect import UDK
 
 RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
+CAMERA_LINK = Link(max_speed=1.571, max_torque=20, min_angle=-0.16, max_angle=0.4)
 
 
 def sick(ranges: list[float]) -> reports.RangeScan:
@@ -59,14 +60,7 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
             (
                 (
                     "Cam",
-                    (
-                        Link(
-                            max_speed=1.571,
-                            max_torque=20,
-                            min_angle=-0.16,
-                            max_angle=0.4,
-                        ),
-                    ),
+                    (CAMERA_LINK,),
                 ),
             ),
         ),
@@ -80,14 +74,7 @@ UDK_LINES: dict[str, tuple[reports.Report, str]] = {
             (
                 (
                     "Cam",
-                    (
-                        Link(
-                            max_speed=1.571,
-                            max_torque=20,
-                            min_angle=-0.16,
-                            max_angle=0.4,
-                        ),
-                    ),
+                    (CAMERA_LINK,),
                 ),
                 (
                     "Arm",

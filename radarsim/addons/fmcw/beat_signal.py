@@ -128,7 +128,8 @@ def beat_rows(
         streams: Source of noise: a stream for each azimuth.
     """
     power = np.zeros((len(field), settings.bins), np.float32)
-    share = math.ceil(len(field) / thread_count())
+    threads = thread_count()
+    share = math.ceil(len(field) / threads)
     block = max(1, min(share, BINS_AT_ONCE // settings.bins))
     starts = range(0, len(field), block)
 
@@ -136,9 +137,8 @@ def beat_rows(
         rows = slice(start, start + block)
         _fill_power(settings, first + start, field[rows], tones, streams, power[rows])
 
-    threads = min(thread_count(), len(starts))
-    if threads > 1:
-        with ThreadPoolExecutor(threads) as pool:
+    if min(threads, len(starts)) > 1:
+        with ThreadPoolExecutor(min(threads, len(starts))) as pool:
             list(pool.map(fill, starts))
     else:
         for start in starts:
