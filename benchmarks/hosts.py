@@ -5,6 +5,7 @@ Driving robots are measured over a tenth of a second of simulated time: ten time
 robot sends one scan and all its other readings.
 """
 
+import gc
 import tempfile
 import time
 from collections.abc import Iterator
@@ -180,6 +181,8 @@ def _host_with_clients(scene: Scene, count: int, robots: int) -> Host:
             host.step()
     for _ in range(200):  # robots have settled
         _tick_seconds(host, count, b"")
+    gc.collect()
+    gc.freeze()  # as the server does
     return host
 
 

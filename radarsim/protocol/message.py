@@ -341,7 +341,7 @@ class Message:
         Raises:
             MalformedMessage: If the value is not readable. The error names the key.
         """
-        return self.parse(key, parse) if self.get(key) else None
+        return self.parse(key, parse) if self._values.get(key.lower()) else None
 
     def number_or_nan(self, key: str) -> float:
         """Parse the number of a key; return NaN if it is missing or empty.

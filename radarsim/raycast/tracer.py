@@ -50,7 +50,7 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, expected_scene
 from radarsim.scene.shapes import box
 
-THREAD_RAYS: Final = 2_000  # number of rays from which a call uses all processors
+RAYS_PER_THREAD: Final = 2_000  # with fewer rays, a thread costs more than it saves
 INITIAL_CAPACITY: Final = 512  # crossings per segment; events per call
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
@@ -200,7 +200,8 @@ class Tracer:
 
     @staticmethod
     def _threads_for(size: int) -> int:
-        return 1 if size < THREAD_RAYS else thread_count()
+        most = size // RAYS_PER_THREAD
+        return min(most, thread_count()) if most > 1 else 1
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
         """Trace rays and return the events of each ray, ordered by distance.

@@ -38,7 +38,7 @@ def test_traces_are_the_same_for_any_number_of_threads(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rays, tracer = rays_in_room(count), tracer_of(foliage_room)
-    monkeypatch.setattr(tracer_module, "THREAD_RAYS", 0)
+    monkeypatch.setattr(tracer_module, "RAYS_PER_THREAD", 1)
     monkeypatch.setattr(tracer_module, "thread_count", lambda: 1)
     expected = columns(tracer.trace(rays, ROBOTS, **wanted))
     monkeypatch.setattr(tracer_module, "thread_count", lambda: threads)
@@ -55,6 +55,7 @@ def test_the_first_invalid_ray_is_named(
 ) -> None:
     rays = rays_in_room(4000)
     rays.power[[700, 2100, 3999]] = -1.0
+    monkeypatch.setattr(tracer_module, "RAYS_PER_THREAD", 500)
     monkeypatch.setattr(tracer_module, "thread_count", lambda: threads)
     with pytest.raises(EngineError, match=r"^ray 700 from .* power -1.0, class"):
         tracer_of(foliage_room).trace(rays)

@@ -201,7 +201,7 @@ def test_ranges_of_a_crowd_are_the_same_on_one_thread_and_on_five(
     sensors = [load_sensor("radar", **settings)]
     requested = requests(sensors, poses)
     alone = [take_scans(tracer, [one], boxes)[0][0].reported for one in requested]
-    monkeypatch.setattr(tracer_module, "THREAD_RAYS", 0)
+    monkeypatch.setattr(tracer_module, "RAYS_PER_THREAD", 1)
     monkeypatch.setattr(tracer_module, "thread_count", lambda: 5)
     together = take_scans(tracer, requests(sensors, poses), boxes)
     read = [batch.reported[row].tobytes() for batch, row in together]

@@ -128,17 +128,16 @@ def beat_rows(
         streams: Source of noise: a stream for each azimuth.
     """
     power = np.zeros((len(field), settings.bins), np.float32)
-    threads = thread_count()
-    share = math.ceil(len(field) / threads)
-    block = max(1, min(share, BINS_AT_ONCE // settings.bins))
+    block = max(1, BINS_AT_ONCE // settings.bins)
     starts = range(0, len(field), block)
 
     def fill(start: int) -> None:
         rows = slice(start, start + block)
         _fill_power(settings, first + start, field[rows], tones, streams, power[rows])
 
-    if min(threads, len(starts)) > 1:
-        with ThreadPoolExecutor(min(threads, len(starts))) as pool:
+    threads = min(thread_count(), len(starts))
+    if threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
             list(pool.map(fill, starts))
     else:
         for start in starts:

@@ -166,8 +166,8 @@ class FreePlaces:
             # Rejection sampling from the bounding box is uniform on the floor. Many
             # positions are drawn at once, because each call of shapely is slow.
             places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
-            gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
-            is_far = (gaps >= distance).all(axis=0)
+            gaps = np.hypot(*(places - near).T)
+            is_far = (gaps >= distance).all(axis=1)
             is_free = shapely.contains_xy(floor, *places.T) & is_far
             if is_free.any():
                 x, y = places[is_free.argmax()].tolist()
