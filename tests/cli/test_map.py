@@ -51,9 +51,9 @@ def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -
         r" 0\.00 m² smoke\n"
         r"pose     0\.0\d\d m and 0\.\d\d degrees off, at most 0\.0\d\d m and"
         r" 0\.\d\d\n"
-        r"in truth 0\.\d\d m, \d\d\.\d% of the floor sensed, \d\d\.\d% at short range,"
-        r" \d\d+\.\d% of what it can get to,"
-        r" \d\d\.\d% of what it cannot get to, \d+ cells right,"
+        r"truth    0\.\d\d m, \d\d\.\d% of the floor sensed, \d\d\.\d% at short range,"
+        r" \d\d+\.\d% of the reachable floor,"
+        r" \d\d\.\d% of the other floor, \d+ cells right,"
         r" \d+ wrong, collisions: 0\n"
         r"files    map_view\.png to look at; for programs map\.png, map\.pgm,"
         rf" map\.yaml, map\.tum; in {where}\n",
@@ -75,7 +75,7 @@ def test_waypoints_are_driven_to_and_unreachable_ones_listed(tmp_path: Path) -> 
     assert data["judge"]["collisions"] == 0
     assert data["path_length"] > 5
     run = radarsim("map", "-o", tmp_path, "foliage_room", "--way=9,9")
-    assert "left out 9 9: no way there" in run.text
+    assert "left out 9 9: no path" in run.text
 
 
 def test_json_is_one_object(tmp_path: Path) -> None:

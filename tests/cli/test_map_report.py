@@ -63,9 +63,9 @@ def test_map_without_scans_has_no_cells() -> None:
 
 def test_open_map_has_no_coverage(empty_room: Scene) -> None:
     run = MappingRun(ExplorationPlan(), Host(empty_room))
-    assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
+    assert as_text(run)[-1] == "truth    0.00 m, collisions: 0"
     run.score = score_with(right=3, wrong=1)
-    assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"
+    assert as_text(run)[-1] == "truth    0.00 m, 3 cells right, 1 wrong, collisions: 0"
 
 
 def score_with(**known: float) -> Score:

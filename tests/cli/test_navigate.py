@@ -101,7 +101,7 @@ def test_reached_goal_is_summarised_in_lines() -> None:
         r"hit points +-2\.\d\d -0\.4\d\n"
         r"leave points +[12]\.\d\d -0\.\d\d\n"
         r"circuits +0\n"
-        r"in truth +1\d\.\d\d m, collisions: 0, 0\.\d\d m from the goal\n",
+        r"true path +1\d\.\d\d m, collisions: 0, 0\.\d\d m from the goal\n",
         run.text,
     )
     data = [line.split(" s  ")[1] for line in run.err.splitlines()]

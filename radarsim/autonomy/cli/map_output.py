@@ -339,10 +339,10 @@ def as_text(run: MappingRun) -> list[str]:
         )
     if run.source.unreached:
         points = ", ".join(f"{x:.4g} {y:.4g}" for x, y in run.source.unreached)
-        why = "no way there" if run.source.outcome == "explored" else "not reached"
+        why = "no path" if run.source.outcome == "explored" else "not reached"
         lines.append(f"left out {points}: {why}")
     if judge := plain.get("judge"):
-        lines.append(f"in truth {_judge_text(judge)}")
+        lines.append(f"truth    {_judge_text(judge)}")
     if run.files:
         lines.append(f"files    {_files_text(run.files)}")
     return lines
@@ -361,9 +361,9 @@ def _judge_text(judge: dict[str, Any]) -> str:
         near = f"{judge['near_coverage']:.1%} at short range"
         texts.append(f"{judge['coverage']:.1%} of the floor sensed, {near}")
     if judge.get("reachable_coverage") is not None:
-        texts.append(f"{judge['reachable_coverage']:.1%} of what it can get to")
+        texts.append(f"{judge['reachable_coverage']:.1%} of the reachable floor")
     if judge.get("hidden_coverage") is not None:
-        texts.append(f"{judge['hidden_coverage']:.1%} of what it cannot get to")
+        texts.append(f"{judge['hidden_coverage']:.1%} of the other floor")
     if "right" in judge:
         texts.append(f"{judge['right']} cells right, {judge['wrong']} wrong")
     texts.append(f"collisions: {judge['collisions']}")

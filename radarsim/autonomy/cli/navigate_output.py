@@ -134,7 +134,7 @@ def as_text(run: NavigationRun) -> list[str]:
         )
     if judge := summary.get("judge"):
         lines.append(
-            f"in truth      {judge['path_length']:.2f} m,"
+            f"true path     {judge['path_length']:.2f} m,"
             f" collisions: {judge['collisions']},"
             f" {judge['goal_distance']:.2f} m from {_judged_goal(run.mission)}"
         )
