@@ -119,6 +119,8 @@ class Material:
         constant_gamma: Whether an opaque surface has the same gamma at all angles, as
             open ground has; otherwise gamma follows Lambert's law. In a spectrum, such
             ground continues beyond the edge of the map.
+        roughness_cm3: Spectral density of the height of the ground, cm^3, at a spatial
+            frequency of 0.1 cycles per metre, as in ISO 8608; 0 for even ground.
         specular_db: Power reflection of the facets of an opaque surface at normal
             incidence, dB; 0 reflects all. None for a surface without facets.
         slope_deg: Rms slope of these facets against the surface, degrees.
