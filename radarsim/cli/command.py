@@ -428,7 +428,7 @@ def help_all_option(*, is_listed: bool) -> click.Option:
         is_eager=True,
         expose_value=False,
         callback=show,
-        help="Show the rarer options as well.",
+        help="Show all options, including rarely used ones.",
     )
 
 
