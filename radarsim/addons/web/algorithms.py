@@ -281,7 +281,7 @@ def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
     seen.sort(key=lambda scan: robot.scanner(scan.name).medium != "radar")
     if not seen:
         wanted = "any scanner" if name is None else f"the scanner {name!r}"
-        raise BadRequest(f"no scan of {wanted} of {robot.name!r} has come yet")
+        raise BadRequest(f"no scan of {wanted} of {robot.name!r} has arrived yet")
     scan, gaps = seen[0], len(seen[0].ranges) - 1
     scanner = robot.scanner(scan.name)
     return ScannerInfo(
