@@ -101,7 +101,7 @@ def _objects(scene: Scene) -> list[str]:
 
 
 def _listed(every: Iterable[Part]) -> Iterator[tuple[str, list[Part]]]:
-    """Yield name and parts of each object, or of each group with numbered names."""
+    """Yield the name and parts of each object; numbered objects form a group."""
     groups: dict[tuple[str, str], list[Part]] = {}
     for part in every:
         stem = part.object_name.rstrip("0123456789")

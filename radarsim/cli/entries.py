@@ -1,4 +1,4 @@
-"""Entries of commands, which let ``radarsim --help`` list commands without importing.
+"""Entries of commands: ``radarsim --help`` lists commands without importing them.
 
 This module has the entries of the core. A package registers its commands by an entry
 point of the group ``radarsim.commands``, which names a list of entries in a module that
@@ -36,7 +36,7 @@ BEYOND_THE_CORE: Final = {
 
 @dataclass(frozen=True, slots=True)
 class CommandEntry:
-    """A command that is imported when it is used.
+    """A command that is imported only when it is used.
 
     Attributes:
         name: Name; two words for a command of a group, such as ``recording info``.
@@ -64,7 +64,7 @@ class CommandEntry:
 
 
 def check_part_of(command: str) -> None:
-    """Check that the part of the program with a command is installed.
+    """Check that the part of radarsim that contains a command is installed.
 
     Raises:
         MissingPackage: If the part is not installed.

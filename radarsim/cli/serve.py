@@ -155,7 +155,7 @@ def _check_ports(host: str, port: int, others: Iterable[ServeExtension]) -> None
 
 
 def _permitted_clients(wanted: int) -> int:
-    """Return the wanted number of clients, or fewer if few files may be open."""
+    """Return the maximum number of clients, reduced if few files may be open."""
     from radarsim.listening import raise_file_limit
 
     expected = wanted + OTHER_FILES

@@ -184,7 +184,7 @@ class ServeExtension:
 
 
 class ExtensionOptions(Protocol):
-    """Interface of plans with which parts of the program extend ``radarsim serve``."""
+    """Interface of the options of an extension of ``radarsim serve``."""
 
     def extension(self, served: ServedMap) -> ServeExtension | None:
         """Create the extension of a server; None if the options ask for none.
@@ -196,7 +196,7 @@ class ExtensionOptions(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SidePorts:
-    """Ports in addition to the port of the robots.
+    """Ports for pictures, true poses and wireless servers.
 
     Attributes:
         image_port: Also serve pictures of the first robot's camera on this port;
@@ -223,7 +223,7 @@ class SidePorts:
 
 
 class SideServers(ServeExtension):
-    """The servers on ports other than the port of the robots."""
+    """Runs the servers for pictures, true poses and wireless servers."""
 
     def __init__(self, ports: Mapping[str, int]) -> None:
         """Store the ports by their options in ``SidePorts``; no server starts yet."""
@@ -315,7 +315,7 @@ def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
 
 
 def check_item_settings(config: SimulationConfig) -> None:
-    """Check the settings of ``--set``.
+    """Check the settings of robots' items that ``--set`` changes.
 
     Raises:
         click.BadParameter: If a setting is invalid.

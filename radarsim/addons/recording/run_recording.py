@@ -67,7 +67,7 @@ class RecordOptions:
 
 
 class ServeRecording(ServeExtension):
-    """Records the calls of a server's host."""
+    """Records a run of ``radarsim serve``."""
 
     def __init__(self, options: RecordOptions, folder: Path, served: ServedMap) -> None:
         """Store the options; ``attach`` starts the recording."""

@@ -49,7 +49,7 @@ HERE: Final = Pose2(0.0, 0.0)  # not used, because the robot is spawned already
 
 
 def _every(interval: float) -> Callable[[], bool]:
-    """Return a function that is True once per ``interval`` s of wall time at most."""
+    """Return a function that is true at most once in ``interval`` s of wall time."""
     due = -math.inf
 
     def is_due() -> bool:
