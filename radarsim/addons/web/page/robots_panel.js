@@ -80,7 +80,7 @@ export class RobotsPanel extends EventTarget {
     const chosen = String(robot.name === this.world.chosen);
     if (button.getAttribute("aria-pressed") !== chosen) button.setAttribute("aria-pressed", chosen);
     button.style.setProperty("--own", robot.colour ?? "transparent");
-    setText(button.lastChild, `${robot.class} · ${this.driverOf(robot)}${robot.touch ? " · touches" : ""}`);
+    setText(button.lastChild, `${robot.class} · ${this.driverOf(robot)}${robot.touch ? " · in contact" : ""}`);
   }
 
   driverOf({ driver, mine }) {
@@ -88,7 +88,7 @@ export class RobotsPanel extends EventTarget {
     if (driver && driver === this.world.hello?.viewer) return "you drive";
     if (driver) return `${driver} drives`;
     if (this.world.hello?.played) return "recorded";
-    return mine ? "idle" : "of another client";
+    return mine ? "idle" : "another client's";
   }
 
   updateChosen() {
