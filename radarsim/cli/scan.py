@@ -71,7 +71,7 @@ class PlacedSensor:
     Attributes:
         sensor: Name of a sensor preset; 'radarsim sensors' lists them.
         start: Place the sensor as if on a P3AT robot at this start pose.
-        pose: Pose in the map frame, m and degrees; or X,Y,Z,ROLL,PITCH,YAW_DEG.
+        pose: Pose of the sensor, map frame, m; or X,Y,Z,ROLL,PITCH,YAW_DEG.
         settings: Change a setting of the sensor; repeat the option for others.
         seed: Seed of all random numbers.
     """

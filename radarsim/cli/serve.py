@@ -83,7 +83,7 @@ def serve(
         options: Protocol and settings of the robots' items.
         seed: Seed of all random numbers.
         speed: Simulated seconds per second of real time.
-        max_clients: Maximum number of connected clients; further ones are refused.
+        max_clients: Maximum number of connected clients; others are refused.
         config: YAML file with the map, and values of options that are not given.
         log_options: Level and format of the log.
         extensions: Options of extensions of the server.
