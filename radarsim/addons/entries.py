@@ -7,22 +7,21 @@ from radarsim.cli.entries import MAPS, SERVING, own_entries
 COMMANDS: Final = own_entries(
     {
         SERVING: {
-            "addons.web.cli:commander": "See, drive and explain robots in a browser.",
+            "addons.web.cli:commander": "Show and drive robots in a browser.",
             "addons.ros.cli:ros": (
-                "Publish what the robots of a server sense as topics of ROS 2, and"
-                " drive one."
+                "Publish the readings of robots as ROS 2 topics, and drive a robot."
             ),
             "addons.recording.cli:replay": (
-                "Play a recording to clients of the protocol, as they were sent it."
+                "Play a recording to clients, or verify that its run can be repeated."
             ),
-            "addons.recording.cli:recording": "Look into recordings.",
+            "addons.recording.cli:recording": "Inspect or repair recordings.",
         },
         MAPS: {
             "addons.imports.cli:import_": (
-                "Make a map, or a robot class, of a file of another program."
+                "Make a map or a robot class from a file of another program."
             ),
             "addons.fmcw.cli:spectrum": (
-                "Record turns of an FMCW radar: the power over range in each direction."
+                "Record the power of an FMCW radar in each azimuth and range bin."
             ),
         },
     }

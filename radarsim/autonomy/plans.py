@@ -98,24 +98,23 @@ class DrivePlan:
     """Base class of plans for a robot that drives autonomously.
 
     Attributes:
-        robot_class: Class of the robot; its scanner has to see all the way round.
-        start: Name of a start; by default the first free one.
-        pose: Start here instead, map frame.
-        scanner: Scanner to steer by; the first one by default.
-        safety_distance: Distance between the robot's centre and obstacles; by default
-            0.13 m more than its size and foliage require.
-        foliage_density: Density of the thinnest foliage that it may meet, 1/m, for
-            servers that send no echoes: the radar sees into it.
-        penetration_power: Penetration power of the radar, for the density of foliage.
-        echoes: Ask the server for the echoes of each beam, or use ranges alone: what
-            blocks robots then counts where a beam first meets it, even if the beam
-            goes through.
-        speed: Maximum speed, at most its own.
-        turn_speed: Maximum speed of turning on the spot.
-        side: Side on which the robot keeps boundaries.
-        drive_unit: Unit in which the server takes wheel speeds.
-        timeout: Give up after this time without a scan.
-        time_limit: Longest run, in the server's time.
+        robot_class: Class of the robot; its scanner must cover a full circle.
+        start: Name of a start pose; by default the first free one.
+        pose: Start pose in the map frame, m and degrees.
+        scanner: Name of the scanner to use; by default the first one.
+        safety_distance: Least distance of the robot's centre from obstacles; by default
+            0.13 m more than size and foliage require.
+        foliage_density: Density of the thinnest foliage, 1/m; without echoes, it adds
+            the radar's penetration depth to the safety distance.
+        penetration_power: Penetration depth in foliage, m, times the foliage density.
+        echoes: Get the echoes of each beam, which show obstacles such as foliage even
+            if the beam penetrates them; with --no-echoes, only ranges are used.
+        speed: Top speed, at most the robot's.
+        turn_speed: Maximum turn rate on the spot.
+        side: Side of the robot on which the followed boundary is kept.
+        drive_unit: Unit of wheel speeds that the server expects.
+        timeout: End the run as failed after this time without a scan.
+        time_limit: Maximum duration in simulated time.
     """
 
     option_group: ClassVar = "Robot"
@@ -149,20 +148,20 @@ class Mission(DrivePlan):
     """A navigation mission.
 
     Attributes:
-        algorithm: How to get around obstacles: as a bug, or by paths planned on what
-            is seen.
-        goals: Goal, map frame; several are reached in turn.
-        heading: Heading to turn to at the last goal, counter-clockwise from x.
-        return_to_start: Drive back to where it started, after the last goal.
-        bumpers: Number of bumpers.
-        share: Share of a bumper's beams that press it.
-        rule: A bumper is pressed if a share of its beams is near, or if all are in the
-            band; 'thesis' also follows boundaries by bumpers alone.
-        give_up: Where Bug2 decides that there is no path: back at the hit point, or at
-            the line to the goal, no nearer to it.
-        pose_source: Sensor from which the pose is read, or SLAM: scans matched with
-            those before.
-        tolerance: Distance from a goal at which it is reached.
+        algorithm: Navigation algorithm; 'planned' searches paths on a grid of the
+            sensed obstacles.
+        goals: Goal in the map frame, m; repeat the option for several, in order.
+        heading: Heading at the last goal, counter-clockwise from x.
+        return_to_start: Drive back to the start after the last goal.
+        bumpers: Number of virtual bumpers, which are sectors of the scanner's beams.
+        share: Share of a bumper's beams that must be near an obstacle to press it.
+        rule: Rule for pressing bumpers and following boundaries; see 'radarsim docs
+            navigation'.
+        give_up: Where Bug2 finds that there is no path: back at the hit point, or at
+            the line from start to goal, but no nearer to the goal.
+        pose_source: Source of the pose: a sensor, or SLAM, which matches each scan with
+            previous scans.
+        tolerance: Distance from a goal at which the goal is reached.
     """
 
     option_group: ClassVar = "Mission"
@@ -186,13 +185,13 @@ class ExplorationPlan(DrivePlan):
     """Plan of an exploration; with waypoints, the scanner need not cover a full circle.
 
     Attributes:
-        strategy: Strategy of exploring.
-        waypoints: Drive to this waypoint instead; several in turn.
-        motion_source: Sensor from which the motion between scans is read.
-        resolution: Side of a cell.
-        map_range: Map only things within this range of the scanner; its whole range by
-            default. The pose is found with all of it.
-        radius: Farthest distance from the start, where no walls are nearer.
+        strategy: Exploration strategy.
+        waypoints: Waypoint to drive to instead; can be repeated.
+        motion_source: Source of the motion between scans: a sensor, or scans alone.
+        resolution: Side length of map cells.
+        map_range: Maximum range of readings that are mapped; readings beyond it are
+            still used for the pose.
+        radius: Maximum distance from the start if no walls limit the exploration.
     """
 
     option_group: ClassVar = "Exploration"

@@ -101,7 +101,7 @@ def _objects(scene: Scene) -> list[str]:
 
 
 def _listed(every: Iterable[Part]) -> Iterator[tuple[str, list[Part]]]:
-    """Yield name and parts of each object, or of each group with numbered names."""
+    """Yield the name and parts of each object; numbered objects form a group."""
     groups: dict[tuple[str, str], list[Part]] = {}
     for part in every:
         stem = part.object_name.rstrip("0123456789")
@@ -159,9 +159,9 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
     """Read a map and print its contents, or all its errors.
 
     Args:
-        map_: A map file, or the name of a shipped map; @VARIANT may follow.
-        plot: Draw the plan with names into a .png, .svg or .pdf.
-        strict: Exit with 1 if a start is not free or the trial has no path.
+        map_: A map file or the name of a shipped map; MAP@VARIANT selects a variant.
+        plot: Draw a plan of the map with names as a .png, .svg or .pdf file.
+        strict: Exit with 1 if a start is occupied or the trial's goal is unreachable.
 
     Returns:
         The exit code.

@@ -1,4 +1,4 @@
-"""Commands made from functions: parameters become options and arguments.
+"""Creates commands from functions: parameters become options and arguments.
 
 If the type of a parameter is a dataclass, each field of the dataclass becomes an
 option, so the command line has the same options and documentation as Python::
@@ -54,7 +54,7 @@ _METAVARS: Final = {int: "N", float: "NUMBER", Path: "FILE"}
 
 @dataclass(frozen=True, slots=True)
 class PlansOf:
-    """Marks a parameter that receives the plans registered by parts of the program.
+    """Marks a parameter that receives all plans registered under a group of plugins.
 
     Attributes:
         group: Group under which the plans are registered; see ``radarsim.plugins``.
@@ -64,7 +64,7 @@ class PlansOf:
 
 
 class FieldType(click.ParamType[Any]):
-    """Reads the value of a field from a text or from a file of options."""
+    """Parses the value of an option from the command line or a configuration file."""
 
     name = "text"
 
@@ -91,7 +91,7 @@ class FieldType(click.ParamType[Any]):
 
     @property
     def metavar(self) -> str:
-        """The placeholder for the value in help."""
+        """The placeholder for the option's value in the help, such as FILE."""
         field = self._field
         unit, form = field.marker(Unit), field.marker(Form)
         if field.option.metavar or field.option.is_argument:
@@ -138,7 +138,7 @@ class FieldType(click.ParamType[Any]):
 
 
 class _FlagType(click.types.BoolParamType):
-    """Reads a flag from an environment variable or from a file of options."""
+    """Parses a flag from an environment variable or from a configuration file."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -155,7 +155,7 @@ class _FlagType(click.types.BoolParamType):
 
 
 class PlanCommand(click.Command):
-    """A command that builds the plans of a function and calls the function.
+    """A command that calls a function with the dataclasses made from its options.
 
     Attributes:
         fields: Fields of all plans and parameters, by the names of click's parameters.
@@ -355,7 +355,7 @@ def _make_param(field: PlanField) -> click.Parameter:
 def _read_config(
     ctx: click.Context, param: click.Parameter, path: Path | None
 ) -> Path | None:
-    """Read values from a file for the options that are not given.
+    """Read a configuration file with the values of options that are not given.
 
     Keys are the long names of options, with underscores; the argument is ``map``.
 
@@ -393,7 +393,7 @@ def _read_config(
 
 
 def describe_place(error: click.BadParameter) -> str:
-    """Return the message for a wrong value in a file, with the line; else ""."""
+    """Return the message for a wrong value in a configuration file; else ""."""
     ctx, param = error.ctx, error.param
     file: YamlFile | None = None if ctx is None else ctx.meta.get(_CONFIG)
     if file is None or ctx is None or param is None:
@@ -428,7 +428,7 @@ def help_all_option(*, is_listed: bool) -> click.Option:
         is_eager=True,
         expose_value=False,
         callback=show,
-        help="Show the rarer options as well.",
+        help="Show all options, including rarely used ones.",
     )
 
 

@@ -25,15 +25,15 @@ def drive(
     scanner: Annotated[str | None, RARE] = None,
     drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s",
 ) -> int:
-    """Drive a robot from the keyboard, and see what it senses.
+    """Drive a robot from the keyboard, and see its sensor readings.
 
     Args:
         server: The server.
-        robot: Class of the robot.
-        start: Name of a start pose of the map; the first free one by default.
-        speed: Speed of driving at first; + and - change it.
-        scanner: Scanner to show; the first by default.
-        drive_unit: Unit in which the server takes wheel speeds.
+        robot: Class of the robot to spawn.
+        start: Name of a start pose of the map; by default the first free one.
+        speed: Initial speed; the keys + and - change it.
+        scanner: Name of the scanner to show; by default the first one.
+        drive_unit: Unit of wheel speeds that the server expects.
 
     Returns:
         The exit code.

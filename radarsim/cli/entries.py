@@ -1,4 +1,4 @@
-"""Entries of commands, which let ``radarsim --help`` list commands without importing.
+"""Entries of commands: ``radarsim --help`` lists commands without importing them.
 
 This module has the entries of the core. A package registers its commands by an entry
 point of the group ``radarsim.commands``, which names a list of entries in a module that
@@ -36,7 +36,7 @@ BEYOND_THE_CORE: Final = {
 
 @dataclass(frozen=True, slots=True)
 class CommandEntry:
-    """A command that is imported when it is used.
+    """A command that is imported only when it is used.
 
     Attributes:
         name: Name; two words for a command of a group, such as ``recording info``.
@@ -64,7 +64,7 @@ class CommandEntry:
 
 
 def check_part_of(command: str) -> None:
-    """Check that the part of the program with a command is installed.
+    """Check that the part of radarsim that contains a command is installed.
 
     Raises:
         MissingPackage: If the part is not installed.
@@ -101,34 +101,34 @@ def own_entries(groups: Mapping[str, Mapping[str, str]]) -> tuple[CommandEntry, 
     )
 
 
-_LISTED: Final = "their numbers, sources and confidence."
+_LISTED: Final = "their values, sources and confidence."
 COMMANDS: Final = own_entries(
     {
         SERVING: {
             "cli.serve:serve": "Serve a map to USARSim clients until interrupted.",
             "cli.drive:drive": (
-                "Drive a robot from the keyboard, and see what it senses."
+                "Drive a robot from the keyboard, and see its sensor readings."
             ),
         },
         MAPS: {
             "cli.first_steps:demo": (
-                "Draw what radar and laser see of a room behind bushes, in one picture."
+                "Draw a radar scan and a laser scan of a room with bushes."
             ),
             "cli.check:check": "Read a map and print its contents, or all its errors.",
             "cli.first_steps:new": (
-                "Write a small map to start your own from, with comments."
+                "Write a small map with comments, as a template for your own maps."
             ),
             "cli.scan:scan": "Scan a map without a server.",
             "cli.explain:explain": "Print everything that one beam meets.",
-            "cli.presets:sensors": f"List the sensors: {_LISTED}",
+            "cli.presets:sensors": f"List the sensor presets: {_LISTED}",
             "cli.presets:robots": (
                 "List the robot classes: their items, sizes and sources."
             ),
-            "cli.presets:materials": f"List the library of materials: {_LISTED}",
+            "cli.presets:materials": f"List the materials of the library: {_LISTED}",
         },
         PROGRAM: {
             "cli.first_steps:docs": (
-                "Show a page of the manual; without a topic, the list of topics."
+                "Show a page of the manual; without TOPIC, the list of topics."
             ),
         },
     }

@@ -37,12 +37,12 @@ def explain(
     """Print everything that one beam meets.
 
     Args:
-        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        map_: A map file or the name of a shipped map; MAP@VARIANT selects a variant.
         plan: The sensor and its pose.
-        beam: Number of the beam, from 0 at the right.
+        beam: Number of the beam; the rightmost beam is 0.
         format_: Output format.
-        budget: Print the link budget of an FMCW radar in dB; --beam is its azimuth,
-            clockwise from 0 straight ahead.
+        budget: Print the link budget of an FMCW radar in dB; --beam then counts the
+            azimuths clockwise, from 0 straight ahead.
     """
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map

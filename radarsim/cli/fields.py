@@ -102,7 +102,7 @@ class Server:
     """The address of a server that is already running.
 
     Attributes:
-        connect: The server to connect to.
+        connect: Address of the server.
     """
 
     connect: Address = LOCAL_SERVER
@@ -113,11 +113,11 @@ class Simulation:
     """The world of a robot: a simulation in this process, or a server.
 
     Attributes:
-        map: A map to simulate here, as fast as possible: its file, or the name of a
-            shipped map; @VARIANT may follow.
-        connect: Drive on this server instead.
+        map: Map to simulate as fast as possible: a map file or the name of a shipped
+            map; MAP@VARIANT selects a variant.
+        connect: Drive on a running server instead of simulating MAP.
         seed: Seed of the simulation.
-        settings: Change a setting of an item of the simulated robot.
+        settings: Change a setting of a sensor or other robot item.
     """
 
     option_group: ClassVar = "Simulation"
@@ -156,11 +156,11 @@ class RunFiles:
     """Files to which a run is written.
 
     Attributes:
-        record: Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'
-            repeats. Needs the extra 'record'.
-        film: Film the run into a .gif, or an .mp4 with the extra 'film'; an interrupted
-            run leaves the film so far.
-        film_speed: Seconds of the run in a second of its film.
+        record: Record the run in a new folder, as a ROS 2 bag that 'radarsim replay'
+            can play. Needs the extra 'record'.
+        film: Film the run as a .gif file, or as .mp4 with the extra 'film'; the film of
+            an interrupted run ends there.
+        film_speed: Seconds of the run per second of the film.
     """
 
     option_group: ClassVar = "Files"

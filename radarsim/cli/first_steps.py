@@ -52,11 +52,11 @@ def demo(
     *,
     output: OutputFile = None,
 ) -> None:
-    """Draw what radar and laser see of a room behind bushes, in one picture.
+    """Draw a radar scan and a laser scan of a room with bushes.
 
     Args:
-        out: The picture, a .png, .svg or .pdf; by default radarsim_demo.png.
-        output: The same, as other commands take it.
+        out: Picture file, .png, .svg or .pdf; by default radarsim_demo.png.
+        output: Same as OUT, given as an option as in other commands.
     """
     if out is not None and output is not None:
         raise click.BadParameter("expected only one of OUT and --output")
@@ -83,11 +83,11 @@ def new(
     *,
     random: Annotated[int | None, Ge(0), Option(metavar="K")] = None,
 ) -> None:
-    """Write a small map to start your own from, with comments.
+    """Write a small map with comments, as a template for your own maps.
 
     Args:
         file: The map file to write, such as room.yaml.
-        random: Write random map K; seven families come by turn.
+        random: Write random map number K; seven families of maps alternate.
     """
     check_new_map(file, "FILE")
     if random is not None:
@@ -106,10 +106,10 @@ def new(
 
 
 def docs(topic: Annotated[str, Option(is_argument=True)] = "index") -> None:
-    """Show a page of the manual; without a topic, the list of topics.
+    """Show a page of the manual; without TOPIC, the list of topics.
 
     Args:
-        topic: Topic to show; 'index' lists them all.
+        topic: Name of the page; 'index' lists all topics.
     """
     topics = sorted(page.stem for page in FOLDER.glob("*.md"))
     if topic not in topics:

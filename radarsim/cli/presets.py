@@ -38,11 +38,11 @@ _Names = Annotated[tuple[str, ...], Option(is_argument=True, metavar="NAME")]
 
 
 def sensors(names: _Names = (), *, as_json: Json = False) -> None:
-    """List the sensors: their numbers, sources and confidence.
+    """List the sensor presets: their values, sources and confidence.
 
     Args:
         names: Names to list; all by default.
-        as_json: Print JSON, for programs.
+        as_json: Print JSON instead of text.
     """
     from radarsim.presets.sensors import sensor_presets
 
@@ -55,7 +55,7 @@ def robots(names: _Names = (), *, as_json: Json = False) -> None:
 
     Args:
         names: Names to list; all by default.
-        as_json: Print JSON, for programs.
+        as_json: Print JSON instead of text.
     """
     from radarsim.presets.robots import load_robot, robot_names
 
@@ -64,11 +64,11 @@ def robots(names: _Names = (), *, as_json: Json = False) -> None:
 
 
 def materials(names: _Names = (), *, as_json: Json = False) -> None:
-    """List the library of materials: their numbers, sources and confidence.
+    """List the materials of the library: their values, sources and confidence.
 
     Args:
         names: Names to list; all by default.
-        as_json: Print JSON, for programs.
+        as_json: Print JSON instead of text.
     """
     from radarsim.scene.material import library
 

@@ -69,10 +69,10 @@ class PlacedSensor:
     """A sensor at a pose in a map.
 
     Attributes:
-        sensor: Preset of the sensor; see 'radarsim sensors'.
-        start: Place the sensor where a P3AT at this start pose carries it.
-        pose: Pose of the sensor in the map frame; or X,Y,Z,ROLL,PITCH,YAW_DEG.
-        settings: Change a setting of the sensor; repeat it for others.
+        sensor: Name of a sensor preset; 'radarsim sensors' lists them.
+        start: Place the sensor as if on a P3AT robot at this start pose.
+        pose: Pose of the sensor, map frame, m; or X,Y,Z,ROLL,PITCH,YAW_DEG.
+        settings: Change a setting of the sensor; repeat the option for others.
         seed: Seed of all random numbers.
     """
 
@@ -129,14 +129,14 @@ def scan(
 ) -> None:
     """Scan a map without a server.
 
-    Into a file or a pipe it writes all numbers, and so with --format; else a terminal
-    gets a summary of them.
+    A terminal shows a summary; with -o, --format or a pipe the command writes all
+    data.
 
     Args:
-        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        map_: A map file or the name of a shipped map; MAP@VARIANT selects a variant.
         plan: The sensor and its pose.
-        count: Number of scans; more than 1 make a list.
-        format_: Output format; by default the suffix of -o, or json.
+        count: Number of scans; several scans are written as a list.
+        format_: Output format; by default that of the file ending of -o, or json.
         output: Write to this file instead of stdout.
     """
     from radarsim.rng import generator_for

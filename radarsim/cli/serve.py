@@ -42,9 +42,9 @@ class LogOptions:
     """The log on stderr.
 
     Attributes:
-        verbose: As --log-level info.
-        log_level: Log connections as well, or errors alone; warnings by default.
-        log_format: Form of the log on stderr.
+        verbose: Also log connections; the same as --log-level info.
+        log_level: Lowest level to log, by default warning; info includes connections.
+        log_format: Format of the log on stderr.
     """
 
     option_group: ClassVar = "Log"
@@ -78,13 +78,13 @@ def serve(
     """Serve a map to USARSim clients until interrupted.
 
     Args:
-        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        map_: A map file or the name of a shipped map; MAP@VARIANT selects a variant.
         listener: Addresses and port to listen on.
         options: Protocol and settings of the robots' items.
         seed: Seed of all random numbers.
         speed: Simulated seconds per second of real time.
-        max_clients: Refuse clients when this many are connected.
-        config: YAML file with values of options that are not given, and the map.
+        max_clients: Maximum number of connected clients; others are refused.
+        config: YAML file with the map, and values of options that are not given.
         log_options: Level and format of the log.
         extensions: Options of extensions of the server.
 
@@ -155,7 +155,7 @@ def _check_ports(host: str, port: int, others: Iterable[ServeExtension]) -> None
 
 
 def _permitted_clients(wanted: int) -> int:
-    """Return the wanted number of clients, or fewer if few files may be open."""
+    """Return the maximum number of clients, reduced if few files may be open."""
     from radarsim.listening import raise_file_limit
 
     expected = wanted + OTHER_FILES

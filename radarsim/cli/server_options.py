@@ -53,8 +53,8 @@ class Listener:
     """The addresses and the port on which a server listens.
 
     Attributes:
-        host: Address to listen on; repeat it, as for IPv4 and IPv6.
-        port: Port to listen on; 0 takes a free one.
+        host: Address to listen on; repeat it for several, such as IPv4 and IPv6.
+        port: Port to listen on; 0 selects a free port.
     """
 
     option_group: ClassVar = "Address"
@@ -73,10 +73,10 @@ class ServerOptions:
     """The protocol of a server, and changed settings of its robots' items.
 
     Attributes:
-        dialect: Form of the lines: as today's clients need it, or the original's.
+        dialect: Format of lines: compat for current clients, udk as in USARSim for UDK.
         settings: Change a setting of the robots' items, such as lms200.max_range=20.
-        drive_unit: Unit of DRIVE commands; the dialect's by default.
-        robots: File of another robot class that clients may spawn; repeat it.
+        drive_unit: Unit of wheel speeds in DRIVE commands; by default the dialect's.
+        robots: File of another robot class to spawn; repeat the option for several.
     """
 
     option_group: ClassVar = "Protocol and robots"
@@ -130,7 +130,7 @@ class ServedMap:
     """The map, the options and the seed of a server.
 
     Attributes:
-        map: Name of the map, or path of its file; @VARIANT may follow.
+        map: Name of the map or path of its file; MAP@VARIANT selects a variant.
         options: Protocol and settings of the robots' items.
         seed: Seed of all random numbers.
     """
@@ -184,7 +184,7 @@ class ServeExtension:
 
 
 class ExtensionOptions(Protocol):
-    """Interface of plans with which parts of the program extend ``radarsim serve``."""
+    """Interface of the options of an extension of ``radarsim serve``."""
 
     def extension(self, served: ServedMap) -> ServeExtension | None:
         """Create the extension of a server; None if the options ask for none.
@@ -196,20 +196,20 @@ class ExtensionOptions(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SidePorts:
-    """Ports in addition to the port of the robots.
+    """Ports for pictures, true poses and wireless servers.
 
     Attributes:
-        image_port: Serve pictures of the first robot's camera on this port as well; the
-            original's is 5003.
-        truth_port: Tell where all robots are on this port as well (USARTruth); the
-            original's is 3989.
-        wireless_port: Answer a wireless server (WSS) on this port as well; the
-            original's is 7435.
-        wss_port: Be a wireless server (WSS) on this port as well, through which robots
-            talk that hear each other; the original's is 50000.
+        image_port: Also serve pictures of the first robot's camera on this port;
+            USARSim uses port 5003.
+        truth_port: Also serve the true poses of all robots on this port, as USARTruth
+            does on port 3989.
+        wireless_port: Also give robot positions to a wireless server (WSS) on this
+            port; USARSim uses port 7435.
+        wss_port: Also run a wireless server (WSS) on this port, which connects robots
+            within radio range; USARSim's WSS uses port 50000.
     """
 
-    option_group: ClassVar = "Beside the server"
+    option_group: ClassVar = "Additional services"
 
     image_port: Annotated[Port | None, RARE] = None
     truth_port: Annotated[Port | None, RARE] = None
@@ -223,7 +223,7 @@ class SidePorts:
 
 
 class SideServers(ServeExtension):
-    """The servers on ports other than the port of the robots."""
+    """Runs the servers for pictures, true poses and wireless servers."""
 
     def __init__(self, ports: Mapping[str, int]) -> None:
         """Store the ports by their options in ``SidePorts``; no server starts yet."""
@@ -315,7 +315,7 @@ def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
 
 
 def check_item_settings(config: SimulationConfig) -> None:
-    """Check the settings of ``--set``.
+    """Check the settings of robots' items that ``--set`` changes.
 
     Raises:
         click.BadParameter: If a setting is invalid.

@@ -142,7 +142,7 @@ class WallStore:
 
     Attributes:
         table: The table, of type ``Walls``.
-        lines: The number of lines for which the table has room.
+        lines: The number of wall segments for which the table has room.
     """
 
     def __init__(self, floors: Sequence[FloorWalls] = ()) -> None:
@@ -178,12 +178,12 @@ class WallStore:
 
 
 def _sizes(floor: FloorWalls) -> NDArray[np.int64]:
-    """Return the numbers of walls, entries and floors, (3,)."""
+    """Return how many rows a floor needs for walls, grid entries and grids, (3,)."""
     return np.array([len(floor.lines), len(floor.entries), 1])
 
 
 def _cell_size(segments: Floats) -> float:
-    """Return a cell size, m, that limits the number of entries."""
+    """Return a size of grid cells, m, that limits the number of grid entries."""
     extent = float(np.abs(segments[:, 1] - segments[:, 0]).sum())
     spare = _ENTRIES_PER_WALL * len(segments) + _FREE_ENTRIES
     return max(_MIN_CELL, extent / spare)

@@ -206,7 +206,7 @@ class Vehicle:
 
     @property
     def model(self) -> RobotModel:
-        """The robot's class."""
+        """The robot class: body, steering and items."""
         return self.robot.model
 
     @property

@@ -4,5 +4,5 @@ from typing import Final
 
 from radarsim.cli.entries import RESULTS, own_entries
 
-_ABOUT: Final = "Scan, drive or map for all combinations of values."
+_ABOUT: Final = "Run scans, trials or mapping for all combinations of parameter values."
 COMMANDS: Final = own_entries({RESULTS: {"sweep.cli:sweep": _ABOUT}})

@@ -36,17 +36,17 @@ def sweep(
     workers: Annotated[int | None, Ge(1), RARE] = None,
     scheduler: Annotated[str | None, Option(metavar="ADDRESS", is_rare=True)] = None,
 ) -> int:
-    """Scan, drive or map for all combinations of values.
+    """Run scans, trials or mapping for all combinations of parameter values.
 
-    Writes one table of the results.
+    The results are written to one table.
 
     Args:
-        file: A sweep file, or a shipped sweep.
-        output: A folder for the results.
-        resume: Go on with a sweep that was stopped.
-        dry_run: Check the file, and count its tasks.
-        workers: Number of processes; one for each core by default.
-        scheduler: Scheduler of a dask cluster that runs already.
+        file: A sweep file or the name of a shipped sweep.
+        output: Folder for the results.
+        resume: Continue an interrupted sweep.
+        dry_run: Only check the file and count its tasks.
+        workers: Number of processes; by default one per core.
+        scheduler: Address of the scheduler of a running dask cluster.
     """
     from radarsim.errors import import_optional
     from radarsim.sweep.file import read_sweep

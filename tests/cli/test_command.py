@@ -158,7 +158,7 @@ def test_help_is_the_documentation_of_the_fields() -> None:
         "  --speed M/S  Maximum speed. [default: 0.5]\n\n"
         "Options:\n"
         "  --times N   How often. [default: 1]\n"
-        "  --help-all  Show the rarer options as well.\n"
+        "  --help-all  Show all options, including rarely used ones.\n"
         "  --help      Show this message and exit.\n"
     )
     all_of_it = CliRunner().invoke(command, ["--help-all"], terminal_width=WIDTH).output

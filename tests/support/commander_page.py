@@ -66,7 +66,7 @@ class CommanderPage:
         form.locator("[name=class]").select_option(kind)
         form.locator("[name=name]").fill(name)
         if place is not None:
-            form.locator("[name=where]").select_option("at a place")
+            form.locator("[name=where]").select_option("at a pose")
             for key, value in zip(("x", "y", "yaw"), place, strict=True):
                 form.locator(f"[name={key}]").fill(str(value))
         form.locator("button.main").click()

@@ -37,9 +37,9 @@ class PlacedRadar(PlacedSensor):
     """An FMCW radar at a pose in a map, or on a path.
 
     Attributes:
-        path: Record all turns along a path of the antenna, a .tum file, as in a data
-            set.
-        settings: Change a setting of the sensor; of its FMCW radar: fmcw.KEY=VALUE.
+        path: Path of the antenna, a .tum file; record a data set of all revolutions
+            along it.
+        settings: Change a setting of the sensor, or of its FMCW radar: fmcw.KEY=VALUE.
     """
 
     one_required: ClassVar[tuple[tuple[str, ...], ...]] = (("start", "pose", "path"),)
@@ -76,9 +76,9 @@ class Shown:
     """The view of a picture, its azimuth and its range.
 
     Attributes:
-        view: What the picture shows; cartesian by default.
-        azimuth: Direction of the A-scope; 0 by default.
-        max_range: Longest range in the picture; by default what is above the noise.
+        view: Top view (default), azimuth over range, or power over range (A-scope).
+        azimuth: Number of the azimuth in the A-scope; by default 0, straight ahead.
+        max_range: Maximum range of the picture; by default that of the last echo.
     """
 
     option_group: ClassVar = "Picture"
@@ -104,9 +104,9 @@ class Detector:
     """The detector of targets and its parameters.
 
     Attributes:
-        detector: Detector of targets; ca for .csv by default.
-        pfa: False alarms in a bin of noise, for ca and os.
-        strongest: Bins of each direction, for k.
+        detector: CA-CFAR, OS-CFAR, or the k strongest bins; ca by default for .csv.
+        pfa: Probability of a false alarm per bin of noise, for ca and os.
+        strongest: Number of bins per azimuth, for k.
     """
 
     option_group: ClassVar = "Detector"
@@ -131,18 +131,18 @@ def spectrum(
     count: Annotated[int, Ge(1)] = 1,
     layout: Annotated[Literal["oxford", "boreas", "radiate"] | None, RARE] = None,
 ) -> None:
-    """Record turns of an FMCW radar: the power over range in each direction.
+    """Record the power of an FMCW radar in each azimuth and range bin.
 
     Args:
-        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        map_: A map file or the name of a shipped map; MAP@VARIANT selects a variant.
         plan: The radar and its pose or path.
         shown: View, azimuth and range of a picture.
         detector: The detector of targets.
-        output: File to write: .png, .svg or .pdf, .npz with all numbers, or .csv with
-            the detections. With --path a folder.
-        count: Number of turns, for .npz and .csv.
-        layout: Write an image as in a data set, not a picture; oxford by default with
-            --path.
+        output: File to write: a picture (.png, .svg, .pdf), arrays (.npz) or detections
+            (.csv); with --path a folder.
+        count: Number of revolutions, for .npz and .csv.
+        layout: Write an image in the layout of this data set, instead of a picture;
+            oxford by default with --path.
     """
     from radarsim.addons.fmcw.image_files import image_of
     from radarsim.addons.fmcw.sequences import turns_along
@@ -349,12 +349,12 @@ class NavtechOptions:
     """The option ``--navtech`` of ``radarsim serve``.
 
     Attributes:
-        navtech: Serve a robot's FMCW radar, such as that of a P3AT_Navtech, on this
-            port as well, in its maker's protocol; the real one's is 6317. Without a
-            name, the first robot that carries one.
+        navtech: Also serve a robot's FMCW radar, such as that of a P3AT_Navtech, on
+            this port in Navtech's protocol; by default that of the first robot with
+            such a radar. Real radars use port 6317.
     """
 
-    option_group: ClassVar = "Beside the server"
+    option_group: ClassVar = "Additional services"
 
     navtech: Annotated[str | None, Option(metavar="PORT[:ROBOT]", is_rare=True)] = None
 

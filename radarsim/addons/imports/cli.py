@@ -46,16 +46,16 @@ class ImportOptions:
     """Options of an import, for information that the file lacks.
 
     Attributes:
-        start: Pose of the start; by default where a plan has most room, else the
-            origin.
-        material: Material of objects with such names, as '*hedge*=hedge'; repeat it,
-            the first that fits counts.
-        default_material: Material of all else.
-        wall_height: Height of the walls of plans.
-        model_path: Folder with models or files that worlds include, or pictures of
-            plans; repeat it.
-        visuals: Import what lidars on the GPU see in Gazebo, the visuals of models,
-            in place of their collisions.
+        start: Start pose, map frame; by default in the widest free area of a map_server
+            plan, else at the origin.
+        material: Material of objects whose names match, as '*hedge*=hedge'; repeat the
+            option for others, the first match counts.
+        default_material: Material of all other objects.
+        wall_height: Height of the walls of a map_server plan.
+        model_path: Folder with models, meshes or images that FILE refers to; repeat the
+            option for several.
+        visuals: Import the visuals of SDF models, which Gazebo's GPU lidars see, rather
+            than their collisions.
     """
 
     start: MapPose | None = None
@@ -75,15 +75,15 @@ def import_(
     options: ImportOptions,
     strict: Annotated[bool, RARE] = False,
 ) -> int:
-    """Make a map, or a robot class, of a file of another program.
+    """Make a map or a robot class from a file of another program.
 
     Args:
-        file: The file.
-        output: The file to write.
-        kind: Kind of the file; by default that of its ending.
-        robot: Robot class to import, where a file has several.
-        options: What it does not say.
-        strict: Write nothing, and exit with 1, if anything is left out.
+        file: File to import.
+        output: Map file, or file of a robot class, to write.
+        kind: Format of FILE; by default that of its file ending.
+        robot: Robot class to import if FILE has several.
+        options: Information that the file lacks.
+        strict: Write nothing, and exit with 1, if a part of FILE must be left out.
 
     Returns:
         The exit code.

@@ -1,4 +1,4 @@
-"""Converts the calls of a host into the messages of a bag.
+"""Converts the recorded calls of a ``Host`` into the messages of a bag.
 
 Each call is also stored byte for byte as a message on ``/radarsim/wire/to_client`` or
 ``to_server``, so that the run can be repeated. The time of a message is the simulated
@@ -43,7 +43,7 @@ FROM_HOST: Final = frozenset({EventType.TAKE, EventType.FINISH})
 
 
 class _Connection:
-    """The state of one client."""
+    """The state of one recorded client."""
 
     def __init__(self) -> None:
         self.session = Session()
@@ -53,7 +53,7 @@ class _Connection:
 
 
 class CallConverter:
-    """Converts the calls of one run, in order."""
+    """Converts the recorded calls of one run, in order."""
 
     def __init__(self, info: RecordingInfo) -> None:
         """Create a converter without clients; ``info`` is the run's conditions."""

@@ -39,16 +39,16 @@ def replay(
     map_: Annotated[str | None, Option(words="maps"), RARE] = None,
     client: Annotated[int | None, Ge(1), RARE] = None,
 ) -> int:
-    """Play a recording to clients of the protocol, as they were sent it.
+    """Play a recording to clients, or verify that its run can be repeated.
 
     Args:
         folder: Folder of the recording.
         listener: Where to listen.
         speed: Recorded seconds per second of real time.
-        verify: Instead, simulate the run again from the recorded commands, and compare
-            all that clients were sent; exit with 1 if a byte differs.
-        map_: The map to verify with; the recorded one if none.
-        client: Number of the recorded client to play; the busiest if none.
+        verify: Instead of playing, simulate the run again from the recorded commands;
+            exit with 1 if any byte sent to clients differs.
+        map_: Map for --verify; by default the recorded one.
+        client: Number of the recorded client; by default the one that got most bytes.
 
     Returns:
         The exit code.
@@ -116,7 +116,7 @@ def end_text(bag: BagReader) -> str:
 
 
 def info(folder: Folder) -> None:
-    """Print what a recording contains.
+    """Print map, duration and topics.
 
     Args:
         folder: Folder of the recording.
@@ -144,7 +144,7 @@ def info(folder: Folder) -> None:
 
 
 def repair(folder: Folder) -> None:
-    """Complete a recording that breaks off, with all that can be read of it.
+    """Repair a truncated recording, and keep all messages that can be read.
 
     Args:
         folder: Folder of the recording.
@@ -160,12 +160,12 @@ def repair(folder: Folder) -> None:
 recording = EntryGroup(
     "recording",
     (
-        CommandEntry("info", f"{__name__}:info", "Print what a recording contains."),
+        CommandEntry("info", f"{__name__}:info", "Print map, duration and topics."),
         CommandEntry(
             "repair",
             f"{__name__}:repair",
-            "Complete a recording that breaks off, with all that can be read of it.",
+            "Repair a truncated recording, and keep all messages that can be read.",
         ),
     ),
-    help="Look into recordings.",
+    help="Inspect or repair recordings.",
 )

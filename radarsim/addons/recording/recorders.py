@@ -52,7 +52,7 @@ DESCRIBED: Final = ("Robot", "RangeScanner", "INS")
 
 
 class EventType(IntEnum):
-    """Kinds of events: calls of a host, and descriptions of a run.
+    """Kinds of events: calls of a ``Host``, and descriptions of robots and maps.
 
     The data of TURN, MAP and VIEW is packed by ``pack``.
     """
@@ -144,7 +144,7 @@ class TurnCollector:
 
 
 class HostRecorder(HostObserver):
-    """Records the calls of a host, and descriptions of its robots."""
+    """Records the calls of a ``Host``, and descriptions of its robots."""
 
     def __init__(
         self,
@@ -232,7 +232,7 @@ class HostRecorder(HostObserver):
         self._report(EventType.FINISH, client, data)
 
     def end(self) -> None:
-        """Record that no more calls follow."""
+        """Record the end of the recording."""
         self._report(EventType.END)
 
     def _report(self, type_: EventType, client: int = 0, data: bytes = b"") -> None:
@@ -276,7 +276,7 @@ _TIME: Final = re.compile(rb"\{Time (\d{1,7}(?:\.\d+)?)\}")
 
 @dataclass(slots=True)
 class _Connection:
-    """The state of one connection."""
+    """The state of a client's connection to the recorded server."""
 
     robot: str
     sent: LineBuffer = field(default_factory=LineBuffer)
@@ -285,7 +285,7 @@ class _Connection:
 
 
 class WireRecorder:
-    """Records bytes on connections to a server as calls of a host.
+    """Records bytes on connections to a server as calls of a ``Host``.
 
     The time of a call is the last time that the server has sent. Calls before the first
     reported time are kept until that time is known.
@@ -396,7 +396,7 @@ class WireRecorder:
 
 
 class WatchRecorder(WireRecorder):
-    """Records the reports of a watched server as calls of a host.
+    """Records the reports of a watched server as calls of a ``Host``.
 
     Each robot is recorded as a client, to which the lines of the robot are sent.
 

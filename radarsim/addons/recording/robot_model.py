@@ -26,7 +26,7 @@ LEAST_BODY: Final = 0.05  # m; least height of a drawn body
 def body_of(
     robot: RobotInfo, geo: RobotGeo, classes: Iterable[RobotModel]
 ) -> RobotModel:
-    """Return a robot's class; an unknown class becomes a P3AT of the reported size.
+    """Return the model of a robot class; an unknown class is a P3AT of reported size.
 
     Args:
         robot: The robot.

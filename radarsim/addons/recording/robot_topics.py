@@ -174,7 +174,7 @@ class RobotTopics:
         ins_mounts: Mapping[str, Pose3],
         time: float,
     ) -> list[Fields]:
-        """Set the description of the robot; return the poses of its scanners on it."""
+        """Set the robot's description; return the mounting poses of its scanners."""
         self._robot, self._scanners = robot, tuple(scanners)
         self._ins_mounts = ins_mounts
         base = self._frame("base_link")

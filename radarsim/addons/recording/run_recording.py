@@ -32,18 +32,18 @@ class RecordOptions:
     """Options of ``radarsim serve`` for recordings.
 
     Attributes:
-        record: Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'
-            repeats. Needs the extra 'record'.
-        record_spectra: Record what FMCW radars receive as well, some 180 MB a minute.
-        record_own_localization: Leave the transform from map to odom out, for programs
-            that localise the robot when the bag is played.
-        record_no_namespace: Leave the name of this robot out of its topics and frames,
-            as in /odom and base_link.
-        record_camera: Record so many pictures of the first robot's camera in a second
-            of simulated time.
+        record: Record the run in a new folder, as a ROS 2 bag that 'radarsim replay'
+            can repeat. Needs the extra 'record'.
+        record_spectra: Also record the spectra of FMCW radars, some 180 MB per minute.
+        record_own_localization: Omit the transform from map to odom, for programs that
+            localise the robot while the bag is played.
+        record_no_namespace: Name topics and frames of this robot without the robot's
+            name, such as /odom and base_link.
+        record_camera: Also record pictures of the first robot's camera, at this rate in
+            simulated time.
     """
 
-    option_group: ClassVar = "Beside the server"
+    option_group: ClassVar = "Additional services"
 
     record: Annotated[Path | None, Option(metavar="DIR")] = None
     record_spectra: Annotated[bool, Option(is_rare=True, needs=("record",))] = False
@@ -67,7 +67,7 @@ class RecordOptions:
 
 
 class ServeRecording(ServeExtension):
-    """Records the calls of a server's host."""
+    """Records a run of ``radarsim serve``."""
 
     def __init__(self, options: RecordOptions, folder: Path, served: ServedMap) -> None:
         """Store the options; ``attach`` starts the recording."""

@@ -33,16 +33,15 @@ class BridgeOptions:
     """Options for the protocol and address on which ROS programs reach the bridge.
 
     Attributes:
-        bridge: JSON over a WebSocket, for roslibpy and roslib (JavaScript); the
-            protocol of Foxglove, which needs the extra 'record'; or DDS, for ROS 2
-            itself, which needs the extra 'dds'.
-        web: Port of rosbridge, 9090 by default, or for Foxglove, 8765; 0 takes a free
-            one.
-        web_host: Address on which rosbridge listens, or for Foxglove.
-        origin: Site whose pages may connect, such as http://localhost:8080; repeat it
-            for others. Foxglove's own may.
-        domain: Domain of DDS, as ROS_DOMAIN_ID.
-        interface: Network interface of DDS; lo stays on this machine.
+        bridge: Protocol: rosbridge, for clients such as roslibpy; foxglove, which needs
+            the extra 'record'; or dds, for ROS 2 nodes, which needs the extra 'dds'.
+        web: WebSocket port of rosbridge or Foxglove, by default 9090 or 8765; 0 selects
+            a free port.
+        web_host: Address on which the WebSocket of rosbridge or Foxglove is served.
+        origin: Web site whose pages may connect, such as http://localhost:8080; repeat
+            the option for others. Foxglove's site may always use its bridge.
+        domain: DDS domain, the same as ROS_DOMAIN_ID.
+        interface: Network interface for DDS; lo sends to this machine only.
     """
 
     option_group: ClassVar = "Bridge"
@@ -60,17 +59,17 @@ class TopicOptions:
     """Options that select the topics, and set their names.
 
     Attributes:
-        map: Map this robot, and publish the map each second.
-        draw: Publish the surfaces of this map, which the server serves, on /scene.
-        true_map: Publish on /map where robots cannot drive in that map.
-        no_namespace: Leave the name of this robot out of its topics and frames, as in
-            /odom and base_link.
-        own_localization: Leave the transform from map to odom to a program of yours,
-            such as AMCL or slam_toolbox; otherwise it is the truth.
-        echoes: Publish the echoes and targets of all scanners as well.
+        map: Build a map from this robot's scans, and publish it on /map each second.
+        draw: Publish the surfaces of this map on /scene; it must be the server's map.
+        true_map: Publish the true occupancy grid of the map of --draw on /map.
+        no_namespace: Name topics and frames of this robot without the robot's name,
+            such as /odom and base_link.
+        own_localization: Publish no transform from map to odom, for use with AMCL or
+            slam_toolbox; by default the true transform is published.
+        echoes: Also publish the echoes and targets of all scanners.
         image_port: Publish pictures of the first robot's camera, which 'radarsim serve
-            --image-port' draws on this port.
-        image_rate: Pictures in a second.
+            --image-port' serves on this port.
+        image_rate: Pictures per second.
     """
 
     option_group: ClassVar = "Topics"
@@ -98,16 +97,16 @@ def ros(
     name: Annotated[str, RARE] = "R1",
     drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s",
 ) -> int:
-    """Publish what the robots of a server sense as topics of ROS 2, and drive one.
+    """Publish the readings of robots as ROS 2 topics, and drive a robot.
 
     Args:
         server: The server.
         options: How programs of ROS reach the bridge.
         topics: Which topics there are.
-        robot: Spawn a robot of this class, which follows cmd_vel.
-        start: Name of its start; by default the first free one.
-        name: Name of that robot.
-        drive_unit: Unit in which the server takes wheel speeds.
+        robot: Spawn a robot of this class, which cmd_vel drives.
+        start: Start pose of the spawned robot; by default the first free one.
+        name: Name of the spawned robot.
+        drive_unit: Unit of wheel speeds that the server expects.
 
     Returns:
         The exit code.

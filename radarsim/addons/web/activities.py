@@ -201,7 +201,7 @@ class Activities:
         """
         own = self._robots.find_own(robot)
         if own.refusal is not None:
-            raise BadRequest(f"{robot!r} cannot drive by itself: {own.refusal}")
+            raise BadRequest(f"{robot!r} cannot drive autonomously: {own.refusal}")
         self.stop(robot)
         # A cancelled task still counts, because its thread runs until its next read or
         # drive.

@@ -49,7 +49,7 @@ HERE: Final = Pose2(0.0, 0.0)  # not used, because the robot is spawned already
 
 
 def _every(interval: float) -> Callable[[], bool]:
-    """Return a function that is True once per ``interval`` s of wall time at most."""
+    """Return a function that is true at most once in ``interval`` s of wall time."""
     due = -math.inf
 
     def is_due() -> bool:
@@ -281,7 +281,7 @@ def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
     seen.sort(key=lambda scan: robot.scanner(scan.name).medium != "radar")
     if not seen:
         wanted = "any scanner" if name is None else f"the scanner {name!r}"
-        raise BadRequest(f"no scan of {wanted} of {robot.name!r} has come yet")
+        raise BadRequest(f"no scan of {wanted} of {robot.name!r} has arrived yet")
     scan, gaps = seen[0], len(seen[0].ranges) - 1
     scanner = robot.scanner(scan.name)
     return ScannerInfo(

@@ -1,4 +1,4 @@
-"""``radarsim commander``: see, drive and explain robots in a browser.
+"""``radarsim commander``: show and drive robots in a browser.
 
 ``radarsim serve --web`` runs the same command in a child process of the server.
 """
@@ -60,18 +60,18 @@ class ShownServer(ServerOptions):
     """The server whose robots a page shows.
 
     Attributes:
-        map: A map to serve: its file, or the name of a shipped map; @VARIANT may
-            follow.
-        connect: Show the robots of this server instead.
-        recording: Play the recording in this folder instead.
-        draw: The map that the server serves, to be drawn; without it the page shows
-            robots and scans alone. Of a recording, by default its own.
-        dialect: Dialect of the server.
-        settings: Setting of the robots' items, such as lms200.max_range=20, on the
-            server.
-        drive_unit: Unit in which the server takes wheel speeds; the dialect's by
-            default.
-        robots: File of another robot class of the server; repeat it.
+        map: Map to serve: a map file or the name of a shipped map; MAP@VARIANT selects
+            a variant.
+        connect: Show the robots of a running server at this address, instead of MAP.
+        recording: Play the recording in this folder, instead of MAP.
+        draw: Map of the server, which the page draws; by default only robots and scans
+            are drawn, or the map of the recording.
+        dialect: Protocol dialect of the server.
+        settings: Setting of the robots' items on the server, such as
+            lms200.max_range=20.
+        drive_unit: Unit of wheel speeds that the server expects; by default the
+            dialect's.
+        robots: File of another robot class; repeat the option for several.
     """
 
     option_group: ClassVar = "Server"
@@ -93,9 +93,9 @@ class PageOptions:
     """Options of the web page.
 
     Attributes:
-        web: Port of the web page; 0 takes a free one.
-        web_host: Address on which browsers reach the page.
-        record_to: Folder in which the page's recordings get folders of their own.
+        web: Port of the web page; 0 selects a free port.
+        web_host: Address on which the page is served.
+        record_to: Folder in which each recording of the page gets its own folder.
     """
 
     option_group: ClassVar = "Page"
@@ -120,14 +120,14 @@ def commander(
     *,
     child: Annotated[bool, Option(is_rare=True, needs=("map",))] = False,
 ) -> int:
-    """See, drive and explain robots in a browser.
+    """Show and drive robots in a browser.
 
-    A map is served on a free port; 'radarsim serve MAP --web PORT' has more options.
+    MAP is served on a free port; 'radarsim serve MAP --web PORT' has more options.
 
     Args:
         server: The server.
         page: The page.
-        child: Start no server, but read its host and port from stdin, and end with it.
+        child: Read the server's host and port from stdin; exit when stdin closes.
 
     Returns:
         The exit code.
@@ -228,11 +228,11 @@ class WebOptions:
     """The option ``--web`` of ``radarsim serve``.
 
     Attributes:
-        web: Serve a web page on this port as well, to see and drive robots; 0 takes a
-            free one. 'radarsim commander' has more options.
+        web: Port of a web page that shows and drives robots; 0 selects a free port.
+            'radarsim commander' has more options.
     """
 
-    option_group: ClassVar = "Beside the server"
+    option_group: ClassVar = "Additional services"
 
     web: Port | None = None
 

@@ -207,7 +207,7 @@ class TaskClock:
         self._since = (time.monotonic(), 0.0, 1.0)  # wall time, s; task time, s; rate
 
     def time(self) -> float:
-        """Return the time, s."""
+        """Return the simulated time of the task, s."""
         wall, began, rate = self._since
         return began + rate * (time.monotonic() - wall)
 

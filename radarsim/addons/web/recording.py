@@ -69,7 +69,7 @@ class RecordingSwitch:
             check_installed()
             self._task = asyncio.ensure_future(self._record(self._server))
         elif self._task.cancelling():
-            raise BadRequest("the recording before is not complete yet")
+            raise BadRequest("the previous recording is not complete yet")
 
     async def close(self) -> None:
         """End the recording, if there is one, and wait until its files are complete."""

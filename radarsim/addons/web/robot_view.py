@@ -38,7 +38,7 @@ NO_RETURN: Final = 65535  # replaces the range, cm, of a beam without return
 NOT_OWN: Final = {
     "mine": False,
     "driver": None,
-    "hindrance": "it is another program's",
+    "hindrance": "another client drives it",
     "safety": None,
     "clearance": None,
 }

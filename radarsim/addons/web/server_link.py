@@ -55,7 +55,7 @@ class ServerState:
 
 
 class Link:
-    """A source of robots, either a server or a recording, that also controls time.
+    """A link to a server or a recording, which reports robots and controls time.
 
     Attributes:
         address: Host and port of the server; None if a recording is played.

@@ -10,9 +10,9 @@ COMMANDS: Final = own_entries(
             "autonomy.cli.navigate:navigate": (
                 "Drive a robot to a goal; exit with 3 if there is no path."
             ),
-            "autonomy.cli.map:map_": ("Explore with a robot and map what it senses."),
+            "autonomy.cli.map:map_": "Explore with a robot that builds a map.",
             "autonomy.cli.trials:trials": (
-                "Run navigators on several maps, and score them."
+                "Run navigation algorithms on several maps, and score them."
             ),
         }
     }

@@ -1,4 +1,4 @@
-"""``radarsim map``: explore with a robot and map what it senses."""
+"""``radarsim map``: explore with a robot that builds a map."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class MappedPlace(Simulation):
     """The simulation, the server, or the watched robot that provides the scans.
 
     Attributes:
-        watch: Map this robot of another client of a radarsim server.
-        seed: Seed of the simulation and of turn_away.
+        watch: Map the scans of this robot of another client.
+        seed: Seed of simulation and turn_away.
     """
 
     one_required: ClassVar = ()  # a watched robot may be on the default server
@@ -47,9 +47,9 @@ class MapFileOptions(RunFiles):
     """Options for the files that the command writes.
 
     Attributes:
-        output: A folder or the beginning of names; by default the map's name.
-        plot: Draw the known area over time into a .png, .svg or .pdf.
-        mode: Cells of the map for nav2: occupied, free and unknown, or probabilities.
+        output: Folder (ends in a slash) or prefix of files; by default the map's name.
+        plot: Plot the known area over time as a .png, .svg or .pdf file.
+        mode: Cells of the nav2 map: occupied, free and unknown, or probabilities.
     """
 
     output: Annotated[str | None, Option(names=("-o", "--output"), metavar="OUT")] = (
@@ -66,7 +66,7 @@ def map_(
     *,
     as_json: Json = False,
 ) -> int:
-    """Explore with a robot and map what it senses.
+    """Explore with a robot that builds a map.
 
     Writes OUT.png, OUT.pgm and OUT.yaml for nav2, the trajectory OUT.tum, and
     OUT_view.png with path, scale and legend.
@@ -75,7 +75,7 @@ def map_(
         where: The simulation, the server, or the robot to watch.
         plan: How to explore.
         files: What to write.
-        as_json: Print JSON, for programs.
+        as_json: Print JSON instead of text.
 
     Returns:
         The exit code.

@@ -51,7 +51,7 @@ class NavigationFiles(RunFiles):
 
     Attributes:
         trace: Write a CSV file with a row for each scan.
-        plot: Draw the run into a .png, .svg or .pdf.
+        plot: Draw the run as a .png, .svg or .pdf file.
     """
 
     trace: Path | None = None
@@ -99,13 +99,13 @@ def navigate(
 ) -> int:
     """Drive a robot to a goal; exit with 3 if there is no path.
 
-    The trial of a map provides start, goal and safety distance where no option does.
+    Start, goal and safety distance are by default those of the map's trial.
 
     Args:
         where: The simulation or the server.
         mission: The mission.
         files: What to write.
-        as_json: Print JSON, for programs.
+        as_json: Print JSON instead of text.
 
     Returns:
         The exit code.

@@ -52,18 +52,18 @@ def trials(
     rules: Annotated[Names, RARE] = ("share",),
     workers: Annotated[int | None, Ge(1), RARE] = None,
 ) -> None:
-    """Run navigators on several maps, and score them.
+    """Run navigation algorithms on several maps, and score them.
 
-    They are scored by the ground truth.
+    The scores are computed from true poses.
 
     Args:
-        maps: Maps that have a trial; by default all that are made for trials.
+        maps: Maps that have a trial; by default the shipped maps made for trials.
         algorithms: Algorithms to compare.
-        sensors: Sensor presets, which see all the way round.
+        sensors: Sensor presets to compare; each must cover a full circle.
         seeds: Repeat each trial with seeds 0 to K - 1.
-        as_json: Print JSON, for programs.
-        rules: Rules of the bumpers to compare.
-        workers: Number of processes; one for each core by default.
+        as_json: Print JSON instead of text.
+        rules: Bumper rules to compare; see --rule of 'radarsim navigate'.
+        workers: Number of processes; by default one per core.
     """
     from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
     from radarsim.autonomy.evaluation.trials import MAPS, run_trial

@@ -101,7 +101,7 @@ class HostObserver:
 
 
 class Host:
-    """A server without its sockets.
+    """A server without sockets, which executes commands and advances time in ticks.
 
     Attributes:
         simulation: The simulation that commands act on.

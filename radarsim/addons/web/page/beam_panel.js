@@ -49,11 +49,11 @@ export class BeamPanel extends EventTarget {
     byId("reading").classList.toggle("quiet", !explained);
     byId("rows").hidden = !explained;
     if (!explained) {
-      setText(byId("reading"), this.world.scan ? "Click a beam in the plan or in a scan." : "No scan yet.");
+      setText(byId("reading"), this.world.scan ? "Click a beam in the plan or in a scan." : "There is no scan yet.");
       return;
     }
     const { number, beam } = explained;
-    const reads = Number.isFinite(beam.range) ? `reads ${beam.range.toFixed(2)} m` : "reads nothing";
+    const reads = Number.isFinite(beam.range) ? `reads ${beam.range.toFixed(2)} m` : "has no reading";
     setText(byId("reading"), `Beam ${number} ${reads}`);
     const rows = beam.echoes.map((echo) => [
       echo.range.toFixed(2),
@@ -105,7 +105,7 @@ export class BeamPanel extends EventTarget {
     pen.fill();
     pen.globalAlpha = 1;
     drawMarks(pen, beam.echoes.map((echo) => ({ ...echo, x: x(Math.min(echo.range, far)), y: y(Math.min(Math.max(echo.power ?? 1, 0), 1)) })), 5);
-    drawLabel(pen, "power left", left + 4, top + 12);
+    drawLabel(pen, "remaining power", left + 4, top + 12);
   }
 }
 

@@ -43,12 +43,12 @@ function marksOf(world, view) {
   const traced = world.scan ?? scans[0]; // the scan whose rays are drawn
   if (traced && view !== "map" && layers[`${traced.kind} rays`]) {
     const { beams, through, spent } = world.countBeams(traced);
-    marks.push([`ray ${traced.kind}`, `${traced.kind} ray, fainter with less power`, beams]);
+    marks.push([`ray ${traced.kind}`, `${traced.kind} ray; opacity shows power`, beams]);
     if (view === "plan") {
       marks.push(
-        [`dot ${traced.kind}`, "reading behind what the ray passed", layers[`${traced.kind} readings`] && through],
-        [`hole ${traced.kind}`, "ray inside of it", through],
-        [`cross ${traced.kind}`, "power used up", spent],
+        [`dot ${traced.kind}`, "reading behind a penetrated object", layers[`${traced.kind} readings`] && through],
+        [`hole ${traced.kind}`, "ray inside a penetrated object", through],
+        [`cross ${traced.kind}`, "power depleted", spent],
       );
     }
   }
@@ -59,18 +59,18 @@ function marksOf(world, view) {
     };
     marks.push([sign, `${kind} reading`, layers[`${kind} readings`] && scans.some(reads)]);
   }
-  if (view === "map") marks.push(["true", "what is truly there", layers.truth && world.scene?.parts.length]);
+  if (view === "map") marks.push(["true", "true outlines", layers.truth && world.scene?.parts.length]);
   if (view !== "space") {
     const path = world.paths.get(world.chosen);
     const goal = world.goal ?? (world.stateOfGoal(world.chosen) === "cancelled" ? null : path?.goal);
     marks.push(
-      ["path", "its way", path?.points.length],
-      ["hit", "hits an obstacle", path?.hits?.length],
-      ["leave", "leaves it", path?.leaves?.length],
+      ["path", "path of the robot", path?.points.length],
+      ["hit", "hit point", path?.hits?.length],
+      ["leave", "leave point", path?.leaves?.length],
       ["goal", "goal", goal],
     );
   }
-  if (view === "plan") marks.push(["start", "free start: click adds a robot", freeStarts(world).length]);
+  if (view === "plan") marks.push(["start", "free start; click to add a robot", freeStarts(world).length]);
   return marks;
 }
 
@@ -86,9 +86,9 @@ function materialsOf(world) {
 export function writeFinding(world, view) {
   const { robot } = world;
   if (!world.hello) return;
-  if (!robot) setText(byId("finding"), "No robot yet: add one.");
+  if (!robot) setText(byId("finding"), "There is no robot yet. Add one.");
   else if (view === "map" && !world.maps.has(robot.name)) {
-    setText(byId("finding"), `${robot.name} has no map yet: tick “Build a map” and drive, or explore.`);
+    setText(byId("finding"), `${robot.name} has no map yet. Tick “Build a map” and drive, or press “Explore”.`);
   } else setText(byId("finding"), sentence(world));
 }
 
@@ -96,15 +96,15 @@ export function writeFinding(world, view) {
 function sentence(world) {
   const { robot, scan } = world;
   const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
-  const parts = scans.map((one, place) => {
+  const parts = scans.map((one) => {
     const { beams, through, returned } = world.countBeams(one);
-    if (!returned) return `${one.kind} reads nothing${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
+    if (!returned) return `no ${one.kind} readings${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
     const told = robot.echoes?.some((echoes) => echoes.scanner === one.scanner && echoes.objects.length);
-    if (!told) return `${sensorName(one)} reads ${returned} of ${beams} beams`; // echoes have not arrived yet
+    if (!told) return `${sensorName(one)}: ${returned} of ${beams} beams have a reading`; // echoes have not arrived yet
     const count = through || "none";
-    return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} of ${beams} beams`;
+    return `${count} of ${beams} ${one.kind} beams pass through objects`;
   });
   if (!parts.length) return `${robot.name} has no scan yet.`;
-  const rest = world.hello.watch ? "" : "; this server does not tell what they meet";
+  const rest = world.hello.watch ? "" : "; this server does not report echoes";
   return `${robot.name}: ${parts.join(" · ")}${rest}`;
 }

@@ -104,7 +104,7 @@ const takers = {
     setText(byId("error"), text);
     world.goal = null;
   },
-  lost: ({ text }) => showLost(text || "The server is gone. Trying to reach it again…"),
+  lost: ({ text }) => showLost(text || "The connection to the server is lost. Reconnecting…"),
   found: () => showLost(null),
 };
 
@@ -120,7 +120,7 @@ function takeFrame(frame) {
   const chose = world.takeFrame(frame);
   if (driven && !frame.robots.some((robot) => robot.name === driven)) {
     drive.forget(driven);
-    setText(byId("error"), `${driven} is gone; driving has ended.`);
+    setText(byId("error"), `${driven} was removed; driving has ended.`);
   }
   if (chose) select(world.chosen);
   if (first) fit();
@@ -140,10 +140,10 @@ link.addEventListener("state", ({ detail }) => {
     clearance.takeScene(null);
   } else if (detail === "refused") {
     tellLink("refused", link.token ? "wrong token" : "no token");
-    showLost(`${link.token ? "The token is of another commander." : "There is no token."} Open the whole address that radarsim printed when it started.`);
+    showLost(`${link.token ? "The token belongs to another commander." : "There is no token."} Open the whole address that radarsim printed at its start.`);
   } else {
     tellLink("lost", "connection lost");
-    showLost("No connection to the commander. Trying again…");
+    showLost("The connection to the commander is lost. Reconnecting…");
     drive.forget(drive.driven);
   }
 });
@@ -255,7 +255,7 @@ function goTo(x, y, heading) {
   world.pointer = [x, y]; // fingers do not hover, so it is set here
   const problem = clearance.problem(world.robot, [x, y]);
   if (problem) {
-    setText(byId("error"), `The goal is too near: ${problem}.`);
+    setText(byId("error"), `The goal is too near to an obstacle: ${problem}.`);
     pick("goal");
     return false;
   }
@@ -270,8 +270,8 @@ function pick(what) {
   if (what !== "measure") measure.clear();
   byId("measure").setAttribute("aria-pressed", String(what === "measure"));
   if (what && view !== "plan" && (view !== "space" || what !== "goal")) show("plan");
-  const drag = view === "plan" ? ", or drag to set where it faces" : "";
-  const words = { robot: `Click where the robot starts${drag}`, goal: `Click the goal${drag}`, measure: "Click two points to measure" };
+  const drag = view === "plan" ? ", or drag to set the heading" : "";
+  const words = { robot: `Click the start position${drag}`, goal: `Click the goal${drag}`, measure: "Click two points to measure" };
   writeAim(what ? `${words[what]} (Esc cancels).` : "");
   byId("stage").classList.toggle("picking", Boolean(what));
   redraw();

@@ -7,8 +7,8 @@ export const KINDS = {
   leave: { word: "leaves", shape: "down" },
   sheet: { word: "crosses a sheet", shape: "diamond" },
   hit: { word: "hits", shape: "square" },
-  spent: { word: "is spent in", shape: "cross" },
-  rain: { word: "rain shows", shape: "star" },
+  spent: { word: "is depleted in", shape: "cross" },
+  rain: { word: "is reflected by rain", shape: "star" },
 };
 
 const SHAPES = {

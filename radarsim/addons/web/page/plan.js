@@ -307,7 +307,7 @@ function shapeOf(part) {
 /** Return a description of the canvas for screen readers. */
 export function describePlan(world) {
   const { robot, scan } = world;
-  if (!robot) return "Plan without a robot";
+  if (!robot) return "Plan: no robot is selected";
   const place = `${robot.name} at x ${robot.x.toFixed(1)} m, y ${robot.y.toFixed(1)} m`;
   const beam = scanOf(robot, scan?.scanner) && world.beam !== null ? `, beam ${world.beam} of ${sensorName(scan)}` : "";
   return `Plan: ${place}${beam}`;

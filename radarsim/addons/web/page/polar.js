@@ -56,10 +56,10 @@ export class Polar extends EventTarget {
       return;
     }
     const { beams, spent, returned } = this.world.countBeams(scan);
-    const lost = spent ? `, ${spent} spent` : "";
+    const lost = spent ? `, ${spent} depleted` : "";
     const beyond = scan.ranges.filter((range) => range > outer && Number.isFinite(range)).length;
     const far = beyond ? `, ${beyond} beyond ${outer} m` : "";
-    const text = `${returned} of ${beams} read${lost}${far}`;
+    const text = `${returned} of ${beams} beams return${lost}${far}`;
     setText(what, text);
     this.canvas.setAttribute("aria-label", `${title}: ${text}`);
   }

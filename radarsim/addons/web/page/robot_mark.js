@@ -6,7 +6,7 @@ import { theme } from "./theme.js";
 
 const SMALLEST = 18; // px; least length of a robot, so that it is visible at any zoom
 
-/** Draw a robot: its hull, its wheels, an arrow that points ahead, and its name. */
+/** Draw a robot: its footprint, its wheels, an arrow that points ahead, and its name. */
 export function drawRobot(pen, viewport, robot, chosen) {
   const [left, top] = viewport.toScreen(robot.x, robot.y);
   const [length, width] = robot.size ?? [0.6, 0.5];

@@ -2,7 +2,7 @@
 
 import { byId, element, setOptions, setText } from "./elements.js";
 
-const PLACE = "at a place"; // no start has this name, as their names have no blanks
+const PLACE = "at a pose"; // no start has this name, as their names have no blanks
 
 export class RobotsPanel extends EventTarget {
   /** Fires `choose` (detail: name of the robot), and `pick` to pick a pose on the plan. */
@@ -80,7 +80,7 @@ export class RobotsPanel extends EventTarget {
     const chosen = String(robot.name === this.world.chosen);
     if (button.getAttribute("aria-pressed") !== chosen) button.setAttribute("aria-pressed", chosen);
     button.style.setProperty("--own", robot.colour ?? "transparent");
-    setText(button.lastChild, `${robot.class} · ${this.driverOf(robot)}${robot.touch ? " · touches" : ""}`);
+    setText(button.lastChild, `${robot.class} · ${this.driverOf(robot)}${robot.touch ? " · in contact" : ""}`);
   }
 
   driverOf({ driver, mine }) {
@@ -88,7 +88,7 @@ export class RobotsPanel extends EventTarget {
     if (driver && driver === this.world.hello?.viewer) return "you drive";
     if (driver) return `${driver} drives`;
     if (this.world.hello?.played) return "recorded";
-    return mine ? "idle" : "another program's";
+    return mine ? "idle" : "another client's";
   }
 
   updateChosen() {
@@ -98,7 +98,7 @@ export class RobotsPanel extends EventTarget {
       control.disabled = !mayUse(control.form?.id, robot);
     }
     const hindrance = robot?.mine ? robot.hindrance : null;
-    setText(byId("hindrance"), hindrance ? `It cannot go or explore by itself: ${hindrance}.` : "");
+    setText(byId("hindrance"), hindrance ? `The robot cannot drive autonomously: ${hindrance}.` : "");
     setText(byId("driven"), robot?.name ?? "");
     setText(byId("driving"), robot ? describe(robot, this.world.hello?.played) : "Add a robot first.");
   }
@@ -113,9 +113,9 @@ function mayUse(form, robot) {
 
 function describe(robot, played) {
   const degrees = Math.round((robot.yaw * 180) / Math.PI);
-  const place = `x ${robot.x.toFixed(2)} m, y ${robot.y.toFixed(2)} m, facing ${degrees}°`;
+  const place = `x ${robot.x.toFixed(2)} m, y ${robot.y.toFixed(2)} m, heading ${degrees}°`;
   const speed = robot.speeds ? `, ${robot.speeds[0].toFixed(2)} m/s` : "";
-  const others = played ? "It does what was recorded." : "Another program drives it.";
+  const others = played ? "Its motion was recorded." : "Another client drives it.";
   const hint = robot.mine ? "Hold W A S D to drive." : others;
   return `${place}${speed}. ${hint}`;
 }

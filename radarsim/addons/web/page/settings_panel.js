@@ -71,7 +71,7 @@ export class SettingsPanel {
 function noteOf(robot, scan) {
   if (!robot) return "Select a robot to see its sensors.";
   if (!scan) return "This robot has no range scanner.";
-  return robot.mine ? "Changes hold from the next scan on." : "Only its own program can change them.";
+  return robot.mine ? "Changes apply from the next scan." : "Only the client that spawned the robot can change these.";
 }
 
 const isEdited = (input) => input.type === "number" && document.activeElement === input;
@@ -79,7 +79,7 @@ const isEdited = (input) => input.type === "number" && document.activeElement ==
 function makeInput({ type, min, max, step, choices, slides }) {
   if (type === "choice") {
     const options = choices.map((choice) => element("option", { value: choice, textContent: choice }));
-    return element("select", {}, element("option", { value: "", textContent: "by default", disabled: true }), ...options);
+    return element("select", {}, element("option", { value: "", textContent: "default", disabled: true }), ...options);
   }
   if (type === "boolean") return element("input", { type: "checkbox" });
   const input = element("input", { type: slides ? "range" : "number", step: step ?? "any", placeholder: UNLIMITED });

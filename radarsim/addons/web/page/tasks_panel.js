@@ -46,7 +46,7 @@ export class TasksPanel extends EventTarget {
     const { chosen, robot } = this.world;
     if (!robot?.mine) return;
     if (robot.hindrance) {
-      setText(byId("error"), `${chosen} cannot drive by itself: ${robot.hindrance}`);
+      setText(byId("error"), `${chosen} cannot drive autonomously: ${robot.hindrance}`);
       return;
     }
     setText(byId("error"), ""); // of an earlier goal

@@ -41,7 +41,7 @@ export class TimePanel {
       byId(name).title = refusal || byId(name).dataset.title;
     }
     byId("clock").dataset.state = paused ? "paused" : "running";
-    const word = paused ? (end === null ? "Go on" : "Play") : "Pause";
+    const word = paused ? (end === null ? "Resume" : "Play") : "Pause";
     setText(byId("pause").lastElementChild, word);
     byId("pause").setAttribute("aria-label", word);
     this.showSpeed(speed);

@@ -38,7 +38,7 @@ def test_plan_and_scans_are_painted_once_a_robot_is_added(
     commander.add_robot("R1")
     assert commander.text("level") == "DM-FoliageRoom"
     commander.until(
-        lambda: "R1: radar sees through with" in commander.text("finding"),
+        lambda: "radar beams pass through" in commander.text("finding"),
         "for what it sees",
     )
     for canvas, least in (("#plan", 5000), ("#radar canvas", 1000)):
@@ -110,13 +110,13 @@ def test_names_of_robots_and_maps_are_text(
 
 def test_legend_names_what_is_drawn(commander: CommanderPage) -> None:
     commander.add_robot("R1", place=(-8, 0, 0))
-    drawn = ("radar ray", "radar reading", "reading behind", "power used", "free start")
+    drawn = ("radar ray", "radar reading", "reading behind", "depleted", "free start")
     commander.until(lambda: all(each in commander.text("legend") for each in drawn))
     # The laser reads nothing within 4 m.
     assert "laser" not in commander.text("legend")
     commander.page.locator("#beam [name=scanner]").select_option("Hokuyo")
     commander.until(lambda: "laser ray" in commander.text("legend"))
-    commander.until(lambda: "power used up" not in commander.text("legend"))
+    commander.until(lambda: "power depleted" not in commander.text("legend"))
     commander.page.click("[data-view=map]")
     commander.page.locator("#mapping [name=on]").check()
     commander.until(lambda: "not sensed" in commander.text("legend"), "for a map")

@@ -54,7 +54,7 @@ def test_a_foreign_server_that_cannot_watch_has_its_page(
             commander.page.wait_for_selector(f"{name}:disabled")
             assert "--web" in (commander.page.get_attribute(name, "title") or "")
         commander.add_robot("N1", kind="P3AT", echoes=False)
-        assert "does not tell what they meet" in commander.text("finding")
+        assert "does not report echoes" in commander.text("finding")
         assert commander.page.locator("#settings input:visible").count() == 0
         robot = commander.robot("N1")
         assert robot is not None

@@ -105,7 +105,7 @@ def test_bug2_goes_around_a_block_and_the_page_shows_where(
         assert leave[1] == pytest.approx(0, abs=0.2)  # on the line to the goal
         assert plan.evaluate(PIXEL, commander.point(*hit)) == HIT
         assert plan.evaluate(PIXEL, commander.point(*leave)) == LEAVE
-        assert "hits an obstacle" in commander.text("legend")
+        assert "hit point" in commander.text("legend")
         commander.page.context.close()
 
 

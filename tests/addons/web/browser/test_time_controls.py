@@ -108,5 +108,5 @@ def test_a_run_is_recorded_played_paused_stepped_and_sought(
         # Times are shown in tenths: the robot may have come a little after this one.
         page.page.locator("#seek").fill(str(round(began + 0.1, 2)))
         page.until(lambda: abs(x_of(page) - first) < 0.05, "for the start")
-        assert "sees through" in page.text("finding")  # echoes are recorded
+        assert "pass through" in page.text("finding")  # echoes are recorded
         page.page.context.close()

@@ -268,7 +268,7 @@ def test_a_click_on_a_bush_shows_the_numbers_of_explain(
     assert number == 92
     rows = select_beam(commander, number)
     expected = explain(number)
-    assert [row[1] for row in rows] == ["enters", "is spent in"]
+    assert [row[1] for row in rows] == ["enters", "is depleted in"]
     assert [row[2] for row in rows] == ["bush_4 (foliage)"] * 2
     assert float(rows[0][0]) == pytest.approx(expected["enter"], abs=0.011)
     assert float(rows[1][0]) == pytest.approx(expected["end"], abs=0.011)
