@@ -124,7 +124,7 @@ class KeyframeMap:
                 self._rebuild()
 
     def move(self, poses: list[Pose2]) -> None:
-        """Move all keyframes; keyframes near the last one become local."""
+        """Set the poses of all keyframes; those near the last one are local then."""
         local = REACHES * self.reach
         for keyframe, pose in zip(self.keyframes, poses, strict=True):
             keyframe.pose = pose

@@ -153,7 +153,7 @@ class GridFrame:
 def _extended_axis(
     first: int, count: int, low: float, high: float, resolution: float
 ) -> tuple[int, int]:
-    """Return the first cell and the number of cells along one axis."""
+    """Return first cell and number of cells of a larger frame along one axis."""
     low_cell = math.floor(low / resolution)
     high_cell = math.floor(high / resolution)
     if count and first <= low_cell and high_cell < first + count:
