@@ -340,7 +340,7 @@ class Bug(BoundaryController):
         return goal + self._settings.bumpers.safety_distance - NOISE <= obstacle
 
     def _side_distance(self, observation: Observation) -> float:
-        """Return the distance of the nearest obstacle next to the path, m."""
+        """Return the distance, m, of the nearest obstacle beside the path."""
         bumpers, goal = self._settings.bumpers, self._goal_bearing(observation.pose)
         sides = (goal - bumpers.width, goal + bumpers.width)
         return min(bumpers.towards(observation, side).distance for side in sides)
@@ -399,7 +399,7 @@ class Bug(BoundaryController):
         return twist
 
     def _leave_or_conclude(self, observation: Observation) -> Twist:
-        """Leave, unless a Bug1 circuit has brought the robot no nearer to the goal."""
+        """Leave the boundary, or give up if Bug1 has come no nearer to the goal."""
         near, mission = self._goal_distance(observation.pose), self._settings.mission
         is_no_nearer = near > self._best_leave - mission.tolerance
         self._best_leave = min(self._best_leave, near)
