@@ -184,7 +184,7 @@ class ObstacleGrid:
         return clearance
 
     def cell(self, point: Point) -> Cell:
-        """Return row and column of a point, or of the nearest cell to it."""
+        """Return the row and column of the cell at, or nearest to, a point."""
         rows, columns = self.cells(np.array([point]))
         return int(rows[0]), int(columns[0])
 

@@ -157,7 +157,7 @@ class PathPlanning(Controller):
             self._hopeless_since = None
 
     def _plan_disc(self, pose: Pose2, goal: Point, *, doubts: bool = False) -> None:
-        """Plan a path of the disc; ``doubts`` allows paths through mirror images."""
+        """Plan a path of a disc; with ``doubts``, also through mirror images."""
         assert self._grid is not None
         safety_distance = self._settings.bumpers.safety_distance
         clearance = self._grid.clearance(self._moving)
@@ -208,7 +208,7 @@ class PathPlanning(Controller):
         return STOP
 
     def _plan_footprint(self, observation: Observation) -> bool:
-        """Plan a path of the footprint if needed; return whether there is one."""
+        """Plan a path of the footprint, if needed; return whether there is a path."""
         assert self._grid is not None
         assert self._footprint is not None
         points = np.vstack([self._grid.points, observation.blocking_points()])
@@ -223,14 +223,14 @@ class PathPlanning(Controller):
         return path is not None
 
     def _outside(self, points: Floats, pose: Pose2) -> Floats:
-        """Return the points outside the footprint; points inside it are outdated."""
+        """Return the points outside the footprint, as points inside are outdated."""
         assert self._footprint is not None
         here = np.array([[pose.x, pose.y, pose.yaw]])
         outside: Floats = points[self._footprint.distances(points, here)[0] > 0]
         return outside
 
     def _next_point(self, pose: Pose2) -> Point:
-        """Return the farthest point of the path in a straight open line."""
+        """Return the farthest path point that the robot reaches in a straight line."""
         distances = np.hypot(*(self._path - (pose.x, pose.y)).T)
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
