@@ -57,7 +57,7 @@ class TickOutput(NamedTuple):
 
 
 class Faults:
-    """Errors that the code of single robots raised, which only bugs can cause.
+    """Errors raised by the code for one robot; only bugs can cause such errors.
 
     Attributes:
         errors: The errors by the robot's number; the caller of ``Simulation.step``

@@ -411,7 +411,7 @@ def follow(
     *,
     as_json: bool,
 ) -> int:
-    """Map from another client's robot, until it leaves or a signal arrives.
+    """Build a map from another client's robot until it leaves or a signal arrives.
 
     Args:
         plan: The scanner, the source of the motion, and the resolution of the map.

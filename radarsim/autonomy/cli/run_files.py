@@ -108,7 +108,7 @@ class Recording:
     """Base class of recordings: records nothing; subclasses override all methods."""
 
     def attach(self, host: Host, map_: str) -> None:
-        """Record the events of a host in this process; its map is called ``map_``."""
+        """Record the events of a host in this process, given the name of its map."""
 
     def connect(self, host: str, port: int) -> Client:
         """Connect to a server over TCP, and record the traffic.
@@ -143,7 +143,7 @@ class Recording:
 def make_recording(
     folder: Path | None, drive_unit: DriveUnit, *, robots_map: bool = False
 ) -> Recording:
-    """Return a recording of a run, which records nothing unless a file is given.
+    """Return a recording of a run, which records nothing without a folder.
 
     Args:
         folder: Folder to create; None for no recording.

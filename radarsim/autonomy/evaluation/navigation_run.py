@@ -135,7 +135,7 @@ class NavigationRun:
         """Number of goals that the robot has not reached."""
         if self.result is not None:
             return self.result.goals_left
-        # A new leg starts at each goal, so only the goal of the last leg may be left.
+        # Each goal ends a leg, so only the goal of the last leg is not yet reached.
         goals = len(self.mission.goals) + self.mission.return_to_start
         return goals - max(len(self.run_log.legs) - 1, 0)
 

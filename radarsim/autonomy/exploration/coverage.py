@@ -103,7 +103,7 @@ def frontier_strategy(
     settings: ExplorationSettings,
     select_targets: TargetSelector = lambda floor: floor.frontiers,
 ) -> NearestTargetStrategy:
-    """Return a strategy that drives to the nearest of the selected frontiers."""
+    """Return a strategy that drives to the nearest frontier or selected frontier."""
     return NearestTargetStrategy(settings, select_targets, "frontier", turn=FULL_TURN)
 
 

@@ -209,7 +209,7 @@ class Revisit(Strategy):
         return targets & self._near_start(observation, floor)
 
     def _near_start(self, observation: Observation, floor: TraversabilityMap) -> Mask:
-        """Return the tiles to explore: all indoors, those near the start outdoors."""
+        """Return the tiles to explore: in an open area, only those near the start."""
         start = self._start
         if start is None or is_enclosed(observation):
             return np.ones_like(floor.open)

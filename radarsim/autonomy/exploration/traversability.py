@@ -77,7 +77,7 @@ class TraversabilityMap:
 
     @cached_property
     def free(self) -> Mask:
-        """Tiles with sensed tiles only, and no obstacle, within ``FREE_RADIUS``."""
+        """Tiles that have only sensed tiles and no obstacle within ``FREE_RADIUS``."""
         is_sensed = np.isinf(self._distances(~self._sensed, FREE_RADIUS))
         return np.asarray(is_sensed & ~self.nearer_than(FREE_RADIUS))
 

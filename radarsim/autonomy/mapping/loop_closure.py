@@ -260,7 +260,7 @@ def find_pose(
     """
     points, pose = keyframe.points, keyframe.pose
     starts = _starts_around(pose, limit, turn)
-    # The fit finds only the optimum nearest to its start, so a good start comes first.
+    # The fit finds only the optimum nearest to its start, so it needs a good start.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
     # The fit may move away from the estimated pose by the pose's possible error.
     sigma = np.array([limit, limit, turn])

@@ -259,7 +259,7 @@ class FollowedBoundary:
         return bool(gone.sum() <= standing.sum() and standing.any())
 
     def _passes(self, point: Point, station: float) -> bool:
-        """Return whether the boundary, from a length, m, on, comes near a point, m.
+        """Return whether the boundary, after a length, m, comes near a point, m.
 
         Without stored points the answer is unknown, and True is returned.
         """

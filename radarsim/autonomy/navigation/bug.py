@@ -205,7 +205,7 @@ class _Line:
         self._side: float | None = None
 
     def meets(self, pose: Pose2) -> tuple[bool, bool]:
-        """Return whether the robot is on the line, and whether it has just crossed.
+        """Return whether the robot is at the line, and whether it crosses the line.
 
         The line ends at the goal, since leaving beyond the goal gives no shorter path.
         A crossing of the line's extension counts as a crossing, too.

@@ -85,7 +85,7 @@ class FootprintFollower:
         return None
 
     def _turn(self, here: Floats, end: Floats) -> Twist | None:
-        """Return the turn towards the heading of a pose; None if the robot has it."""
+        """Return the turn to the heading of a pose; None once the robot has turned."""
         error = wrap_angle(end[2] - here[2])
         return None if abs(error) < ALIGNED else Twist(0.0, self._turn_rate(error))
 

@@ -86,7 +86,7 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
 
 
 def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
-    """Return whether two cells are both connected to the border, but not inside it.
+    """Return whether two cells connect to the border, but not to each other.
 
     If so, a path between the cells may lead around the area of the grid. A closed end
     cell cannot be reached, so the result is False.

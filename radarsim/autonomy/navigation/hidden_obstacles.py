@@ -266,7 +266,7 @@ class TouchMemory:
             self._place, self._moved_on_at = pose, observation.time
 
     def retreat(self, observation: Observation) -> Twist | None:
-        """Return a motion away from a touched obstacle; None if it is far enough.
+        """Return a motion away from a touched obstacle; None if the robot is clear.
 
         Args:
             observation: The newest scan after ``notice``, without returns behind boxes.
@@ -359,7 +359,7 @@ class TouchMemory:
         place = complex(pose.x, pose.y)
         away = np.where(led, self.places.distances(place + to_map * points), math.inf)
         if away.min() < _SAME:
-            # Most likely, the robot touches another part of the obstacle of an old box.
+            # Most likely this is another part of an obstacle that was touched before.
             nearest = int(away.argmin())
             led &= np.abs(points - points[nearest]) <= _PART
             normal = normals[nearest]

@@ -62,7 +62,7 @@ def run_mission(
     *,
     info: RobotInfo | None = None,
 ) -> Result:
-    """Spawn a robot and drive it to its goals; stop it at the end.
+    """Spawn a robot, drive it to its goals, and stop it there.
 
     Args:
         client: A connection without a robot, unless ``info`` is given.

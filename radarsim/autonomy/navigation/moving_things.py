@@ -102,7 +102,7 @@ class Waiting:
         twist: Twist,
         still: NDArray[np.bool_] | None = None,
     ) -> bool:
-        """Return whether the robot has to wait for the next scan; called at each scan.
+        """Return whether the robot has to wait for the next scan; call it at each scan.
 
         Args:
             observation: The newest scan.

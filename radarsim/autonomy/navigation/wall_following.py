@@ -277,7 +277,7 @@ class WallFollower:
         return bearing - ABEAM + max(-MAX_TURN, min(MAX_TURN, turn))
 
     def _clear_heading(self, view: Observation, heading: float) -> float:
-        """Return the heading nearest to a heading that leads clear of the boundary.
+        """Return a heading turned from the boundary until the next step is clear.
 
         A step is clear if afterwards no point is closer than the safety distance, or
         than the nearest point now.
@@ -300,7 +300,7 @@ class WallFollower:
         return float(headings[clear[0]])
 
     def _way_out(self, view: Observation, heading: float) -> float:
-        """Return the heading, turned until no obstacle ahead of the robot is too near.
+        """Return a heading turned from the boundary until nothing ahead is too near.
 
         A robot whose front bumper is too near does not move.
         """
