@@ -137,7 +137,7 @@ class DrivePlan:
 
     @property
     def penetration_depth(self) -> float:
-        """Depth to which a radar sees into foliage, m; 0 without a given density."""
+        """Depth to which a radar sees into foliage, m; 0 if no density is given."""
         if self.foliage_density is None:
             return 0.0
         return self.penetration_power / self.foliage_density

@@ -41,7 +41,7 @@ DataCallback: TypeAlias = Callable[[Side, bytes], None]
 
 
 class RobotWatcher:
-    """Watches one robot until it leaves the server.
+    """Watches one robot of another client until the robot leaves the server.
 
     Attributes:
         on_wait: Called once if the robot has not been spawned yet.
@@ -56,7 +56,7 @@ class RobotWatcher:
         echoes: bool = True,
         patience: float = PATIENCE,
     ) -> None:
-        """Create a watcher without a connection.
+        """Create a watcher that is not yet connected.
 
         Args:
             server: Host and port of the server.
@@ -99,7 +99,7 @@ class RobotWatcher:
                 raise ClientError(str(error)) from None
 
     def _has_left(self, transport: SocketTransport, copies: list[WatchedLine]) -> bool:
-        """Wait for the next reports; return whether the robot has left."""
+        """Wait for more reports; return whether the robot has left the server."""
         try:
             data = transport.receive(self._patience)
         except TimeoutError:
@@ -107,7 +107,7 @@ class RobotWatcher:
                 text = "no answer to WATCH, expected a server of radarsim"
                 raise ClientError(text) from None
             # The server does not report that a robot
-            # leaves, but it rejects GEO afterwards.
+            # leaves, but then it rejects a GEO request.
             transport.send(self._question(questions.geometry, ROBOT))
             return False
         for report in self._session.receive(data):
@@ -116,8 +116,8 @@ class RobotWatcher:
                     self._is_watching = True
                     transport.send(self._question(questions.geometry, ROBOT))
                 case CommandError(text):
-                    # GEO is rejected for a missing robot, which
-                    # has left or has not been spawned yet.
+                    # The server rejects GEO for a robot that
+                    # has left, or has not been spawned yet.
                     if self._has_seen:
                         return True
                     self._wait(text)
@@ -141,8 +141,8 @@ class RobotWatcher:
             return
         self._has_seen = True
         self.robot = copy.robot
-        # The client that drives the robot may never
-        # request the mount and limits of its scanners.
+        # The robot's client may never request where
+        # its scanners are mounted, nor their limits.
         for ask in (questions.geometry, questions.configuration):
             transport.send(self._question(ask, RANGE_SCANNER))
 
@@ -185,7 +185,7 @@ class WatchMapper:
         self._descriptions = ScannerDescriptions()
         self._first_scan: RangeScan | None = None
         # Reports before the first scan are kept,
-        # since the map needs the pose of that scan.
+        # since one of them has the pose of that scan.
         self._early = deque[Report](maxlen=MOST_EARLY)
 
     def watch(self, watcher: RobotWatcher) -> int:
@@ -214,8 +214,8 @@ class WatchMapper:
         echoes = self._plan.echoes
         with closing(watcher.copies()) as batches:
             for copies in batches:
-                # The recording contains the request for
-                # echoes, as if the robot's client had sent it.
+                # The recording contains this request for
+                # echoes as if the robot's client had sent it.
                 if copies and echoes:
                     self.on_data("client", _ECHOES)
                     echoes = False
@@ -252,7 +252,7 @@ class WatchMapper:
             self._map(self.mapper, each)
 
     def _scanner_info(self) -> ScannerInfo | None:
-        """Return the scanner after its first scan and its description, or None."""
+        """Return the robot's scanner; None before its first scan and description."""
         scan = self._first_scan
         if scan is None:
             return None

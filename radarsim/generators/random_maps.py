@@ -27,7 +27,7 @@ STUFF: Final = "stuff"  # material that the map defines; others are in the libra
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A box on the floor: centre and side lengths, m, and yaw, rad."""
+    """A box on the floor: its centre and side lengths, m, and its yaw, rad."""
 
     x: float
     y: float
@@ -37,7 +37,7 @@ class Block:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return distances, (N,) m, of points, (N, 2) m, to the solid; 0 inside."""
+        """Return the distances, (N,) m, of points, (N, 2) m, to the box; 0 inside."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         along = (points - (self.x, self.y)) @ np.array([[c, -s], [s, c]])
         outside = np.abs(along) - (self.length / 2, self.width / 2)
@@ -45,7 +45,7 @@ class Block:
         return distances
 
     def as_yaml(self) -> str:
-        """Return the solid as YAML keys for a map file."""
+        """Return the box as YAML keys for a map file."""
         size = f"[{self.length:.3f}, {self.width:.3f}, {HEIGHT}]"
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"box: {size}, position: {place}, yaw_deg: {math.degrees(self.yaw):.3f}"
@@ -53,7 +53,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """An upright cylinder on the floor: centre and radius, m."""
+    """An upright cylinder on the floor: its centre and radius, m."""
 
     x: float
     y: float
@@ -61,13 +61,13 @@ class Disc:
     material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
-        """Return distances, (N,) m, of points, (N, 2) m, to the solid; 0 inside."""
+        """Return the distances, (N,) m, of points, (N, 2) m, to the disc; 0 inside."""
         from_centre = np.hypot(*(points - (self.x, self.y)).T)
         distances: Floats = np.maximum(from_centre - self.radius, 0.0)
         return distances
 
     def as_yaml(self) -> str:
-        """Return the solid as YAML keys for a map file."""
+        """Return the cylinder as YAML keys for a map file."""
         place = f"[{self.x:.3f}, {self.y:.3f}, {HEIGHT / 2}]"
         return f"cylinder: [{self.radius:.3f}, {HEIGHT}], position: {place}"
 
@@ -77,7 +77,7 @@ Solid = Block | Disc
 
 @dataclass(frozen=True, slots=True)
 class RandomMap:
-    """One random map.
+    """One random map, with its solids, start and goal.
 
     Attributes:
         number: Number of the map, which is its seed.
@@ -96,7 +96,7 @@ class RandomMap:
     goal: Point
 
     def as_yaml(self) -> str:
-        """Return the text of the map file."""
+        """Return the random map as the text of a map file."""
         density = "opaque" if math.isinf(self.density) else f"{self.density:.3f}"
         objects = (
             f"  - {{name: obstacle_{i}, {solid.as_yaml()},"
@@ -118,7 +118,7 @@ class RandomMap:
 
 
 def make_random_map(number: int) -> RandomMap:
-    """Return the random map with this number; consecutive maps differ in family."""
+    """Return the random map with a number; consecutive maps differ in their family."""
     family = FAMILIES[number % len(FAMILIES)]
     rng = generator_for(number, "random map")
     maker = MapMaker(family, rng)
@@ -130,7 +130,7 @@ def make_random_map(number: int) -> RandomMap:
 
 
 class MapMaker:
-    """Creates one map by drawing random numbers.
+    """Creates one random map.
 
     Attributes:
         rng: The random generator.
@@ -155,7 +155,7 @@ class MapMaker:
         return float(self.rng.uniform(low, high))
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:
-        """Yield solids at random positions, except those near the start or goal."""
+        """Yield solids at random positions, but not near the start or the goal."""
         ends = np.array([self.start, self.goal])
         for _ in range(count):
             x, y = (self.between(-s, s) for s in (HALF_LENGTH, HALF_WIDTH))
@@ -164,7 +164,7 @@ class MapMaker:
                 yield solid
 
     def fence(self) -> Iterator[Solid]:
-        """Yield four blocks that enclose the goal; the family sets their thickness."""
+        """Yield four blocks around the goal; their thickness depends on the family."""
         thick = self.between(0.3, 0.7) if math.isfinite(self.density) else WALL
         if self.family == "thin":
             thick = self.between(0.3, 0.9) / self.density
@@ -203,7 +203,7 @@ def _trunks(maker: MapMaker) -> Iterator[Solid]:
 
 
 def _traps(maker: MapMaker) -> Iterator[Solid]:
-    """Yield U-shaped walls between start and goal that open towards the start."""
+    """Yield U-shaped walls between start and goal, with the open side to the start."""
     ends = np.array([maker.start, maker.goal])
     for _ in range(int(maker.between(2, 4))):
         x = maker.between(-HALF_LENGTH, HALF_LENGTH) * 0.6
@@ -220,14 +220,14 @@ def _traps(maker: MapMaker) -> Iterator[Solid]:
             for u in (-half, half)
         ]
         trap = [Block(x, y, WALL, 2 * half + WALL, yaw), *arms]
-        # A trap with a wall near the start or the goal is left out completely.
+        # If a wall of a trap is near the start or the goal, the trap is left out.
         if min(each.distances(ends).min() for each in trap) > _FREE:
             yield from trap
 
 
 def _mazes(maker: MapMaker) -> Iterator[Solid]:
-    """Yield the walls of a maze of 5 x 4 cells, with extra openings or extra walls."""
-    # This import is slow.
+    """Yield the walls of a maze of 5 x 4 cells, with some openings or walls added."""
+    # scipy is imported only here, since the import is slow.
     from scipy.cluster.hierarchy import DisjointSet  # noqa: PLC0415
 
     columns, rows, side = 5, 4, 2.2

@@ -1,1 +1,1 @@
-"""Plots of scenes and scans over a plan of the map."""
+"""Plots of scenes and of scans, drawn over a plan of the map."""

@@ -41,7 +41,7 @@ _PATIENCE: Final = 10.0  # s to wait for the encoder after the film is given up
 
 
 def film_format(path: Path) -> str:
-    """Return the format, one of ``FILM_FORMATS``, for the ending of a film's file name.
+    """Return the film format for the suffix of a file name; see ``FILM_FORMATS``.
 
     Raises:
         ValueError: If the name has another ending, or the format needs a package that
@@ -64,7 +64,7 @@ def film_format(path: Path) -> str:
 
 @contextmanager
 def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFrame]:
-    """Open a film for writing; the file is complete if the context exits normally.
+    """Open a film for writing; the file is complete if the context exits without error.
 
     Args:
         path: The file to be written.
@@ -91,8 +91,8 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
         fps=FRAME_RATE,
         codec="libx264",
         quality=_QUALITY,
-        # H.264 needs even sides, which all frames have. The default, multiples of 16,
-        # would rescale the frames.
+        # H.264 needs even sides, which all frames have. The default of the encoder,
+        # multiples of 16, would rescale the frames.
         macro_block_size=2,
         ffmpeg_log_level="quiet",
         output_params=["-f", "mp4", "-movflags", "+faststart"],
@@ -102,8 +102,8 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
         yield lambda pixels: frames.send(np.ascontiguousarray(pixels))
     finally:
         frames.close()  # waits until ffmpeg has completed the file
-    # ffmpeg moves the table of contents to the front at the end because of
-    # ``faststart``, so an incomplete file has none there.
+    # With ``faststart``, ffmpeg moves the table of contents to the front at the very
+    # end, so an incomplete file does not begin with it.
     with path.open("rb") as file:
         is_complete = b"moov" in file.read(_HEAD)
     if not is_complete:
@@ -111,7 +111,7 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFr
 
 
 class GifEncoder:
-    """Writes an endless GIF; each frame stores only the pixels that have changed."""
+    """Writes a GIF that plays forever; a frame stores only pixels that changed."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -120,7 +120,7 @@ class GifEncoder:
         self._times = 0  # how often the latest frame was added
 
     def add(self, pixels: Pixels) -> None:
-        """Add a frame."""
+        """Add a frame to the film."""
         if self._shown is None:
             changed = np.ones(pixels.shape[:2], np.bool_)
             first = _quantised(pixels)
@@ -144,12 +144,12 @@ class GifEncoder:
         self._shown, self._times = pixels.copy(), 1
 
     def finish(self) -> None:
-        """Write the last frame and the end of the file."""
+        """Write the last frame, and complete the file."""
         self._write_waiting()
         self._file.write(b";")
 
     def _write_waiting(self) -> None:
-        """Write the latest frame, after its duration is known."""
+        """Write the latest frame, once the time of the next frame is known."""
         if self._waiting is None:
             return
         image, place = self._waiting
@@ -166,7 +166,7 @@ class GifEncoder:
 
 
 def _quantised(pixels: Pixels) -> Image.Image:
-    """Return an image reduced to 255 colours; unchanged if it has no more colours."""
+    """Return an image with at most 255 colours; unchanged if it has no more colours."""
     image = Image.fromarray(np.ascontiguousarray(pixels))
     return image.quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
@@ -180,7 +180,7 @@ class FrameCanvas:
         self._limits: tuple[float, ...] = ()
 
     def render(self, moving: Sequence[Artist]) -> Pixels:
-        """Return a frame, (H, W, 3).
+        """Return a frame of the film, (H, W, 3).
 
         Args:
             moving: Artists that may have changed, in any order.
@@ -237,7 +237,7 @@ class Film:
         self._encoder: threading.Thread | None = None
 
     def update(self, time: float) -> None:
-        """Add the frames that are due. Call this method after each scan.
+        """Add all frames that are due. Call this method after each scan.
 
         Args:
             time: Time of the scan, s.
@@ -283,8 +283,8 @@ class Film:
             )
             self._encoder.start()
         for _ in range(times):
-            # The queue is short, since frames need much memory; put() blocks while it
-            # is full.
+            # Frames need much memory, so the queue is
+            # short: put() blocks while it is full.
             self._queue.put(pixels)
             self.frames += 1
 
@@ -306,7 +306,7 @@ class Film:
                     pass
 
     def _frames(self) -> Iterator[Pixels]:
-        """Yield frames from the queue until the film is complete or given up."""
+        """Yield frames from the queue until the film is complete or is given up."""
         while (pixels := self._queue.get()) is not None:
             if isinstance(pixels, _GivenUp):
                 raise pixels
@@ -314,4 +314,4 @@ class Film:
 
 
 class _GivenUp(Exception):
-    """Raised in the encoder's thread when the film is given up."""
+    """Raised in the encoder's thread if the film is given up."""

@@ -1,4 +1,4 @@
-"""Placement of labels in a plan, so that no label overlaps another.
+"""Labels of objects in a plan, placed so that no label overlaps another one.
 
 Theory of operation
 ===================
@@ -25,8 +25,8 @@ from radarsim.plotting.style import HALO, escape_texts, figure_of, shorten
 SIZE: Final = 8.0  # points
 LONGEST: Final = 24  # maximum number of letters in a label
 GAP: Final = 3.0  # points between a label and the object that it names
-# Candidate positions of a label: steps right and up from the middle of its object, best
-# first.
+# Possible positions of a label, best first: steps
+# right and up from the middle of the labelled object.
 _SIDES: Final = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 _ALONG: Final = (0.0, -0.5, 0.5)  # shift along a side, as a share of its half length
 _COVERED: Final = 10.0  # cost of covering only other objects, in ranks of positions
@@ -54,7 +54,7 @@ class Label:
 def write_labels(
     axes: Axes, labels: Sequence[Label], *, numbered: bool = False
 ) -> dict[int, str]:
-    """Write labels that overlap neither each other nor the edge of the axes.
+    """Write labels so that they overlap neither each other nor the edge of the axes.
 
     Args:
         axes: Axes in m, with their final limits. The function lays out their figure.
@@ -91,7 +91,7 @@ def write_labels(
 def _write(
     axes: Axes, label: Label, number: int, named: Floats, taken: list[Floats]
 ) -> bool:
-    """Write a label at the best free position; return whether there was one.
+    """Write a label at its best free position; return whether there was one.
 
     Args:
         axes: The axes.
@@ -138,7 +138,7 @@ def _write(
 
 
 def _places(label: Label, box: Floats, text: Bbox, gap: float) -> list[Floats]:
-    """Return candidate boxes for a label, the best first, (4,) pixels each.
+    """Return possible boxes of a label, in pixels, the best first, (4,) each.
 
     Args:
         label: The label.
@@ -171,7 +171,7 @@ def _is_free(place: Floats, frame: Bbox, taken: Iterable[Floats]) -> bool:
 
 
 def _covered(place: Floats, others: Floats) -> float:
-    """Return the share of a box that covers objects; overlapping objects both count.
+    """Return how much of a box covers objects, as a share; overlaps count twice.
 
     Objects that contain the whole box, such as a cloud, do not count.
     """

@@ -50,7 +50,7 @@ BLINDED: Final[Any] = {"linewidths": 0.4, "linestyles": (0, (2, 4)), "alpha": 0.
 
 
 class RaySegments(NamedTuple):
-    """Segments of rays, ordered by ray and distance; no segment has a length of 0.
+    """Rays split into short segments, ordered by ray and by distance from its origin.
 
     Attributes:
         rays: Index of the ray, (P,) int64.
@@ -68,7 +68,7 @@ class RaySegments(NamedTuple):
 
 
 def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
-    """Trace rays and split them where their power changes.
+    """Trace rays, and split them into segments where their power changes.
 
     Raises:
         EngineError: If a column of the rays has a wrong shape or value.
@@ -80,20 +80,20 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
     leaving = _shares(events["power"] - events["absorbed"], rays.power[ray])
     first = np.diff(ray, prepend=-1) > 0
     start = np.where(first, 0.0, np.roll(t, 1))
-    # A segment starts with the power behind the previous event, since the loss at a
-    # sheet is a step.
+    # The loss at a sheet is sudden, so a segment starts
+    # with the power that is left behind the previous event.
     share = np.where(first, 1.0, np.roll(leaving, 1))
     fall = np.maximum(share - arriving, 0.0)
     # Rounding errors must not add a segment if the quotient is an integer.
     counts = np.maximum(np.ceil(fall / MAX_POWER_DROP - 1e-9), 1).astype(np.int64)
-    # No segment lies between events at the same distance, such as touching faces.
+    # Events at the same distance, such as touching faces, have no segment between them.
     counts[t <= start] = 0
     each = np.repeat(np.arange(len(events)), counts)
     rank = np.arange(len(each)) - np.repeat(np.cumsum(counts) - counts, counts)
     step = (t - start)[each] / counts[each]
     starts = start[each] + rank * step
-    # The last segment ends exactly at the event, which sums of steps would miss by
-    # rounding errors.
+    # Rounding errors would make the sum of steps miss the
+    # event, so the last segment ends at the event itself.
     ends = np.where(rank + 1 == counts[each], t[each], starts + step)
     shares = share[each] - fall[each] * (rank + 0.5) / counts[each]
     ends_xy = np.column_stack([events["x"], events["y"]])
@@ -107,23 +107,23 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
 
 
 def _shares(power: Floats, full: Floats) -> Floats:
-    """Return powers as shares of the full power; 1 if that power is infinite or 0."""
+    """Return powers as shares of full powers; 1 if a full power is infinite or 0."""
     limited = np.isfinite(full) & (full > 0)
     return np.where(limited, power, 1.0) / np.where(limited, full, 1.0)
 
 
 def scan_colour(scan: Scan) -> str:
-    """Return the colour of the sensor of a scan."""
+    """Return the colour of the sensor that recorded a scan."""
     return sensor_colour(scan.echoes.settings.medium)
 
 
 def line_opacity(shares: Floats) -> Floats:
-    """Return the opacity of lines for the shares of power that are left on rays."""
+    """Return the opacity of lines from the shares of power that rays still have."""
     return SPENT_OPACITY + (FULL_OPACITY - SPENT_OPACITY) * shares
 
 
 def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
-    """Remove the parts of segments that lie behind the range of their ray, (N,) m."""
+    """Remove the parts of segments that lie beyond the range, (N,) m, of their ray."""
     kept = segments.starts < ranges[segments.rays]
     rays, starts, lines = (
         segments.rays[kept],
@@ -177,7 +177,7 @@ def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
 
 
 class EchoMarker(NamedTuple):
-    """Marker for the echoes of one kind.
+    """How a plot marks the echoes of one kind.
 
     Attributes:
         text: Text of the legend.
@@ -204,7 +204,7 @@ MIN_AREA: Final = 0.3  # ratio of the markers' areas of the weakest and stronges
 
 
 def draw_echoes(axes: Axes, scan: Scan) -> None:
-    """Draw the echoes that the sensor reports.
+    """Draw a marker for each echo that the sensor reports.
 
     Each pair of kind and material has its own collection of markers, labelled with
     both.
@@ -228,7 +228,7 @@ def draw_echoes(axes: Axes, scan: Scan) -> None:
 
 
 def material_of(echoes: Echoes, part: int) -> Material:
-    """Return the material of a part that gave echoes; ``ROBOT`` if it is a robot."""
+    """Return the material of a part that gave echoes, or ``ROBOT`` for a robot."""
     parts = echoes.scene_parts
     return parts[part].material if part < len(parts) else ROBOT
 
@@ -244,7 +244,7 @@ def _style(shape: EchoMarker, material: Material) -> dict[str, Any]:
 
 
 def _areas(echoes: Echoes) -> Floats:
-    """Return the areas of echo markers, (E,) square points; they grow with strength."""
+    """Return the areas of echo markers, (E,) square points; strong echoes get more."""
     levels = 1 + echoes.decibels / echoes.settings.margin_db
     shares = MIN_AREA + (1 - MIN_AREA) * np.clip(levels, 0.0, 1.0)
     full = np.array(
@@ -283,7 +283,7 @@ END_MARKS: Final[dict[BeamEnd, dict[str, Any]]] = {
     BeamEnd.TOUCHING: {"marker": "s", "markersize": 3.0, "markerfacecolor": PAPER},
     BeamEnd.FREE: {"marker": ".", "markersize": 3.5},
 }
-# Line styles of rays in the legend, at full power.
+# Line styles of rays in the legend, for rays with full power.
 _FULL_RAY: Final[Any] = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
 _FAINT: Final = 2 * FULL_OPACITY * NO_RETURN_OPACITY
 _RAYS: Final[dict[BeamEnd, dict[str, Any]]] = {
@@ -298,7 +298,7 @@ MANY_THROUGH_AREA: Final = 36.0  # square points; such a reading behind foliage
 
 
 def describe_end(end: BeamEnd, *sights: Sight) -> str:
-    """Describe how beams end, such as "see through foliage"."""
+    """Describe how beams end, for example "see through foliage"."""
     met = chain.from_iterable(sight.materials.get(end, ()) for sight in sights)
     words = name_materials(met) or "something"
     return {
@@ -331,7 +331,7 @@ def draw_ray_ends(
 def add_ray_rows(
     legend: Legend, scans: Sequence[Scan], sights: Sequence[Sight]
 ) -> None:
-    """Add a row to a legend for each way in which rays of the scans end.
+    """Add a row to a legend for each kind of ray end in the scans.
 
     Args:
         legend: The legend to which rows are added.
@@ -342,8 +342,8 @@ def add_ray_rows(
     for end, style in _RAYS.items():
         pairs = zip(scans, sights, strict=True)
         having = [(scan, sight) for scan, sight in pairs if (sight.ends == end).any()]
-        # If a picture marks echoes instead of readings, rays with these ends look the
-        # same.
+        # In a picture that marks echoes instead of
+        # readings, rays with these ends all look the same.
         is_plain = end in END_MARKS and end != BeamEnd.THROUGH
         marked = [each for each in having if not (is_plain and lists_echoes(each[0]))]
         colour = legend.ray_colour or scan_colour(scans[0])
@@ -357,7 +357,7 @@ def add_ray_rows(
 def draw_many(
     axes: Axes, scans: Sequence[Scan], sights: Sequence[Sight], legend: Legend
 ) -> None:
-    """Draw the readings of several scans, or their echoes, as pale dots.
+    """Draw the readings or the echoes of several scans as pale dots.
 
     Args:
         axes: Axes in m.

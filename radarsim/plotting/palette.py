@@ -24,7 +24,7 @@ from radarsim.scene.material import Material
 
 
 class Family(StrEnum):
-    """Families of materials that share a colour; the values are texts for legends."""
+    """Families of materials that share a colour; the values appear in legends."""
 
     FOLIAGE = "foliage"
     WOOD = "wood"
@@ -60,7 +60,7 @@ LASER: Final = "#ff5704"
 RADARS: Final = (RADAR, "#2b1780", "#b3a2f7")
 LASERS: Final = (LASER, "#8f2d00", "#ffa875")
 
-# Colour of the power that returns from a radar beam.
+# Colour of the power that an object sends back to the radar.
 RETURNED: Final = "#047e7d"
 
 # Colours of navigation and mapping runs; sensed cells have the colour of the sensor.
@@ -96,7 +96,7 @@ PAGE_COLOURS: Final[Mapping[str, tuple[str, str]]] = {
     "robot": (ROBOT, "#3b414b"),
 }
 
-# The last known word of a name decides the family: a "wood_floor" is ground.
+# The last known word of a name gives the family: a "wood_floor" is ground.
 _WORDS: Final = {
     Family.FOLIAGE: "foliage|hedge|shrub|bush|leaf|leaves|twigs|woodland|grass|crop",
     Family.WOOD: "wood|wooden|plank|bark|trunk|crate|chipboard|board",
@@ -112,7 +112,7 @@ _FAMILY_OF_WORD: Final = {
 
 
 def family_of(material: Material) -> Family:
-    """Return the family of a material, by the words of its name or by its properties.
+    """Return a material's family, found from the words of its name or its properties.
 
     Without a known word, solid materials that beams can enter are foliage, materials
     that robots can also enter are smoke, mirrors are metal, and all others concrete.
@@ -130,7 +130,7 @@ def family_of(material: Material) -> Family:
 
 
 def names_by_family(materials: Iterable[Material]) -> dict[Family, list[str]]:
-    """Group the names of materials by family, in order and without duplicates."""
+    """Group the names of materials by their families, in order, each name once."""
     names: dict[Family, dict[str, None]] = {}
     for material in materials:
         names.setdefault(family_of(material), {})[material.name] = None
@@ -148,6 +148,6 @@ def sensor_colour(medium: str) -> str:
 
 
 def paler(colour: str) -> str:
-    """Return a colour mixed with white, for areas behind markers and lines."""
+    """Return a colour mixed with white, to fill areas behind markers and lines."""
     red, green, blue = (1 - PALE * (1 - part) for part in to_rgb(colour))
     return to_hex((red, green, blue))

@@ -1,4 +1,4 @@
-"""Plans of maps: sections of a scene at a height, with areas coloured by material.
+"""Plans of maps: sections at one height, with areas in the colours of materials.
 
 Robots are drawn as seen from above.
 
@@ -64,7 +64,7 @@ _TITLE_LINES, _SMALL_LINES = 2, 2  # lines for which each figure reserves space
 def draw_robot(
     axes: Axes, robot_class: str | RobotModel, pose: Pose2, *, zorder: float = 5
 ) -> list[Polygon]:
-    """Draw a robot from above: footprint, wheels, and a wedge that points forward.
+    """Draw a robot from above: its footprint, its wheels, and a wedge pointing forward.
 
     Args:
         axes: Axes in m, map frame.
@@ -102,7 +102,7 @@ def draw_robot(
 
 
 def draw_plan(axes: Axes, scene: Scene, height: float) -> tuple[list[Material], Floats]:
-    """Draw the section of a scene at a height, filled in the colours of its materials.
+    """Draw the section of a scene at a height, filled with the colours of materials.
 
     Args:
         axes: Axes in m, map frame.
@@ -144,10 +144,10 @@ def _draw_part(axes: Axes, part: Part, lines: Floats) -> None:
 
 
 def _area(part: Part, lines: Floats) -> Geometry:
-    """Return the area that a section encloses; for leaves, the convex hull."""
+    """Return the area that a section of a part encloses; of leaves, the convex hull."""
     if part.material.sheet_loss is not None:
         hull = shapely.convex_hull(shapely.multipoints(lines.reshape(-1, 2)))
-        # The hull of one or two points is a point or a line, which has no area.
+        # The hull of one or two points is not a polygon, so it has no area.
         return hull if hull.geom_type == "Polygon" else shapely.Polygon()
     apart = np.abs(lines[:, 0] - lines[:, 1]).max(axis=1) > 0
     segments = shapely.multilinestrings(np.round(lines[apart], _DIGITS))
@@ -178,7 +178,7 @@ def show_extent(axes: Axes, points: Floats, *, coordinates: bool = False) -> Non
 
 
 def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
-    """Draw the plan of a scene with its coordinates, and the names of its objects.
+    """Draw the plan of a scene, with coordinates and the names of its objects.
 
     The section is at the height of a P3AT's scanner; starts are drawn as P3ATs.
 
@@ -235,7 +235,7 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
 
 
 def _draw_start(axes: Axes, start: StartPose) -> Label:
-    """Draw a start pose as a P3AT, and return its label."""
+    """Draw a start pose as a P3AT robot, and return its label."""
     pose = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
     corners = np.concatenate(
         [each.get_xy() for each in draw_robot(axes, ROBOT_CLASS, pose, zorder=4)]
@@ -288,7 +288,7 @@ def _box_of(corners: Floats) -> shapely.Polygon:
 
 
 def _names(boxes: Mapping[str, shapely.Polygon]) -> dict[str, str]:
-    """Return the texts of labels, each with the name of the labelled object."""
+    """Return the text of each label, with the name of the object that it labels."""
     rows: dict[str, list[str]] = {}
     for name in boxes:
         rows.setdefault(re.sub(r"_\d+$", "", name), []).append(name)
@@ -317,7 +317,7 @@ def _plural(word: str) -> str:
 
 
 def fit_plan(figure: Figure, axes: Axes, *, coordinates: bool = False) -> None:
-    """Fit the size of a figure to its plan, title and legend, and wrap long lines.
+    """Fit a figure's size to its plan, title and legend, and wrap long lines of text.
 
     Args:
         figure: The figure, without a layout engine.

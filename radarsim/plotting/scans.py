@@ -69,7 +69,7 @@ _LEGEND_COLUMN: Final = 2.5
 _COLUMNS: Final = 4  # maximum number of columns in the legend
 _LETTERS: Final = 10  # letters per inch in the title of a panel
 _NAMES: Final = 20  # maximum number of object names; more would hide the rays
-# Kinds of ends for which a title gives the number of beams, if it is not 0.
+# Kinds of beam ends that a title counts, unless the number of beams is 0.
 _COUNTED: Final = (
     BeamEnd.THROUGH,
     BeamEnd.STOPPED,
@@ -82,7 +82,7 @@ _COUNTED: Final = (
 def title_scans(
     scans: Sequence[Scan], sights: Sequence[Sight], name: str | None = None
 ) -> str:
-    """Return a title: the sensor, and the number of its beams for each kind of end.
+    """Return a title with the sensor, and how many of its beams end in which way.
 
     Args:
         scans: One or more scans of one sensor.
@@ -111,7 +111,7 @@ def name_sensor(scan: Scan) -> str:
 
 
 def _names_of(scanners: Sequence[RangeScanner], scans: Sequence[Scan]) -> list[str]:
-    """Return the names of sensors; equal names get the settings that differ."""
+    """Return the names of sensors; equal names are told apart by their settings."""
     names = [
         name_sensor(scan) + (" with noise of one's own" if scanner.noise else "")
         for scanner, scan in zip(scanners, scans, strict=True)
@@ -132,7 +132,7 @@ def _names_of(scanners: Sequence[RangeScanner], scans: Sequence[Scan]) -> list[s
 def _finding(
     names: Sequence[str], scans: Sequence[Scan], sights: Sequence[Sight]
 ) -> str:
-    """Return which sensors see through a material, as a title; "" if all or none do."""
+    """Return a title that says which sensors see through a material; maybe empty."""
     seeing: list[str] = []
     blocked: list[str] = []
     passed: list[Material] = []
@@ -175,7 +175,7 @@ def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
 
 
 def _beams(scan: Scan) -> str:
-    """Describe the rays of a beam and the echoes that the sensor reports."""
+    """Describe how many rays form a beam, and which echoes the sensor reports."""
     settings = scan.echoes.settings
     mode = settings.return_mode
     if scan.targets is not None:
@@ -193,7 +193,7 @@ def _beams(scan: Scan) -> str:
 def plot_scans(
     scene: Scene, scans: Sequence[Scan], *, robot: Pose2 | None = None
 ) -> Figure:
-    """Draw scans over the section of the map at the sensor's height.
+    """Draw scans over a section of the map at the sensor's height.
 
     The rays are traced again in the map without robots.
 
@@ -219,7 +219,7 @@ def draw_scan(
     *,
     robot: Pose2 | None = None,
 ) -> None:
-    """Draw scans into axes.
+    """Draw scans into given axes.
 
     The limits depend only on the map and the position of the sensor, so they are equal
     for all sensors at a position. Readings outside the limits, by mirrors, are cut off.
@@ -266,7 +266,7 @@ def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
 
 
 def as_svg(axes: Axes) -> str:
-    """Return the figure of axes as an ``<svg>`` element."""
+    """Return the figure that contains the axes as an ``<svg>`` element."""
     text = render(figure_of(axes), "svg").decode()
     return text[text.index("<svg") :]
 
@@ -279,7 +279,7 @@ def _draw_sensor(axes: Axes, scan: Scan, robot: Pose2 | None) -> None:
 
 
 class _ShownFigure(Figure):
-    """A figure that notebooks show without pyplot."""
+    """A figure that notebooks show without using pyplot."""
 
     def _repr_png_(self) -> bytes:
         return render(self)

@@ -1,4 +1,4 @@
-"""Finds the beams of a scan that see through a material, for all pictures.
+"""Finds the beams of a scan that see through a material, for use in pictures.
 
 The definition concerns materials that beams can enter, such as foliage and smoke.
 
@@ -35,7 +35,7 @@ _NEAR = 1e-6  # m; an event closer than this to the reading belongs to the readi
 
 
 class BeamEnd(IntEnum):
-    """The kinds of ends of a beam."""
+    """The ways in which a beam can end."""
 
     NO_RETURN = 0
     BLINDED = 1
@@ -48,7 +48,7 @@ class BeamEnd(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """The ends of the beams of a scan, and the materials that they meet.
+    """How the beams of a scan end, and which materials they meet before.
 
     Attributes:
         ends: The ``BeamEnd`` of each beam, (N,).
@@ -61,7 +61,7 @@ class Sight:
 
 
 def name_materials(materials: Iterable[Material]) -> str:
-    """Return materials as words; several of a family become the name of the family."""
+    """Return the names of materials as words, or of a family if it has several."""
     words = (
         as_words(names[0]) if len(names) == 1 else family.value
         for family, names in names_by_family(materials).items()
@@ -70,7 +70,7 @@ def name_materials(materials: Iterable[Material]) -> str:
 
 
 def find_sight(scene: Scene, scan: Scan) -> Sight:
-    """Find the ends of a scan's beams by tracing their rays again.
+    """Find how the beams of a scan end, by tracing their rays again.
 
     Args:
         scene: The map; robots in it are ignored.
@@ -81,7 +81,7 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     events = tracer.trace(scan.cast, events=True).events
     ends = np.full(len(scan.ranges), BeamEnd.NO_RETURN, np.uint8)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
-    # Footprints are cached, since many beams need the footprint of the same part.
+    # Many beams meet the same part, so footprints of parts are cached.
     covers = cache(lambda part: _from_above(parts[part]))
     answers = scan.echoes.answers_in_clouds()
     # Events are sorted by ray, so the events of a beam are a slice.
@@ -109,7 +109,7 @@ def _end_of_beam(
     parts: Sequence[Part],
     covers: Callable[[int], Geometry],
 ) -> tuple[BeamEnd, list[Material]]:
-    """Return the end of a beam with a reading, and the materials that it meets.
+    """Return how a beam with a reading ends, and which materials it meets.
 
     Args:
         events: The events of the beam's ray.
@@ -127,8 +127,8 @@ def _end_of_beam(
     left = before["part"][np.isin(before["kind"], _PASSED)]
     passed = list(dict.fromkeys(left.tolist()))
     materials = [parts[part].material for part in passed]
-    # Families are compared, since a beam that reads one plant behind another does not
-    # see through foliage.
+    # Families are compared: a beam whose echo is from another plant behind the first
+    # one does not see through foliage.
     is_behind = family_of(read) not in map(family_of, materials)
     point = shapely.Point(place[:2])
     near = (shapely.dwithin(covers(part), point, BESIDE) for part in passed)
@@ -145,7 +145,7 @@ def _end_of_beam(
 
 
 def _echo_ranges(scan: Scan) -> Floats:
-    """Return the exact range of each reading's echo; the reading if it has no echo.
+    """Return the exact range of the echo of each reading; without echo, the reading.
 
     The exact ranges are needed, since with a custom noise model a reading may be closer
     to the edge of a volume than to the wall that it belongs to.
@@ -162,7 +162,7 @@ def _echo_ranges(scan: Scan) -> Floats:
 
 
 def _from_above(part: Part) -> Geometry:
-    """Return the footprint of a part as seen from above: its convex hull, m."""
+    """Return the convex hull of a part as seen from above, m."""
     hull = shapely.convex_hull(shapely.multipoints(part.vertices[:, :2]))
     shapely.prepare(hull)
     return hull

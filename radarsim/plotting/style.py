@@ -1,4 +1,4 @@
-"""Functions that plots share: titles, names, scale bar, legend, and points in the map.
+"""Functions shared by plots: titles, names, scale bar, legend, points in the map.
 
 ``render`` converts figures to files; equal figures give files with equal bytes.
 """
@@ -51,7 +51,7 @@ _BAR_SHARE: Final = 0.2  # maximum length of a scale bar, as a share of the axes
 
 
 def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> bytes:
-    """Return the bytes of a figure as a file; equal figures give equal bytes.
+    """Return a figure as the bytes of a file; equal figures give equal bytes.
 
     Args:
         figure: The figure.
@@ -59,8 +59,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
         software: Name of the program in a PNG file.
     """
     escape_texts(figure)
-    # Figures without a layout engine may be larger than their content, so they are
-    # cropped.
+    # A figure without a layout engine may be larger than its content, so it is cropped.
     crop: Literal["tight"] | None = None
     if figure.get_layout_engine() is None:
         crop = "tight"
@@ -77,7 +76,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
 
 
 def figure_of(axes: Axes) -> Figure:
-    """Return the figure of axes."""
+    """Return the figure that contains the axes."""
     figure = axes.get_figure(root=True)
     if figure is None:
         raise ValueError("axes without a figure, expected axes of a figure")
@@ -162,7 +161,7 @@ def draw_scale_bar(axes: Axes) -> float:
 
 
 def round_length(longest: float) -> float:
-    """Return the largest of 1, 2 or 5 times a power of ten up to ``longest``.
+    """Return 1, 2 or 5 times a power of ten, the largest not above ``longest``.
 
     >>> round_length(3.7), round_length(0.6), round_length(50)
     (2.0, 0.5, 50.0)
@@ -192,27 +191,27 @@ class Legend:
         self._heading = ""
 
     def add_heading(self, text: str) -> None:
-        """Start a group of rows under a heading, or continue that group."""
+        """Start a group of legend rows under a heading, or continue this group."""
         self._heading = text
         self._groups.setdefault(text, {})
 
     def add_line(self, text: str, **style: Any) -> None:
-        """Add a row with a sample of a line."""
+        """Add a legend row with a sample of a line."""
         self._add(text, Line2D([], [], **style))
 
     def add_marker(self, text: str, marker: str, **style: Any) -> None:
-        """Add a row with a sample of a marker."""
+        """Add a legend row with a sample of a marker."""
         self._add(text, Line2D([], [], marker=marker, linestyle="none", **style))
 
     def add_materials(self, materials: Iterable[Material]) -> None:
-        """Add a row for each family: its colour, and the names of its materials."""
+        """Add a legend row for each family: its colour and the names of materials."""
         names = names_by_family(materials)
         for family in Family:
             if family in names:
                 self._add(_listed(names[family]), Patch(**area_style(family)))
 
     def add_numbers(self, texts: Mapping[int, str]) -> None:
-        """Add a row for each numbered label, up to ``MAX_NUMBERS``, with its text."""
+        """Add a legend row with the text of each numbered label, to ``MAX_NUMBERS``."""
         style = {"color": MARKER, "markersize": 7, "markeredgewidth": 0.0}
         for number, text in list(texts.items())[:MAX_NUMBERS]:
             self.add_marker(shorten(text, MAX_LETTERS), f"${number}$", **style)
@@ -220,7 +219,7 @@ class Legend:
             self.add_marker(f"and {len(texts) - MAX_NUMBERS} more", "")
 
     def draw(self, figure: Figure, columns: int = 1) -> None:
-        """Draw the legend outside of the axes, unless it has no rows.
+        """Draw the legend outside of the axes, if it has any rows.
 
         Args:
             figure: The figure. Without a layout engine the legend begins at the right
@@ -250,7 +249,7 @@ class Legend:
         labels = zip(legend.get_texts(), rows, strict=True)
         for label, (text, _, is_heading) in labels:
             label.set_text(fill(text, LINE_LENGTH))
-            # Matplotlib would read text between dollar signs in a name as a formula.
+            # Matplotlib would show text between dollar signs in a name as a formula.
             label.set_parse_math(False)
             if is_heading:
                 label.set_fontweight("bold")
@@ -260,7 +259,7 @@ class Legend:
 
 
 def _listed(names: list[str]) -> str:
-    """Return at most ``MAX_NAMES`` names, shortened and separated by commas."""
+    """Return a text of names with commas: at most ``MAX_NAMES``, each shortened."""
     shown = [shorten(name, LINE_LENGTH) for name in names[:MAX_NAMES]]
     if len(names) > MAX_NAMES:
         shown.append(f"and {len(names) - MAX_NAMES} more")
@@ -273,7 +272,7 @@ def shorten(text: str, longest: int) -> str:
 
 
 def area_style(family: Family) -> dict[str, Any]:
-    """Return the matplotlib style of areas of a family of materials.
+    """Return the matplotlib style of areas that show a family of materials.
 
     The outline is a darker shade of the fill; smoke, dust and rain are translucent.
     """
@@ -289,7 +288,7 @@ def area_style(family: Family) -> dict[str, Any]:
 
 
 def scan_points(scan: Scan) -> Floats:
-    """Return the position of each reading, (N, 2) m, map frame.
+    """Return the position of each reading of a scan, (N, 2) m, map frame.
 
     A beam without return ends at the maximum range.
     """
@@ -298,7 +297,7 @@ def scan_points(scan: Scan) -> Floats:
 
 
 def echo_points(scan: Scan, echoes: Echoes) -> Floats:
-    """Return the positions at which echoes begin, (E, 2) m, map frame.
+    """Return the positions, (E, 2) m, map frame, at which echoes of a scan begin.
 
     If the rays of a cone are combined, the ray of an echo is unknown, so the echo is
     placed along the axis of its beam.
@@ -319,7 +318,7 @@ def echo_points(scan: Scan, echoes: Echoes) -> Floats:
 
 
 def _along_beams(scan: Scan, angles: Floats, ranges: Floats) -> Floats:
-    """Return the points at given angles and ranges of a sensor, (N, 2) m, map frame."""
+    """Return the points, (N, 2) m, map frame, at angles and ranges of a sensor."""
     flat = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
     offsets = (ranges[:, None] * flat) @ scan.pose.rotation().T
     return np.asarray((scan.pose.position() + offsets)[:, :2])

@@ -6,14 +6,14 @@ from radarsim.errors import RadarsimError
 
 
 class Window:
-    """A window that stays open until the user or ``close`` closes it.
+    """A window with a figure; stays open until the user or ``close`` closes it.
 
     Attributes:
         figure: The figure in the window, empty at first.
     """
 
     def __init__(self, size: tuple[float, float], instead: str) -> None:
-        """Open a window.
+        """Open a window that shows a figure.
 
         Args:
             size: Width and height of the figure, inches.
@@ -27,7 +27,7 @@ class Window:
         self._pyplot = pyplot
         try:
             self.figure: Figure = pyplot.figure(figsize=size, layout="compressed")
-            # Backends for files have figures, but no windows.
+            # Backends that only write files can create figures, but no windows.
             has_window = self.figure.canvas.required_interactive_framework is not None
             (self.figure.show if has_window else self.close)()
         except ImportError:  # the toolkit or the display of the backend is missing

@@ -1,4 +1,4 @@
-"""The clock of a simulation, and schedules of entries that are due periodically.
+"""The clock of a simulation, and schedules of tasks that are due periodically.
 
 Simulated time is counted in ticks of 10 ms, so rounding errors do not accumulate.
 """
@@ -12,7 +12,7 @@ Entry = TypeVar("Entry")
 
 
 def seconds(ticks: int) -> float:
-    """Return the time of a tick, s."""
+    """Return the simulated time of a tick, s."""
     # The division gives the nearest float of the decimal time: 57 / 100 is 0.57, but
     # 57 * 0.01 is not.
     return ticks / 100
@@ -25,7 +25,7 @@ def ticks_of(interval: float) -> int:
 
 @dataclass(slots=True)
 class Clock:
-    """Simulated time.
+    """Simulated time, counted in ticks.
 
     Attributes:
         ticks: Number of ticks since the start.
@@ -40,7 +40,7 @@ class Clock:
 
 
 class Schedule(Generic[Entry]):
-    """Entries that are due at regular intervals, counted from a given tick.
+    """A schedule of entries that are due at regular intervals, counted from a tick.
 
     Finding the entries of a tick takes no time for entries that are not due.
 
@@ -69,7 +69,7 @@ class Schedule(Generic[Entry]):
         phases.setdefault(start % interval, {})[entry] = None
 
     def request(self, entry: Entry) -> None:
-        """Make an entry due once more, the next time that ``due`` is called."""
+        """Make an entry due once more, at the next call of ``due``."""
         self._requested[entry] = None
 
     def remove(self, entry: Entry) -> None:
@@ -84,7 +84,7 @@ class Schedule(Generic[Entry]):
                 del self._entries[interval]
 
     def due(self) -> list[Entry]:
-        """Return the entries that are due in this tick, without duplicates."""
+        """Return all entries that are due in this tick, each only once."""
         # A dict keeps the order and drops duplicates: an entry may be both requested
         # and due.
         found, self._requested = self._requested, {}

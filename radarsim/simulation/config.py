@@ -48,7 +48,7 @@ NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan
 
 @dataclass(frozen=True, slots=True)
 class SimulationConfig:
-    """The command dialect, changed settings of items, and additional robot classes.
+    """Configuration: the command dialect, settings of items, and more robot classes.
 
     Attributes:
         dialect: Rates, limits and the unit of DRIVE.
@@ -65,11 +65,11 @@ class SimulationConfig:
     robots: tuple[RobotModel, ...] = ()
 
     def robot_names(self) -> tuple[str, ...]:
-        """Return the names of all robot classes."""
+        """Return the names of all robot classes that can be spawned."""
         return tuple(dict.fromkeys((*robot_names(), *(r.name for r in self.robots))))
 
     def robot(self, class_name: str) -> RobotModel:
-        """Return a robot class by its name, ignoring case.
+        """Return the robot class with a name, ignoring case.
 
         Raises:
             PresetError: If there is no such class.
@@ -108,7 +108,7 @@ class SimulationConfig:
                     raise PresetError(own + text) from None
 
     def check_scanners(self, model: RobotModel) -> None:
-        """Check that the scanners of a robot class can be created.
+        """Check that all scanners of a robot class can be created.
 
         Raises:
             PresetError: If a required add-on is missing, or a setting is invalid.
@@ -118,11 +118,11 @@ class SimulationConfig:
 
     @property
     def wheel_unit(self) -> DriveUnit:
-        """The unit of wheel speeds in DRIVE."""
+        """The unit of the wheel speeds in DRIVE commands."""
         return self.drive_unit or self.dialect.drive_unit
 
     def wheel_drive(self, model: RobotModel) -> WheelDrive:
-        """Return the unit and the limit of wheel speeds in DRIVE to a robot."""
+        """Return the unit and the limit of a robot's wheel speeds in DRIVE commands."""
         unit = self.wheel_unit
         if model.flight is not None:
             fastest = model.flight.max_linear / model.wheel_radius
@@ -132,7 +132,7 @@ class SimulationConfig:
         return WheelDrive(model.max_rev_per_s * 2 * math.pi / RAD_PER_S[unit], unit)
 
     def settings(self, item: Item) -> dict[str, Any]:
-        """Merge the item settings of robot class, dialect and this configuration.
+        """Return the settings of an item, from robot class, dialect and configuration.
 
         Settings of the class and the dialect are dropped if ``sensor`` is replaced.
         """
@@ -150,7 +150,7 @@ class SimulationConfig:
         return settings | own
 
     def _own_settings(self, item: Item) -> dict[str, Any]:
-        """Return this configuration's settings of an item, ignoring case in names."""
+        """Return the settings that this configuration has for an item, by its name."""
         return {
             key: value
             for name, own in self.item_settings.items()
@@ -186,7 +186,7 @@ class SimulationConfig:
         return RangeScanner(self.sensor_name(item), self.scanner_settings(item))
 
     def sensor_name(self, item: Item) -> str:
-        """Return the name of a scanner's preset."""
+        """Return the name of the preset of a scanner item."""
         return str(self._own_settings(item).get("sensor", item.sensor))
 
     def scanner_settings(self, item: Item) -> SensorSettings:
@@ -233,12 +233,12 @@ class SimulationConfig:
 
 
 def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
-    """Return a scanner's ray counts that have limits, in the order of ``NAMES``."""
+    """Return those numbers of a scanner's rays that have limits, as in ``NAMES``."""
     settings, interval = config.scanner_settings(item), config.interval(item)
     if settings.has_detector:
         fmcw = load_fmcw_settings(config.sensor_name(item))
-        # The number of rays per revolution, before the refinement at thin objects adds
-        # rays.
+        # The number of rays per revolution, without
+        # the rays that are added at thin objects.
         rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
         return rays, rays / interval, rays
     directions = settings.beams * settings.rays_per_beam
@@ -253,7 +253,7 @@ def check_rays(
     before: float,
     others: float,
 ) -> float:
-    """Check the number of rays of a robot's scanners after a change of settings.
+    """Check how many rays a robot's scanners have after a change of their settings.
 
     Args:
         items: The range scanners of the robot.

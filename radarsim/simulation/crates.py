@@ -1,4 +1,4 @@
-"""The crates of a simulation, from the map and from clients.
+"""The crates of a simulation, which come from the map or from clients.
 
 A crate is a member of the fleet that does not move: an upright box that robots collide
 with and all sensors see.
@@ -38,10 +38,10 @@ class PlacedCrate:
 
 
 class Crates:
-    """The crates of a simulation."""
+    """All crates of a simulation."""
 
     def __init__(self, scene: Scene, fleet: Fleet) -> None:
-        """Place the crates of a scene."""
+        """Place the crates that a scene contains."""
         self._scene, self._fleet = scene, fleet
         self._nothing = Obstacles()
         self._placed: dict[str, PlacedCrate] = {}
@@ -65,7 +65,7 @@ class Crates:
         return self._placed.get(name.casefold())
 
     def create(self, crate: Crate, *, falls: bool, owner: int | None) -> list[str]:
-        """Add a crate with an unused name, unless a robot or a crate is in the way.
+        """Add a crate with an unused name, unless it would overlap a robot or a crate.
 
         Args:
             crate: The crate.
@@ -82,23 +82,22 @@ class Crates:
         return in_way
 
     def move(self, placed: PlacedCrate, crate: Crate) -> list[str]:
-        """Move a crate, unless a robot or a crate is in the way; see ``create``."""
+        """Move a crate, unless it would overlap a robot or a crate; see ``create``."""
         crate = self._landed(crate) if placed.falls else crate
         in_way = self._in_way(crate, placed.body)
         if not in_way:
-            # The crate gets a new body, which has no velocity, since the crate did not
-            # drive.
+            # A moved crate gets a new body without velocity, since it did not drive.
             self._fleet.remove(placed.body)
             self._keep(replace(placed, crate=crate, body=self._add_body(crate)))
         return in_way
 
     def remove(self, placed: PlacedCrate) -> None:
-        """Remove a crate."""
+        """Remove a crate from the simulation."""
         self._fleet.remove(placed.body)
         del self._placed[placed.crate.name.casefold()]
 
     def remove_owned(self, owner: int) -> None:
-        """Remove all crates that a client owns."""
+        """Remove all crates that belong to a client."""
         for placed in self:
             if placed.owner == owner:
                 self.remove(placed)

@@ -1,4 +1,4 @@
-"""Vertical motion of flying robots, and their obstacles.
+"""Vertical motion of flying robots, and the obstacles around these robots.
 
 Horizontally, a flying robot moves like a driving robot, among slices of all solid
 objects at the heights of its body. Slices are computed when a robot enters a height
@@ -33,7 +33,7 @@ HEADROOM: Final = 20.0  # m; flight ceiling above the highest point of the map
 INSET: Final = 0.01  # m from the sides of a robot to its outer rays
 _LOOK_AHEAD: Final = 4  # ticks between two computations of the next band
 _SIDES: Final = (-1.0, 0.0, 1.0)
-# Starts of the vertical rays, as multiples of half the robot's length and width.
+# Start points of vertical rays, as multiples of half the robot's length and width.
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
 
 
@@ -46,7 +46,7 @@ Area: TypeAlias = tuple[float, float, float, float]
 
 
 class Surroundings(NamedTuple):
-    """The obstacles near a robot, for one tile of the map and one height band.
+    """The obstacles near a flying robot, in one tile of the map and one height band.
 
     Attributes:
         tile: Column and row of the tile, which is ``TILE`` m wide.
@@ -62,7 +62,7 @@ class Surroundings(NamedTuple):
 
 
 class Airspace:
-    """The obstacles at all heights of a scene.
+    """The obstacles of a scene at all heights, for flying robots.
 
     Attributes:
         ceiling: Height above which no robot rises, m.
@@ -74,8 +74,8 @@ class Airspace:
         self.ceiling = self._top + HEADROOM
         self._mesh = SolidMesh(scene.parts)
         self._ticks = 0
-        # For each robot, its current surroundings. They may be followed by the
-        # surroundings of a height that the robot has left or could not reach.
+        # The current surroundings of each robot. Surroundings at a height that the
+        # robot has left or could not reach may follow them.
         self._around: WeakKeyDictionary[Robot, tuple[Surroundings, ...]]
         self._around = WeakKeyDictionary()
 
@@ -86,7 +86,7 @@ class Airspace:
         reach: float,
         known: tuple[Surroundings, ...] = (),
     ) -> Surroundings:
-        """Return the surroundings of a robot.
+        """Return the obstacles around a robot at a position.
 
         Args:
             model: Robot class.
@@ -99,7 +99,7 @@ class Airspace:
         """
         x, y, z = place
         tile = math.floor(x / TILE), math.floor(y / TILE)
-        # All bands above the highest object are empty, so they share one band number.
+        # All height bands above the highest object are empty, so they share a number.
         bottom = min(z - model.origin_height, self._top + BAND)
         band = math.floor(bottom / BAND + 1e-9)
         for each in known:
@@ -126,13 +126,13 @@ class Airspace:
         return Surroundings(tile, band, slices, obstacles)
 
     def lift(self, fleet: Fleet, robot: Robot, z: float, *known: Surroundings) -> None:
-        """Move a robot to a height, m, and update its surroundings."""
+        """Move a robot to a height, m, and update the obstacles around it."""
         around = self._around_robot(robot, z, *known)
         self._around[robot] = (around,)
         fleet.lift(robot, z, around.obstacles)
 
     def climb(self, fleet: Fleet, robot: Robot, room: float | None, dt: float) -> None:
-        """Move a robot up or down for one time step, as far as there is room.
+        """Move a robot up or down for one time step, as far as it finds free space.
 
         Args:
             fleet: The fleet of the robot.
@@ -153,7 +153,7 @@ class Airspace:
             self.lift(fleet, robot, z)
 
     def _climb(self, fleet: Fleet, robot: Robot, room: float, wanted: float) -> None:
-        """Move a robot up by ``wanted`` m, or down if negative, as far as possible."""
+        """Move a robot up by ``wanted`` m, or down if below 0, as far as possible."""
         row = robot.row
         z = float(row["body_z"])
         room = min(room, self.ceiling - z)
@@ -179,7 +179,7 @@ class Airspace:
     def rooms(
         self, fleet: Fleet, robots: Iterable[Robot], boxes: Boxes, dt: float
     ) -> dict[Robot, float]:
-        """Return the free distance, m, of all robots that rise or descend in this tick.
+        """Return how far, m, each robot that rises or descends in this tick can move.
 
         Args:
             fleet: The fleet of the robots.
@@ -215,7 +215,7 @@ class Airspace:
     def _around_robot(
         self, robot: Robot, z: float, *known: Surroundings
     ) -> Surroundings:
-        """Return the surroundings of a robot at a height, m; see ``surroundings``."""
+        """Return the obstacles around a robot at a height, m; see ``surroundings``."""
         pose, radius = robot.pose, robot.footprint.radius
         reach = radius + WALL_RANGE + robot.top_speed * TICK
         known += self._around.get(robot, ())
@@ -223,7 +223,7 @@ class Airspace:
 
 
 class SolidMesh:
-    """An index of the triangles of all solid parts, used to slice small areas.
+    """An index of the triangles of all solid parts, to slice small areas quickly.
 
     Triangles are sorted by spatial cells and divided into blocks of equal size. Only
     the triangles of blocks whose bounds reach into the area are sliced, so the time
@@ -255,7 +255,7 @@ class SolidMesh:
         self._found = np.zeros(self._lows.shape[1], np.int64)  # output of `find_boxes`
 
     def near(self, area: Area, *heights: float) -> Faces:
-        """Return all triangles in an area and a height range, and possibly nearby ones.
+        """Return the triangles in an area and a height range, and maybe some near it.
 
         Args:
             area: Smallest and largest x, smallest and largest y, m, map frame.
@@ -273,19 +273,19 @@ class SolidMesh:
         return faces
 
     def _bounds(self, faces: Faces) -> tuple[Floats, Floats]:
-        """Return the smallest and the largest coordinates of triangles, (N, 3) m."""
+        """Return the least and the greatest coordinates of each triangle, (N, 3) m."""
         a, b, c = (self.vertices[corners] for corners in faces.T)
         return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _chunks(count: int) -> Iterator[slice]:
-    """Yield triangles in blocks, since bounds of millions would exhaust the memory."""
+    """Yield slices of triangle numbers, since all bounds at once need much memory."""
     size = 4096 * _BLOCK
     return (slice(first, first + size) for first in range(0, count, size))
 
 
 def _ray_starts(robot: Robot) -> Floats:
-    """Return the origins of a robot's vertical rays, (9, 3) m, map frame."""
+    """Return the origins, (9, 3) m, map frame, of the vertical rays of a robot."""
     model, body = robot.model, robot.body
     level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # The box is never tilted.
     half = (model.length / 2 - INSET, model.width / 2 - INSET, 0.0)

@@ -1,4 +1,4 @@
-"""Warnings about valid maps: occupied starts, and trials that cannot succeed.
+"""Warnings about valid maps: blocked starts, and trials that no robot can complete.
 
 Free space is the floor that a robot can stand on, with its connected components.
 
@@ -35,7 +35,7 @@ _OUTSIDE = 10.0  # m of floor around the grown obstacles
 def free_space(
     scene: Scene, distance: float, *, places: Sequence[Position] = ()
 ) -> MultiPolygon:
-    """Return the floor that is at least some distance away from all solid objects.
+    """Return the floor that is at least a given distance from all solid objects.
 
     It ends 10 m outside of all objects; arcs around corners are approximated by chords.
 
@@ -52,7 +52,7 @@ def free_space(
 
 
 def component_around(free: MultiPolygon, place: Position) -> Polygon | None:
-    """Return the component that contains a position; None if there is none."""
+    """Return the connected area that contains a position; None if there is none."""
     point = Point(place)
     return next((piece for piece in free.geoms if piece.intersects(point)), None)
 
@@ -88,7 +88,7 @@ def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
 
 @lru_cache(maxsize=8)
 def _solids(scene: Scene) -> tuple[Geometry, ...]:
-    """Return solid areas as polygons; walls of rooms and open surfaces as lines."""
+    """Return solid areas as polygons, and walls of rooms and open surfaces as lines."""
     floor = _floor_of(scene)
     starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
     return tuple(
@@ -101,7 +101,7 @@ def _solids(scene: Scene) -> tuple[Geometry, ...]:
 
 
 def _slices(part: Part, floor: float) -> Iterator[Floats]:
-    """Yield slices of a part at the bumper heights, without consecutive duplicates."""
+    """Yield slices of a part at the bumper heights, and skip repeated slices."""
     last = NO_SEGMENTS
     for height in BUMPER_HEIGHTS:
         segments = slice_mesh(part.vertices, part.faces, floor + height)
@@ -112,7 +112,7 @@ def _slices(part: Part, floor: float) -> Iterator[Floats]:
 
 
 def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
-    """Yield enclosed areas without starts, and all lines if some bound no such area."""
+    """Yield closed areas without starts, and all lines if some bound no such area."""
     lines = shapely.linestrings(segments)
     areas, *rest = shapely.polygonize_full(lines)
     rooms = shapely.intersects(shapely.get_parts(areas), starts)
@@ -123,7 +123,7 @@ def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
 
 @lru_cache(maxsize=1)
 def _simulation(scene: Scene) -> Simulation:
-    """Return a simulation without robots, cached so that walls are sliced once."""
+    """Return a simulation without robots; the cache avoids slicing walls again."""
     return Simulation(scene)
 
 

@@ -47,8 +47,8 @@ from radarsim.simulation.vehicle import DueItems, MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied position
 SLICING_WORK: Final = 300_000  # estimated work of slicing around a flying robot
-# Maximum number of scans per tick whose echoes are listed for watchers only. Listing a
-# scan takes one or two milliseconds, so the limit avoids delays for clients.
+# Maximum number of scans per tick that list their echoes only for watchers. Listing
+# takes 1 or 2 ms per scan, so the limit avoids delays for clients.
 MAX_SHOWN: Final = 4
 MOST_READY_FLOORS: Final = 8  # floors that are sliced before the first spawn
 DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
@@ -57,7 +57,7 @@ NOTHING: Final = Boxes(np.zeros((0, 8)))
 
 
 class Simulation:
-    """A scene with robots, advanced in ticks of 10 ms.
+    """A simulation: a scene with robots, advanced in ticks of 10 ms.
 
     Attributes:
         scene: The scene.
@@ -105,7 +105,7 @@ class Simulation:
 
     @property
     def ticks(self) -> int:
-        """Number of ticks since the start."""
+        """Number of ticks since the start of the simulation."""
         return self._clock.ticks
 
     @ticks.setter
@@ -114,24 +114,24 @@ class Simulation:
 
     @property
     def vehicles(self) -> tuple[Vehicle, ...]:
-        """All robots, in the order of spawning."""
+        """All robots of the simulation, in the order of their spawning."""
         return tuple(self._vehicles.values())
 
     @property
     def body_names(self) -> dict[int, str]:
-        """The names of all robots and crates, by their numbers."""
+        """The names of all robots and crates, by the numbers of their bodies."""
         return {body.number: body.name for body in self._fleet.robots}
 
     def spawn(
         self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
     ) -> Vehicle | None:
-        """Create a robot like ``spawn_stepwise``, in one call."""
+        """Create a robot as ``spawn_stepwise`` does, but in a single call."""
         return finish(self.spawn_stepwise(name, model, pose, z))
 
     def spawn_stepwise(
         self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
     ) -> Generator[int, None, Vehicle | None]:
-        """Create a robot at the nearest free position within 1 m.
+        """Create a robot at the nearest free position, at most 1 m from a pose.
 
         Args:
             name: Name of the robot, which selects its random numbers; a number is
@@ -206,7 +206,7 @@ class Simulation:
         return vehicle
 
     def obstacles_at(self, model: RobotModel, pose: Pose2) -> list[str]:
-        """Return the names of objects and robots that overlap a robot at a pose.
+        """Return the names of objects and robots that a robot at a pose would overlap.
 
         Args:
             model: Robot class.
@@ -235,11 +235,11 @@ class Simulation:
         self._drifting.remove(vehicle)
 
     def step(self) -> None:
-        """Advance by one tick of 10 ms."""
-        # The clock advances first, since readings have the time at the end of the tick.
+        """Advance the simulation by one tick of 10 ms."""
+        # The clock advances first, since readings get the time at the end of the tick.
         self._clock.ticks += 1
-        # A robot with an empty battery accepts no commands, but its last command would
-        # keep its wheels turning.
+        # A robot with an empty battery accepts no
+        # command to stop, so it is stopped here.
         for vehicle in self._mortal:
             if not vehicle.alive:
                 vehicle.robot.halt()
@@ -259,7 +259,7 @@ class Simulation:
         robot.tilt(TICK)
 
     def collect_reports(self) -> dict[int, TickOutput]:
-        """Compute all readings that are due in this tick.
+        """Compute all readings of sensors that are due in this tick.
 
         Returns:
             The reports of each robot, by its number, without robots that have no report
@@ -276,13 +276,13 @@ class Simulation:
             items = self.faults.call(vehicle, vehicle.due)
             if items is not None:
                 due.append((vehicle, items))
-        # All sensors see the same boxes of robots, so the order of sensors does not
-        # affect readings.
+        # All sensors get the same boxes of robots,
+        # so their order does not affect readings.
         has_rays = any(items.scanners or items.sensors for _, items in due)
         boxes = self.boxes() if has_rays else NOTHING
         sensors = [(v, sensor) for v, items in due for sensor in items.sensors]
-        # `_take_readings` may run twice, so it excludes the readings that draw random
-        # numbers or count; `_cast` computes these readings once.
+        # `_take_readings` may run twice, so readings that draw random numbers or count
+        # something are computed once, by `_cast`.
         cast = self._cast(sensors, boxes)
         due = [each for each in due if each[0].number not in self.faults.errors]
         try:
@@ -301,7 +301,7 @@ class Simulation:
         cast: Mapping[int, Sequence[SensorReport]],
         boxes: Boxes,
     ) -> dict[int, TickOutput]:
-        """Compute all readings except ``cast``, and return the reports of each robot.
+        """Compute all readings but those in ``cast``; return the reports of each robot.
 
         Args:
             due: The robots, and their due items.
@@ -333,7 +333,7 @@ class Simulation:
             scans[number].append(due_scan.scan)
             if due_scan.reports:
                 echoes.setdefault(number, []).append(due_scan)
-        # Touch is computed for all robots with a touch sensor in one call.
+        # One call computes for all robots with a touch sensor what they touch.
         self._fleet.touched([v.robot.slot for v, _ in due if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
         return {
@@ -348,7 +348,7 @@ class Simulation:
         }
 
     def _read_scanner_items(self) -> list[DueScan]:
-        """Return the scans that add-ons read, and mark the scanned robots as due."""
+        """Return the scans that add-ons read; mark their robots as due for reports."""
         due_scans = [
             due_scan
             for items in self.scanner_items.values()
@@ -359,7 +359,7 @@ class Simulation:
         return due_scans
 
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
-        """Run the programs of robots, and return their numbers, robot by robot."""
+        """Run the programs of robots, and return the results, robot by robot."""
         jobs = [(vehicle.robot.slot, program) for vehicle, program in programs]
         numbers, is_depleted = self._readings.run(jobs, self.ticks)
         if is_depleted:
@@ -368,11 +368,11 @@ class Simulation:
         return numbers
 
     def boxes(self) -> Boxes:
-        """Return the boxes of all robots; a box has its robot's number as id."""
+        """Return a bounding box for each robot, with the robot's number as id."""
         return Boxes(self._fleet.boxes())
 
     def _select_listing(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[bool]:
-        """Return for each scanner whether it lists its echoes in this tick.
+        """Return for each scanner whether it lists the echoes of its scan in this tick.
 
         Scanners list echoes if their client has requested them. In addition, up to
         ``MAX_SHOWN`` scanners list echoes for watchers, the longest waiting first.
@@ -395,7 +395,7 @@ class Simulation:
         listing: list[bool],
         boxes: Boxes,
     ) -> list[tuple[ScanBatch, int]]:
-        """Compute all scans at once, with all echoes if ``listing`` is true."""
+        """Compute all scans at once; scanners with true ``listing`` list all echoes."""
         requests = []
         for (vehicle, mounted), lists in zip(due, listing, strict=True):
             scanner = mounted.scanner
@@ -408,7 +408,7 @@ class Simulation:
     def _cast(
         self, due: list[tuple[Vehicle, Sensor]], boxes: Boxes
     ) -> dict[int, list[SensorReport]]:
-        """Return the readings of sensors that cast rays, by number of the robot."""
+        """Return the readings of sensors that cast rays, by the number of the robot."""
         call, trace, time = self.faults.call, self._tracer.trace, self.time
         asked = [(vehicle, item, call(vehicle, item.rays)) for vehicle, item in due]
         cast = [(v, item, rays) for v, item, rays in asked if rays is not None]
@@ -431,7 +431,7 @@ class Simulation:
         return readings
 
     def _prepare_spawns(self) -> None:
-        """Load presets and slice walls at the starts, so that later spawns are fast."""
+        """Load presets and slice walls at the starts, so that spawning is fast."""
         sensor_presets()
         sensor_presets("items")
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)
@@ -445,7 +445,7 @@ class Simulation:
         return self._obstacles_by_floor[floor]
 
     def _are_inside_solids(self, places: Floats, height: float) -> NDArray[np.bool_]:
-        """Return for each of (N, 2) positions whether it is inside a solid volume.
+        """Return which of (N, 2) positions are inside a solid volume.
 
         Obstacles are only surfaces, so they do not exclude the inside of a large bush.
         """
@@ -454,7 +454,7 @@ class Simulation:
         return inside
 
     def _solids_around(self, places: ArrayLike, height: float) -> NDArray[np.void]:
-        """Return an event for each solid volume that contains one of (N, 2) positions.
+        """Return an event for each solid volume around one of (N, 2) positions.
 
         ``ray`` of an event is the index of the position, ``part`` that of the volume.
         """

@@ -1,4 +1,4 @@
-"""The output of one tick: the reports of robots, and errors of single robots."""
+"""The output of one tick: reports of robots, and the errors that robots raised."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -51,13 +51,13 @@ class TickOutput(NamedTuple):
 
     @property
     def has_status(self) -> bool:
-        """Whether the group has a status report, which is always its first report."""
+        """Whether the group has a status report, which is then its first report."""
         samples = self.group.samples
         return bool(samples) and isinstance(samples[0], Status)
 
 
 class Faults:
-    """The errors that single robots raised; only bugs can cause them.
+    """Errors raised by the code for one robot; only bugs can cause such errors.
 
     Attributes:
         errors: The errors by the robot's number; the caller of ``Simulation.step``
@@ -83,7 +83,7 @@ class Faults:
 
 
 class DueScan(NamedTuple):
-    """The reading of an add-on's scanner in a tick.
+    """A scan that an add-on reads in this tick.
 
     Attributes:
         vehicle: The robot that carries the scanner.
@@ -100,14 +100,14 @@ class DueScan(NamedTuple):
 
 
 class ScannerItems(Protocol):
-    """Interface of an add-on that reads some scanners of all robots at its own times.
+    """Interface of an add-on that reads some scanners of robots at its own times.
 
     For each add-on in the group ``radarsim.items`` of ``plugins``, a simulation creates
     one instance from its scene and its clock.
     """
 
     def add(self, vehicle: Vehicle) -> None:
-        """Start to read the scanners of a robot that this add-on supports."""
+        """Start to read those scanners of a robot that this add-on supports."""
 
     def remove(self, vehicle: Vehicle) -> None:
         """Stop reading the scanners of a robot."""

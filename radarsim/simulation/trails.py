@@ -1,4 +1,4 @@
-"""Trails of marks that robots leave on the floor at the request of their clients.
+"""Trails: marks that robots leave on the floor at the request of their clients.
 
 Only camera pictures show trails; other sensors do not see them.
 """
@@ -31,7 +31,7 @@ class _Trail:
 
 
 class Trails:
-    """The trails of all robots."""
+    """The trails of all robots of a simulation."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -51,11 +51,11 @@ class Trails:
         self._trails[robot.number] = trail
 
     def end(self, robot: Robot) -> None:
-        """Remove the trail of a robot, if it has one."""
+        """Remove a robot's trail with all its marks, if there is one."""
         self._trails.pop(robot.number, None)
 
     def step(self) -> None:
-        """Add the marks that are due in this tick."""
+        """Add the marks of all trails that are due in this tick."""
         for trail in self._trails.values():
             if (self._clock.ticks - trail.start) % trail.interval == 0:
                 pose = trail.robot.pose
@@ -64,6 +64,6 @@ class Trails:
 
     @property
     def marks(self) -> Floats:
-        """All marks, (M, 6): x, y, z, m, map frame; red, green and blue, 0 to 1."""
+        """All marks, (M, 6): x, y, z, m, map frame; red, green, blue from 0 to 1."""
         marks = [mark for trail in self._trails.values() for mark in trail.marks]
         return np.array(marks, np.float64).reshape(-1, 6)

@@ -47,7 +47,7 @@ STATUS_ONLY: Final = -1  # marks a set of intervals in which only the status is 
 
 @dataclass(slots=True, eq=False)
 class MountedScanner:
-    """A scanner on a robot.
+    """A scanner that is mounted on a robot.
 
     Attributes:
         item: The item of the robot's class.
@@ -67,12 +67,12 @@ class MountedScanner:
 
     @property
     def scans(self) -> bool:
-        """Whether scans are instantaneous, without a rotating antenna."""
+        """Whether all beams scan at the same instant, without a rotating antenna."""
         return not self.scanner.settings.has_detector
 
     @property
     def has_fmcw(self) -> bool:
-        """Whether the scanner is an FMCW radar, which has a spectrum."""
+        """Whether the scanner is an FMCW radar, which can report spectra."""
         return has_fmcw(self.scanner.name)
 
 
@@ -125,7 +125,7 @@ class Vehicle:
         readings: ReadingTable,
         scene: Scene,
     ) -> None:
-        """Create a vehicle, which is spawned in the current tick.
+        """Create a robot that is spawned in the current tick.
 
         Args:
             robot: The body that moves.
@@ -168,11 +168,11 @@ class Vehicle:
         self._reschedule()
 
     def _power_status(self) -> dict[str, list[Job]]:
-        """Add the battery to the robot's state, and return the jobs of the status."""
+        """Add the battery to the robot's state; return jobs that compute the status."""
         charge, dialect = np.zeros(1, engine.rows["Charge"]), self.dialect
         charge["life"], charge["spawn_tick"] = dialect.battery_start, self.spawn_tick
-        # Clients pause a robot whose battery reads 0, so a battery that never runs out
-        # reads at least 1.
+        # Clients pause a robot whose battery reads 0, so a
+        # battery that never gets empty reads at least 1.
         charge["least"] = 0.0 if dialect.battery_runs_out else 1.0
         return {
             "time": [Job(Reading.TIME)],
@@ -183,7 +183,7 @@ class Vehicle:
     def _mount_sensors(
         self, rngs: Mapping[str, np.random.Generator], scene: Scene
     ) -> list[Sensor]:
-        """Return the sensors, in the order of their readings."""
+        """Return the sensors of the robot, in the order of their readings."""
         mountings: dict[str, list[Mounting]] = {}
         for item in self.model.items:
             kind = kinds().get(item.type)
@@ -211,16 +211,16 @@ class Vehicle:
 
     @property
     def alive(self) -> bool:
-        """Whether the battery is not empty."""
+        """Whether the robot's battery is not yet empty."""
         return self._age < self._empty_age
 
     @property
     def _age(self) -> int:
-        """Ticks since the spawn."""
+        """Ticks since the robot was spawned."""
         return self._clock.ticks - self.spawn_tick
 
     def due(self) -> DueItems:
-        """Return the items due in this tick; only the status if the battery is empty.
+        """Return the items due in this tick; only the status once the battery is empty.
 
         A requested scan is an extra scan, so a scanner can be in the result twice. The
         requests are cleared.
@@ -230,8 +230,8 @@ class Vehicle:
         ended = tuple([each for each in self._intervals if age % each == 0])
         if age >= self._empty_age:
             ended = (STATUS_ONLY, *ended)
-        # A robot has few different sets of intervals. The cache avoids selecting items
-        # and building their lines for each robot in each tick.
+        # There are only few combinations of intervals, so
+        # the due items of each combination are cached.
         due = self._due_items.get(ended)
         if due is None:
             due = self._due_items[ended] = self._select_items(ended)
@@ -249,18 +249,18 @@ class Vehicle:
         return due._replace(scanners=(*due.scanners, *requested))
 
     def draw(self) -> None:
-        """Draw new random numbers if a sensor has used all earlier ones."""
+        """Draw new random numbers if a sensor has used up its random numbers."""
         if self._state.is_depleted:
             self._state.is_depleted = False
             for sensor in self._sensors:
                 sensor.draw()
 
     def sensor_pose(self, item: Item) -> Pose3:
-        """Return the pose of an item in the map frame."""
+        """Return the pose of an item of the robot in the map frame."""
         return self.robot.body.compose(item.mount)
 
     def camera_pose(self, item: Item) -> Pose3:
-        """Return the pose of a camera in the map frame; it looks along its x axis."""
+        """Return the pose of a camera, map frame; the camera looks along its x axis."""
         body = self.robot.body
         for sensor in self._sensors:
             if isinstance(sensor, MissionPackage) and sensor.item.name == item.parent:
@@ -268,7 +268,7 @@ class Vehicle:
         return body.compose(item.mount)
 
     def zoom(self, camera: Item, fov_deg: float) -> None:
-        """Set the field of view of a camera, within its limits.
+        """Set the field of view of a camera within the camera's limits.
 
         Args:
             camera: A camera of the robot.
@@ -278,7 +278,7 @@ class Vehicle:
         self.fovs[camera.name] = settings.limit(fov_deg or settings.fov_deg)
 
     def request_scan(self, item: Item) -> None:
-        """Request an extra scan in the next tick, unless the item does not scan."""
+        """Request an extra scan in the next tick, if the item is a range scanner."""
         if item.type == "RangeScanner":
             self._requested_scans.add(item.name)
             self._schedule.request(self)
@@ -289,7 +289,7 @@ class Vehicle:
         settings: Mapping[str, Any],
         others: Iterable["Vehicle"] = (),
     ) -> None:
-        """Change settings of scanners from their next scans on.
+        """Change settings of scanners; the next scans use the new settings.
 
         If there is an error, no scanner is changed.
 
@@ -307,8 +307,8 @@ class Vehicle:
             config = config.with_settings(item, settings)
         scanners = [mounted.item for mounted in self.scanners]
         shared = sum(other.extra_rays for other in others if other is not self)
-        # The limits depend on the first configuration, in which the operator of the
-        # server may have allowed more rays.
+        # The limits come from the first configuration, where
+        # the operator of the server may have allowed more rays.
         self.extra_rays = check_rays(
             scanners, config, self._first_config, self.extra_rays, shared
         )
@@ -320,24 +320,24 @@ class Vehicle:
             self._reschedule()
 
     def reset(self, item: Item) -> None:
-        """Reset the counters of an item; an item without counters is unchanged."""
+        """Reset the counters of a sensor; a sensor without counters does not change."""
         for sensor in self._sensors:
             if sensor.item.name == item.name:
                 sensor.reset()
 
     def move_link(self, order: LinkOrder) -> bool:
-        """Move a link of a mission package; return False if the link is unknown."""
+        """Move a link of an arm or a camera mount; return False if it is unknown."""
         packages = (s for s in self._sensors if isinstance(s, MissionPackage))
         return any(package.move(order, self._clock.ticks) for package in packages)
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
-        """Replace the estimated pose of an INS; other items are ignored."""
+        """Replace the estimated pose of an INS; items of other types are ignored."""
         for sensor in self._sensors:
             if isinstance(sensor, Ins) and sensor.item.name == item.name:
                 sensor.overwrite(pose)
 
     def _reschedule(self) -> None:
-        """Schedule the vehicle for all intervals of its items and the status."""
+        """Schedule the robot for all intervals of its items and of its status."""
         self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
         self._due_items.clear()
         # Intervals are counted from the spawn, so a change of settings does not shift
@@ -364,7 +364,7 @@ class Vehicle:
                 [(kind(0.0, 0, light, steering), self._status_jobs), *sources]
                 for light in (False, True)
             )
-        # The order of the jobs is the order of the numbers in the lines.
+        # The order of the jobs is the order of the numbers in the report lines.
         jobs: list[Job] = []
         size = 0
         for sample, jobs_of in sources:
@@ -384,7 +384,7 @@ class Vehicle:
 
 
 def _empty_age(dialect: Dialect) -> float:
-    """Return the age, in ticks, at which a battery has less than one second left.
+    """Return the age of a robot, in ticks, at which its battery is almost empty.
 
     The battery drains with time only, independent of the robot's motion.
     """
@@ -392,5 +392,5 @@ def _empty_age(dialect: Dialect) -> float:
     if not dialect.battery_runs_out:
         return math.inf
     ages = range(ticks_of(life) + 1)
-    # The search uses the same formula as the status, so both change in the same tick.
+    # The status uses the same formula, so status and battery change in the same tick.
     return bisect_left(ages, True, key=lambda age: life - seconds(age) < 1.0)

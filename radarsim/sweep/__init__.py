@@ -1,4 +1,4 @@
-"""Sweeps run a task for all combinations of parameters, and write one result table."""
+"""Sweeps: run a task for all combinations of parameters, and write a result table."""
 
 from typing import Final
 

@@ -70,7 +70,7 @@ def sweep(
     if dry_run:
         print_lines([_count(wanted, len(tasks))])
         return 0
-    # Missing packages are reported before the tasks run, not when the table is written.
+    # A missing package is reported before the tasks run, not when the table is written.
     import_optional("pyarrow", EXTRA)
     folder.open(path, wanted, tasks, resume=resume)
     for number in folder.damaged:
@@ -100,7 +100,7 @@ def _start(
     workers: int | None,
     scheduler: str | None,
 ) -> Generator[TaskResult[Any], None, None]:
-    """Start tasks in local processes or on a cluster, and return their results.
+    """Start all tasks, in local processes or on a cluster, and return their results.
 
     ``batch`` is the least number of tasks for a process.
     """
@@ -128,7 +128,7 @@ def _count(wanted: SweepFile, tasks: int) -> str:
 def _collect(
     folder: SweepFolder, keys: list[str], running: Iterator[TaskResult[Any]]
 ) -> None:
-    """Log each result as soon as its task ends, so that an interrupt loses nothing."""
+    """Log each result once its task has ended, so that an interrupt loses no result."""
     done = 0
     try:
         for number, rows, error in with_bar(running, "tasks", len(keys)):

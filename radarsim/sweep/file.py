@@ -1,4 +1,4 @@
-"""Sweep files: YAML with lists of parameter values, checked with line numbers."""
+"""Sweep files: YAML with lists of parameter values; errors name the line."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -35,7 +35,7 @@ Parameters: TypeAlias = dict[str, Any]
 
 
 def _values(given: Any) -> Any:
-    """Return a list of values from a list, a range with equal steps, or one value."""
+    """Return a list of values from a list, from a range, or from a single value."""
     if isinstance(given, dict) and given.keys() & _RANGE:
         steps, ends = given.get("steps"), (given.get("from"), given.get("to"))
         is_number = all(type(end) in (int, float) for end in ends)
@@ -45,7 +45,7 @@ def _values(given: Any) -> Any:
             )
         if not 2 <= steps <= MAX_STEPS:
             raise ValueError(f"steps {steps}, expected 2 to {MAX_STEPS}")
-        # Values are rounded, so that the table has 0.3 instead of 0.30000000000000004.
+        # Rounding makes the table contain 0.3 instead of 0.30000000000000004.
         return [
             round(float(each), 9)
             for each in np.linspace(given["from"], given["to"], steps)
@@ -129,7 +129,7 @@ class SweepFile(_Model):
         ]
 
     def _ways(self) -> list[Parameters]:
-        """Return the poses, algorithms or strategies that tasks of this kind vary."""
+        """Return the poses, algorithms or strategies over which the sweep runs."""
         if self.pose is not None:
             places = product(self.pose.x, self.pose.y, self.pose.yaw_deg)
             return [{"x": x, "y": y, "yaw_deg": yaw} for x, y, yaw in places]
@@ -142,7 +142,7 @@ class SweepFile(_Model):
 
 
 def flat_parameters(task: Parameters) -> Parameters:
-    """Return the parameters of a task by table column, such as ``sensor.name``."""
+    """Return a task's parameters by the names of columns, such as ``sensor.name``."""
     sensor = {f"sensor.{key}": value for key, value in task["sensor"].items()}
     left_out = ("sensor", "kind", "scene", "count")
     others = {key: value for key, value in task.items() if key not in left_out}
@@ -156,7 +156,7 @@ def shipped_sweeps() -> dict[str, Path]:
 
 
 def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
-    """Read a sweep file, and check its sensors.
+    """Read a sweep file, and check the sensors that it names.
 
     Args:
         path_or_name: A file, or the name of a shipped sweep.
@@ -194,7 +194,7 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
 
 
 def _sensor_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
-    """Yield errors in the name and the settings of the sensor."""
+    """Yield errors in the name and in the settings of the file's sensor."""
     if "name" not in sweep.sensor:
         yield file.problem(("sensor",), "no 'name', expected a sensor preset")
         return

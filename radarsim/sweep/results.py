@@ -1,4 +1,4 @@
-"""The folder of a sweep, with a log of tasks, a description, and a table of results.
+"""The folder of a sweep: a log of its tasks, a description, and a result table.
 
 During the sweep a line is appended to the log for each finished task, in any order. At
 the end the log is sorted in the order of the sweep file. The description is written
@@ -52,7 +52,7 @@ def _schema(arrow: Any, sweep: SweepFile) -> Any:
 
 
 def _kind_of(arrow: Any, values: list[Any]) -> Any:
-    """Return the type of a column with values; integers and floats become float64."""
+    """Return the type of a column; a column of integers and floats becomes float64."""
     if all(isinstance(value, bool) for value in values):
         return arrow.bool_()
     numbers = [value for value in values if isinstance(value, int | float)]
@@ -65,7 +65,7 @@ def _kind_of(arrow: Any, values: list[Any]) -> Any:
 
 
 def as_line(result: Mapping[str, Any]) -> str:
-    """Return the result of a task as a line of the log, with a checksum."""
+    """Return the result of a task as a line of the log, with its checksum."""
     text = json.dumps(result, allow_nan=False) + "\n"
     checksum = hashlib.sha256(text.encode()).hexdigest()[:16]
     return json.dumps({**result, "checksum": checksum}) + "\n"
@@ -82,12 +82,12 @@ def _intact(line: str) -> dict[str, Any] | None:
 
 
 def task_key(parameters: Parameters) -> str:
-    """Return the key of a task: a hash of its parameters, 32 hexadecimal digits."""
+    """Return the key of a task: a hash of its parameters, as 32 hexadecimal digits."""
     return hashlib.sha256(canonical_json(parameters).encode()).hexdigest()[:32]
 
 
 def sweep_tasks(sweep: SweepFile, scenes: Mapping[str, Scene]) -> dict[str, Parameters]:
-    """Return the parameters of all tasks for ``run_sweep_task``, by key.
+    """Return the parameters of all tasks of a sweep, by the keys of the tasks.
 
     Args:
         sweep: Contents of the sweep file.
@@ -104,7 +104,7 @@ def sweep_tasks(sweep: SweepFile, scenes: Mapping[str, Scene]) -> dict[str, Para
 
 @dataclass(slots=True)
 class SweepFolder:
-    """The folder of a sweep.
+    """The folder of a sweep, into which all results are written.
 
     Attributes:
         path: The folder.
@@ -120,7 +120,7 @@ class SweepFolder:
     damaged: list[int] = field(default_factory=list)
 
     def open(self, file: Path, sweep: SweepFile, tasks: Tasks, *, resume: bool) -> None:
-        """Create the folder, or read the results of an earlier run from it.
+        """Create the folder, or open it and read the results of an earlier run.
 
         Args:
             file: Path of the sweep file.
@@ -173,7 +173,7 @@ class SweepFolder:
             self._write_about(file, sweep, tasks)
 
     def add(self, key: str, result: Mapping[str, Any]) -> None:
-        """Log the rows of a task, or its error."""
+        """Log the result rows of a task, or its error."""
         whole = {"version": __version__, "task": key, **result}
         line = as_line(whole)
         # The log is written before memory is updated, so the log is always complete.
@@ -206,14 +206,14 @@ class SweepFolder:
             written_atomically(self.path / LOG) as whole,
             whole.open("w", encoding="utf-8") as log,
         ):
-            # Tasks end in any order; sorting gives equal bytes for equal sweeps.
+            # Tasks end in any order, so they are sorted: equal sweeps give equal bytes.
             log.writelines(self.lines[key] for key in tasks)
 
     def _write_table(self, path: Path, sweep: SweepFile, tasks: Tasks) -> None:
-        """Write the table in groups of tasks, since the whole may not fit in memory."""
+        """Write the table in groups of tasks, since the memory may be too small."""
         arrow = import_optional("pyarrow", EXTRA)
         parquet = import_optional("pyarrow.parquet", EXTRA)
-        # The schema depends only on the sweep file, so types do not depend on results.
+        # The schema depends only on the sweep file, so results do not change the types.
         schema = _schema(arrow, sweep)
         rest = iter(tasks.items())
         with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
@@ -225,7 +225,7 @@ class SweepFolder:
                 writer.write_table(arrow.table(columns, schema=schema))
 
     def _rows_of(self, key: str, task: Parameters) -> Iterator[Row]:
-        """Yield the rows of a task; the range of a beam without return is null."""
+        """Yield the rows of a task; a beam without return has the range null."""
         result = json.loads(self.lines[key])
         head = {"task": key, **flat_parameters(task)}
         if "error" in result:

@@ -73,7 +73,7 @@ def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
 
 
 def digest(scene: Scene) -> str:
-    """Return the digest of a map's contents, 16 hexadecimal digits."""
+    """Return a hash of a map's contents, 16 hexadecimal digits."""
     found = hashlib.sha256()
     for part in scene.parts:
         found.update(repr((part.object_name, asdict(part.material))).encode())
@@ -82,8 +82,8 @@ def digest(scene: Scene) -> str:
     air = None if scene.air is None else asdict(scene.air)
     rest = scene.level, scene.starts, air, scene.trial, scene.reflectors
     found.update(repr((*rest, scene.gps_origin)).encode())
-    # Optional contents are hashed only if a map has them, so that other maps keep the
-    # digests of earlier versions.
+    # Optional contents are hashed only for maps that have them, so that the digests of
+    # other maps are the same as in earlier versions.
     if scene.tags or scene.victims:
         found.update(repr((scene.tags, scene.victims)).encode())
     if scene.crates:
@@ -92,7 +92,7 @@ def digest(scene: Scene) -> str:
 
 
 def prepare_worker(version: str, scenes: Mapping[str, Scene]) -> None:
-    """Store the maps of a sweep in this process.
+    """Store the maps of a sweep in this worker process.
 
     Args:
         version: Version of radarsim in the process that sends the maps.
@@ -116,7 +116,7 @@ def canonical_json(parameters: Parameters) -> str:
 
 
 def run_sweep_task(task: Parameters) -> list[Row]:
-    """Run a task, and return its rows as plain data.
+    """Run one task of a sweep, and return its result rows as plain data.
 
     Args:
         task: Parameters of the task, with the digest of its map as ``scene``, and
@@ -127,7 +127,7 @@ def run_sweep_task(task: Parameters) -> list[Row]:
 
 
 def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
-    """Run the scans of a task, and return a row for each."""
+    """Run the scans of a task, and return one result row for each."""
     # Random numbers do not depend on count and map: a larger count leaves the first
     # scans unchanged, and an edited map is scanned with the same rays.
     drawn = {key: value for key, value in task.items() if key not in ("count", "scene")}
@@ -147,12 +147,12 @@ def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
 
 
 def _packed(values: Any, kind: type[np.generic]) -> str:
-    """Convert values to an array of a numpy type, and encode it in base64."""
+    """Return values as an array of a numpy type, encoded in base64."""
     return base64.b64encode(np.asarray(values, kind).tobytes()).decode()
 
 
 def unpacked(text: str | None, kind: type[np.generic]) -> Any:
-    """Decode an array from base64; return None for None."""
+    """Decode an array from base64; None stays None."""
     return None if text is None else np.frombuffer(base64.b64decode(text), kind)
 
 
@@ -167,7 +167,7 @@ def _map_rows(task: Parameters, scene: Scene) -> list[Row]:
         strategy=StrategyName(task["strategy"]), time_limit=task["time_limit"]
     )
     row = run_plan(plan, _host(task, scene), seed=task["seed"])
-    # The table shows the length of the path as the robot has measured it.
+    # The table shows the length of the path as measured by the robot itself.
     row = replace(row, path_length=row.measured_length)
     names = ("outcome", "collisions", "path_length", "time", "note", *MAP_VALUES)
     return [row.select(names, 4)]

@@ -44,7 +44,7 @@ class MappedPlace(Simulation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFileOptions(RunFiles):
-    """Options for the files that the command writes.
+    """Options for the map files that ``radarsim map`` writes.
 
     Attributes:
         output: Folder (ends in a slash) or prefix of files; by default the map's name.
@@ -88,7 +88,7 @@ def map_(
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
     recording = make_recording(files.record, plan.drive_unit, robots_map=True)
-    # The variant of a map, after an ``@``, is not part of the name.
+    # The name of a map ends before the ``@`` that precedes its variant.
     written = MapFiles(files, Path((where.map or "map").partition("@")[0]).stem)
     address = where.connect or LOCAL_SERVER
     with without_empty_folder(written.stem.parent):
@@ -110,7 +110,7 @@ def map_(
 def _check_combination(
     where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions
 ) -> None:
-    """Reject options that exclude each other, or that would have no effect."""
+    """Reject options that exclude each other, and options without any effect."""
     if where.map is None and where.connect is None and where.watch is None:
         raise click.UsageError("missing: one of MAP and --connect")
     is_random = plan.strategy is StrategyName.TURN_AWAY

@@ -81,7 +81,7 @@ ENDINGS: Final = {
 
 
 class MapFiles:
-    """The files that a mapping run writes: names, checks and contents.
+    """The files that a mapping run writes; chooses their names and their contents.
 
     Attributes:
         options: Options of the written files.
@@ -113,7 +113,7 @@ class MapFiles:
         self.paths = tuple(path.with_name(path.name + each) for each in endings)
 
     def check(self, served: str | None = None) -> None:
-        """Check before the robot drives that the files can be written after the run.
+        """Check before the robot drives that all files can be written after the run.
 
         A missing folder is created if its name ends in a slash.
 
@@ -193,7 +193,7 @@ def _is_same(path: Path, served: str | None) -> bool:
 
 
 def view_of(run: MappingRun, mapper: Mapper) -> MapView:
-    """Return the view for drawing the map of a run.
+    """Return the map of a mapping run as a view that can be drawn.
 
     Args:
         run: The run.
@@ -238,7 +238,7 @@ def _who_maps_what(run: MappingRun) -> str:
 
 
 def _hidden_text(share: float, outlines: Iterable[Outline]) -> str:
-    """Return a phrase for the mapped share of the unreachable floor."""
+    """Return a phrase that tells how much of the unreachable floor is mapped."""
     is_foliage = any(outline.kind == CellClass.FOLIAGE for outline in outlines)
     where = "behind the foliage" if is_foliage else "out of the robot's reach"
     return f"The floor {where}: {100 * share:.0f} % mapped"
@@ -275,7 +275,7 @@ def map_camera(run: MappingRun) -> Callable[[], Pixels]:
 def map_progress(
     run: MappingRun, recording: Recording, update_film: Callable[[float], None]
 ) -> Iterator[Callable[[str], None]]:
-    """Show the progress of a mapping run on stderr, and film and record its map.
+    """Show the progress of a mapping run on stderr; film and record the growing map.
 
     Args:
         run: The run.
@@ -312,7 +312,7 @@ def _describe_status(run: MappingRun, activity: str) -> str:
 
 
 def print_result(run: MappingRun, *, as_json: bool) -> None:
-    """Print the result of a run; a run that failed without a scan prints only JSON."""
+    """Print the result of a run, but no text if a run failed before the first scan."""
     if as_json:
         print_lines([run.to_json()])
     elif run.source.trip.start is not None or not run.error:
@@ -320,7 +320,7 @@ def print_result(run: MappingRun, *, as_json: bool) -> None:
 
 
 def as_text(run: MappingRun) -> list[str]:
-    """Return the result of a run as lines of text."""
+    """Return the result of a mapping run as lines of text."""
     plain = run.to_dict()
     ending = ENDINGS.get(run.source.outcome, run.source.outcome)
     how = " by" if run.source.outcome == "explored" else ", exploring by"
@@ -349,7 +349,7 @@ def as_text(run: MappingRun) -> list[str]:
 
 
 def _files_text(files: Sequence[Path]) -> str:
-    """Return the names of the files as text, with the plot of the map first."""
+    """Return the names of the written files as text, with the plot of the map first."""
     view = next(file for file in files if file.stem.endswith("_view"))
     others = ", ".join(file.name for file in files if file != view)
     return f"{view.name} to look at; for programs {others}; in {view.parent}"
@@ -411,7 +411,7 @@ def follow(
     *,
     as_json: bool,
 ) -> int:
-    """Map what another client's robot reports, until it leaves or a signal arrives.
+    """Build a map from another client's robot until it leaves or a signal arrives.
 
     Args:
         plan: The scanner, the source of the motion, and the resolution of the map.

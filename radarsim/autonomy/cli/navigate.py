@@ -73,7 +73,7 @@ class NavigationFiles(RunFiles):
 
     @contextmanager
     def written(self, run: NavigationRun) -> Iterator[None]:
-        """Write trace and plot after a run, also after an error."""
+        """Write the trace and the plot when a run has ended, even by an error."""
         from radarsim.autonomy.cli.navigate_output import view_of
         from radarsim.autonomy.plotting.runs import run_figure
         from radarsim.plotting.style import render
@@ -139,7 +139,7 @@ def navigate(
 
 
 def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
-    """Return the mission, with missing values taken from the trial of the map.
+    """Return the mission, with missing values filled in from the trial of the map.
 
     Args:
         mission: The mission as given.
@@ -158,7 +158,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
     if trial is None:
         return mission
     has_start = mission.start is not None or mission.pose is not None
-    # The safety distance is set either by its own option or by the foliage density.
+    # The user sets the safety distance itself, or the density of foliage to compute it.
     is_safe = mission.safety_distance is not None or mission.foliage_density is not None
     return replace(
         mission,

@@ -51,7 +51,7 @@ _DRIVES: Final = "drives to its goal"
 def run_progress(
     run_log: RunLog, update_film: Callable[[float], None]
 ) -> Iterator[Callable[[Row], None]]:
-    """Show the progress of a run on stderr, and film it.
+    """Show the progress of a navigation run on stderr, and film the run.
 
     Args:
         run_log: The log of the run so far.
@@ -75,8 +75,7 @@ def run_progress(
             if row.activity is Activity.GOING and row.goal is not None:
                 x, y = row.goal
                 change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
-            # Hit and leave points of the whole log are
-            # counted, so earlier goals are included.
+            # The points of all goals are counted, including the goals reached before.
             if len(run_log.leave_points) > leaves:
                 leaves = len(run_log.leave_points)
                 change = f"leave point {leaves} at {position}, {change}"
@@ -89,7 +88,7 @@ def run_progress(
 
 
 def describe_status(run_log: RunLog) -> str:
-    """Return the state of a run in one line."""
+    """Return the current state of a navigation run as one line of text."""
     if not run_log.rows:
         return "waiting for a scan"
     row = run_log.rows[-1]
@@ -107,7 +106,7 @@ def describe_status(run_log: RunLog) -> str:
 
 
 def as_text(run: NavigationRun) -> list[str]:
-    """Return the summary of a run as lines of text."""
+    """Return the summary of a navigation run as lines of text."""
 
     def listed(points: Sequence[Point]) -> str:
         return ", ".join(f"{x:.2f} {y:.2f}" for x, y in points) or "none"
@@ -142,14 +141,14 @@ def as_text(run: NavigationRun) -> list[str]:
 
 
 def _judged_goal(mission: Mission) -> str:
-    """Return a phrase that names the goal of the reported true distance."""
+    """Return a phrase that names the goal to which the true distance is reported."""
     if mission.return_to_start:
         return "its start"
     return "the last goal" if len(mission.goals) > 1 else "the goal"
 
 
 def view_of(run: NavigationRun) -> RunView:
-    """Return the view for drawing a run with at least one row."""
+    """Return a run, with at least one row in its log, as a view that can be drawn."""
     run_log, monitor, scene = run.run_log, run.monitor, run.scene
     subtitle = f"{run_log.path_length:.1f} m in {run_log.time:.0f} s"
     if run.circuits:
@@ -183,7 +182,7 @@ def _title(run: NavigationRun, what: str = "") -> str:
 
 
 def _medium_of(run: NavigationRun) -> str:
-    """Return the type of the sensor for navigation; empty if unknown."""
+    """Return the type of the sensor used for navigation; empty if it is unknown."""
     try:
         items = load_robot(run.mission.robot_class).items_of("RangeScanner")
     except PresetError:
@@ -199,7 +198,7 @@ def _true_path(run: NavigationRun) -> Floats:
 
 
 def run_camera(run: NavigationRun) -> Callable[[], Pixels]:
-    """Return a function that draws the state of a run; call it after the first row."""
+    """Return a function that draws the current state of a run after the first scan."""
 
     @cache  # called after the first row, which has the robot's start
     def film() -> tuple[RunView, RunFrames]:

@@ -40,7 +40,7 @@ def drawn_robot(class_name: str | None) -> RobotModel:
 
 
 def check_start(scene: Scene | None, name: str | None) -> None:
-    """Check that a map has a start of the given name, if both are known.
+    """Check that a map has a start with the given name, if both are known.
 
     Raises:
         click.BadParameter: If the map has no such start.
@@ -108,7 +108,7 @@ class Recording:
     """Base class of recordings: records nothing; subclasses override all methods."""
 
     def attach(self, host: Host, map_: str) -> None:
-        """Record the events of a host in this process; ``map_`` names its map."""
+        """Record the events of a host in this process, given the name of its map."""
 
     def connect(self, host: str, port: int) -> Client:
         """Connect to a server over TCP, and record the traffic.
@@ -121,7 +121,7 @@ class Recording:
         return Client.connect(host, port)
 
     def follow(self, robot: str) -> DataCallback:  # noqa: ARG002 - nothing is recorded
-        """Return a callback that records the data of a robot, given its name."""
+        """Return a callback that records the data of the robot with the given name."""
         return lambda *_: None
 
     def add_map(self, mapper: Mapper | None, *, last: bool = False) -> None:
@@ -143,7 +143,7 @@ class Recording:
 def make_recording(
     folder: Path | None, drive_unit: DriveUnit, *, robots_map: bool = False
 ) -> Recording:
-    """Return the recording of a run.
+    """Return a recording of a run, which records nothing without a folder.
 
     Args:
         folder: Folder to create; None for no recording.

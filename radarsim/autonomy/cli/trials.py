@@ -1,4 +1,4 @@
-"""``radarsim trials``: score navigation on maps."""
+"""``radarsim trials``: let robots navigate on maps, and score their runs."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def _table(scores: Sequence[TrialResult]) -> Table:
         key = (score.map, score.algorithm, score.rule, score.sensor)
         groups.setdefault(key, []).append(score)
     for key, group in groups.items():
-        # Each row shows sums and means over the seeds.
+        # Each row of the table shows sums and means over trials with different seeds.
         path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
         ratio = "no path"
         if shortest is not None:

@@ -44,7 +44,7 @@ MISPLACED: Final = 0.15  # m; obstacles farther from all true obstacles are misp
 
 
 class Truth:
-    """The ground truth, rasterised to the cells of a grid.
+    """The true objects of a scene, rasterised to the cells of a grid.
 
     Attributes:
         frame: The grid.
@@ -88,7 +88,7 @@ class Truth:
         return np.asarray(np.any(list(self.kinds.values()), axis=0))
 
     def indoors_around(self, place: Position) -> Mask:
-        """Return the indoor cells connected with a position, (R, C).
+        """Return the indoor cells that are connected with a position, (R, C).
 
         Empty if the position is outdoors. Openings of less than three cells are closed.
         """
@@ -102,7 +102,7 @@ class Truth:
         return np.asarray(around & self.indoors)
 
     def faces(self, *, outdoors: bool) -> Mask:
-        """Return the cells with foliage or an exposed surface of an obstacle, (R, C).
+        """Return the cells with foliage or a visible surface of an obstacle, (R, C).
 
         Args:
             outdoors: Whether the outer surfaces of walls count, too.
@@ -113,14 +113,14 @@ class Truth:
 
 
 def class_of(material: Material) -> CellClass:
-    """Return the correct class of a material on a map."""
+    """Return the class that cells of a material should have on a map."""
     if not material.solid:
         return CellClass.SMOKE
     return CellClass.FOLIAGE if material.lets_beams_in else CellClass.OBSTACLE
 
 
 def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
-    """Return the cells inside a part, except hollow rooms, which contain a start."""
+    """Return the cells inside a part, unless it encloses a start, as rooms do."""
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
     # Points are rounded to a micrometre, since the ends
@@ -199,7 +199,7 @@ def find_floor(
 
 
 class FloorPart:
-    """The reachable or the hidden part of the free floor.
+    """The cells of the reachable part or of the hidden part of the free floor.
 
     ``reachable_coverage`` and ``hidden_coverage`` of a score count these cells, which
     are computed once for many maps.
@@ -213,7 +213,7 @@ class FloorPart:
         robot_class: str,
         start: Position,
     ) -> None:
-        """Find the cells.
+        """Find the floor cells of this part.
 
         Args:
             part: Which part of the floor.
@@ -230,7 +230,7 @@ class FloorPart:
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
     def coverage(self, grid: OccupancyGrid) -> float:
-        """Return the sensed share of these cells on a map; nan if there are none."""
+        """Return the share of these cells that a map shows as sensed; nan if none."""
         if not len(self._rows):
             return math.nan
         rows, columns = self._rows - grid.frame.row, self._columns - grid.frame.column
@@ -241,7 +241,7 @@ class FloorPart:
 
 
 def _with_scene(frame: GridFrame, scene: Scene) -> GridFrame:
-    """Return a frame that also contains the whole scene."""
+    """Return the frame of a map, extended so that it contains the whole scene."""
     (west, south), (east, north) = scene.bounds[:, :2].tolist()
     return frame.extended_to((west, south), (east, north))
 
@@ -253,7 +253,7 @@ def score_map(
     robot_radius: float,
     height: float,
 ) -> Score:
-    """Score a map.
+    """Return scores that compare a map with the ground truth of its scene.
 
     Args:
         grid: The map.
@@ -293,8 +293,8 @@ def score_map(
     solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     smoke = truth.kinds[CellClass.SMOKE]
     blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    # Side rays see objects up to two cells off their beam. So free cells count as wrong
-    # only if they are more than two cells inside an object.
+    # A radar with side rays sees objects up to two cells off its beam. So free cells
+    # count as wrong only if they are more than two cells inside an object.
     right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
     right |= (classes == CellClass.SMOKE) & (_distances(smoke) <= TOLERANCE + BESIDE)
     inside = np.any(list(truth.inside.values()), axis=0)
@@ -343,7 +343,7 @@ def robot_and_sensor(
 
 
 def _class_accuracy(classes: Any, truth: Truth) -> float | None:
-    # Cells near both kinds always count as right, since both classes are acceptable.
+    # Cells near both an obstacle and foliage always count as right in either class.
     matches: list[Any] = []
     for kind, other in (
         (CellClass.OBSTACLE, CellClass.FOLIAGE),

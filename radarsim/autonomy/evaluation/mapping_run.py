@@ -1,4 +1,4 @@
-"""One mapping run: the exploration of a robot, its server, and its result.
+"""One mapping run: a robot explores on a server, and its map is judged.
 
 The server is either in this process, in lockstep with the client, so that the map can
 be compared with the scene, or it listens on a TCP port.
@@ -42,7 +42,7 @@ MANY_SEEN_ONCE: Final = 0.3  # share of walls above which a doubt is reported
 
 
 class Sample(NamedTuple):
-    """The size of the known area at one time of a run.
+    """The size of the area that a mapping run knows at one time.
 
     Attributes:
         time: Time since the first scan, s.
@@ -59,7 +59,7 @@ class Sample(NamedTuple):
 
 
 class AreaCurve:
-    """The size of the known area over the time and the path length of a run.
+    """The size of the known area over the time and the path length of a mapping run.
 
     Attributes:
         samples: Samples in the order of time.
@@ -78,7 +78,7 @@ class AreaCurve:
         self._due = -math.inf
 
     def add(self, trip: TripMeter, grid: OccupancyGrid, *, last: bool = False) -> None:
-        """Add a sample, if one is due.
+        """Add a sample of the known area, if one is due.
 
         Args:
             trip: Time and path so far.
@@ -97,8 +97,8 @@ class AreaCurve:
                 self.reached[f"{each:g}"] = {"time": time, "path_length": length}
         if last and self.samples and self.samples[-1].time == sample.time:
             del self.samples[-1]  # the sample of the same scan before the run ended
-        # Every sample updates the times above, but only some are stored, which limits
-        # the size of the result.
+        # The times above are updated by every sample. Only some samples are stored,
+        # which limits the size of the result.
         before = self.samples[-1].time if self.samples else -math.inf
         if last or sample.time >= before + self._interval - 1e-9:
             self.samples.append(sample)
@@ -107,7 +107,7 @@ class AreaCurve:
             self._interval *= 2
 
     def to_dict(self) -> dict[str, list[float]]:
-        """Return the samples as columns for JSON; shares are omitted if unknown."""
+        """Return the samples as columns for JSON, without shares if none is known."""
         digits = {"time": 2, "path_length": 2, "area": 2, "reachable": 4}
         columns = {
             name: [round(getattr(each, name), places) for each in self.samples]
@@ -120,7 +120,7 @@ class AreaCurve:
 
 
 class MappingRun:
-    """A mapping run and its result, which remains available if the run fails.
+    """A mapping run and its result, which remains available after an error.
 
     Attributes:
         source: The source of the map: an exploration, or the watcher of a robot that
@@ -171,7 +171,7 @@ class MappingRun:
         observe: Callable[[str], None] = lambda _: None,
         connect: Callable[[], Client] = Client.connect,
     ) -> None:
-        """Connect, explore, and complete the result even after an error.
+        """Connect and explore; complete the result even after an error.
 
         Args:
             observe: Called at every scan with the activity of the strategy in one word.
@@ -227,7 +227,7 @@ class MappingRun:
 
     @property
     def doubts(self) -> list[str]:
-        """Reasons why the map may be wrong, from the data of the run alone."""
+        """Reasons why the map may be wrong, found without the ground truth."""
         mapper = self.source.mapper
         if mapper is None or not mapper.scans:
             return []
@@ -242,7 +242,7 @@ class MappingRun:
         return doubts
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, with lengths in mm precision.
+        """Return the result of the run for JSON, with lengths rounded to 1 mm.
 
         Errors of poses have five digits. A run that ended early has the values up to
         its end.

@@ -50,11 +50,11 @@ class GroundTruthMonitor(HostObserver):
         return Client(InProcessTransport(self._host, after_tick=self.watch))
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - it watches all ticks
-        """See ``HostObserver.step``."""
+        """Advance the host; see ``HostObserver.step``."""
         self.watch()
 
     def watch(self) -> None:
-        """Update from the simulation; call this after every tick."""
+        """Record the robot's state in the simulation; call this after every tick."""
         for vehicle in self._host.simulation.vehicles:
             if self._number is None:
                 self._number = vehicle.number
@@ -73,12 +73,12 @@ class GroundTruthMonitor(HostObserver):
 
     @property
     def positions(self) -> Floats:
-        """The path up to the robot's position, (N, 2) m, map frame."""
+        """The true path of the robot up to its latest position, (N, 2) m, map frame."""
         ends = [] if self._pose is None else [(self._pose.x, self._pose.y)]
         return np.array([*self.path, *ends]).reshape(-1, 2)
 
     def off_goal(self, mission: Mission) -> float:
-        """Return the robot's distance from the last goal of its mission, m.
+        """Return the robot's true distance from the last goal of its mission, m.
 
         For a mission that returns to its start, the true start is the last goal.
         """
@@ -88,7 +88,7 @@ class GroundTruthMonitor(HostObserver):
         return self.distance(goal)
 
     def distance(self, goal: Point) -> float:
-        """Return the robot's distance from a point, m; ``inf`` without a robot."""
+        """Return the robot's true distance from a point, m; ``inf`` without a robot."""
         if self._pose is None:
             return math.inf
         return math.hypot(self._pose.x - goal[0], self._pose.y - goal[1])
@@ -116,17 +116,17 @@ class NavigationRun:
 
     @property
     def scene(self) -> Scene | None:
-        """The scene, if the server is in this process."""
+        """The scene of the server, if the server runs in this process; else None."""
         return None if self.host is None else self.host.simulation.scene
 
     @property
     def outcome(self) -> str:
-        """``reached``, ``no_path`` or ``failed``."""
+        """The outcome of the run: ``reached``, ``no_path`` or ``failed``."""
         return "failed" if self.result is None else self.result.outcome
 
     @property
     def goals(self) -> tuple[Point, ...]:
-        """All goals in order, including the start if the robot is to return there."""
+        """All goals in order, ending with the start if the robot returns there."""
         first = self.run_log.rows[:1] if self.mission.return_to_start else []
         return (*self.mission.goals, *((row.x, row.y) for row in first))
 
@@ -135,8 +135,7 @@ class NavigationRun:
         """Number of goals that the robot has not reached."""
         if self.result is not None:
             return self.result.goals_left
-        # Each goal starts a leg, so all goals except
-        # the goal of the last leg are reached.
+        # Each goal ends a leg, so only the goal of the last leg is not yet reached.
         goals = len(self.mission.goals) + self.mission.return_to_start
         return goals - max(len(self.run_log.legs) - 1, 0)
 
@@ -207,7 +206,7 @@ class NavigationRun:
         return values
 
     def legs(self) -> list[dict[str, Any]]:
-        """Return a result for each goal that the robot has reached or started for."""
+        """Return a result for each goal that the robot reached or drove towards."""
         legs = self.run_log.legs
         return [
             {

@@ -45,7 +45,7 @@ MOST_COMMANDS: Final = 20_000  # most commands without a time step
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """An estimate with its 95 % confidence interval.
+    """An estimated value with its 95 % confidence interval.
 
     Attributes:
         value: The share, or the mean.
@@ -61,7 +61,7 @@ class Estimate:
 
 
 def share(successes: int, count: int) -> Estimate:
-    """Estimate a share, with Wilson's score interval.
+    """Estimate a share of successes, with Wilson's score interval.
 
     Args:
         successes: Number of runs with the property.
@@ -80,7 +80,7 @@ def share(successes: int, count: int) -> Estimate:
 
 
 def mean(values: Sequence[float]) -> Estimate:
-    """Estimate a mean, with Student's t interval.
+    """Estimate the mean of values, with Student's t interval.
 
     Args:
         values: At least one value. If all are equal, or there is only one, both ends of
@@ -88,8 +88,8 @@ def mean(values: Sequence[float]) -> Estimate:
     """
     count, value = len(values), float(np.mean(values))
     if min(values) == max(values):
-        # The mean of equal values can differ from the values
-        # in the last digit, so the first value is returned.
+        # Rounding may make the mean of equal values differ
+        # slightly from them, so the first value is returned.
         return Estimate(values[0], values[0], values[0], count)
     low, high = stats.t.interval(CONFIDENCE, count - 1, value, stats.sem(values))
     return Estimate(value, float(low), float(high), count)
@@ -135,7 +135,7 @@ class _TrialSimulation(LocalSimulation):
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """The results of a controller on all maps and seeds.
+    """The results of a user's controller on all maps and seeds.
 
     Attributes:
         rows: The result of each run, map by map and seed by seed.
@@ -145,7 +145,7 @@ class Evaluation:
 
     @property
     def success(self) -> Mapping[str, Estimate]:
-        """Share of runs with the correct outcome and no collisions, by map.
+        """Share of runs on each map with the correct outcome and without collisions.
 
         The key ``all`` holds the share over all maps. The intervals are Wilson's at 95
         %; for a single run, both ends are the value.
@@ -157,7 +157,7 @@ class Evaluation:
 
     @property
     def detour(self) -> Mapping[str, Estimate]:
-        """Ratio of path length to shortest path, by map; only runs to the goal count.
+        """Ratio of path length to shortest path by map, over runs that reach the goal.
 
         Maps without such a run are missing. The intervals are Student's at 95 %.
         """

@@ -29,7 +29,7 @@ _TOLERANCE = 1e-6  # m by which a path may come closer than the clearance
 def shortest_path(
     scene: Scene, start: Position, goal: Position, clearance: float
 ) -> tuple[float, Floats] | None:
-    """Compute the shortest path of a disc.
+    """Compute the shortest path of a disc between two points of a map.
 
     Args:
         scene: The map.
@@ -49,7 +49,7 @@ def shortest_path(
 
 
 class _Search:
-    """A* from corner 0, the start, to corner 1, the goal.
+    """A* search over visible corners, from the start, corner 0, to the goal, corner 1.
 
     networkx and scipy are not used: they need all edges in advance, which takes far
     longer than the search.
@@ -81,7 +81,7 @@ class _Search:
         self._previous = np.zeros(len(self._points), dtype=np.intp)
 
     def path(self) -> tuple[float, Floats] | None:
-        """Return length and points of the shortest path, or None."""
+        """Return length and points of the shortest path; None if there is no path."""
         queue = [(float(self._to_goal[0]), 0)]
         done: set[int] = set()
         while queue:
@@ -97,13 +97,13 @@ class _Search:
         return None
 
     def _expand(self, corner: int) -> NDArray[np.intp]:
-        """Return visible corners whose path gets shorter through the given corner."""
+        """Return visible corners that get a shorter path through the given corner."""
         points = self._points
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)
         (others,) = np.nonzero(lengths < self._lengths)
-        # Lines of a shortest path have both edges of a corner on one side. All other
-        # lines skip the slow visibility test.
+        # A shortest path bends around a corner, so both edges of the corner are on one
+        # side of a line. All other lines skip the slow visibility test.
         others = others[self._pass(lines[others], corner)]
         others = others[self._pass(lines[others], others)]
         ends = points[others]
@@ -115,7 +115,7 @@ class _Search:
         return seen
 
     def _pass(self, lines: Floats, which: NDArray[np.intp] | int) -> NDArray[np.bool_]:
-        """Return which lines have both edges of the obstacle corner on the same side.
+        """Return which lines pass a corner with both of its edges on the same side.
 
         Args:
             lines: (L, 2) m, vectors of the lines.
@@ -128,7 +128,7 @@ class _Search:
         return same_side
 
     def _bends(self) -> Floats:
-        """Return start, corners and goal of the shortest path, in order, (N, 2) m."""
+        """Return the points where the shortest path bends, and its ends, (N, 2) m."""
         indices = [1]
         while indices[-1] != 0:
             indices.append(int(self._previous[indices[-1]]))

@@ -55,7 +55,7 @@ def run_tasks(
     workers: int,
     prepare: Callable[[], object] = int,
 ) -> Generator[TaskResult[Value], None, None]:
-    """Run tasks, and yield each result as soon as it is available.
+    """Run tasks in parallel, and yield each result as soon as it is available.
 
     Closing the generator early ends the running tasks. A task whose process crashes
     fails without affecting other tasks.
@@ -76,8 +76,8 @@ def run_tasks(
         left = groups.pop()
         begun: list[int] = []
         try:
-            # New processes are created after a crash, since the old pool would keep
-            # unsent tasks and start processes without preparation.
+            # Each crash is followed by new processes, since the old pool would keep
+            # unsent tasks and would not prepare the processes that it starts.
             with _processes(workers, prepare) as parallel:
                 for result in _run_together(parallel, function, left, begun):
                     del left[result[0]]
@@ -98,7 +98,7 @@ def _run_together(
     tasks: dict[int, Arguments],
     begun: list[int],
 ) -> Iterator[TaskResult[Value]]:
-    """Run tasks until a process crashes; add the number of each to ``begun``."""
+    """Run tasks until a process crashes; ``begun`` gets the number of each."""
 
     def calls() -> Iterator[Any]:
         for number, arguments in [*tasks.items()]:
@@ -116,12 +116,12 @@ def _run_together(
 @contextmanager
 def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel]:
     """Open a pool of processes, which are started when the first tasks arrive."""
-    # joblib warns about runs that are ended early, and about workers that it restarts
-    # because of high memory use.
+    # joblib warns if tasks end early, and if it restarts a worker because of high
+    # memory use. These warnings are not shown.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
     with TemporaryDirectory(prefix="radarsim-") as folder:
-        # The workers read the preparation from a file. With a pipe, they would start
-        # one after the other.
+        # The workers read the pickled function ``prepare`` from a file. With a pipe,
+        # they would start one after the other.
         file = Path(folder) / "prepare.joblib"
         joblib.dump(prepare, file)
         try:
@@ -144,7 +144,7 @@ def _prepare(file: Path) -> None:
 def run_task(
     function: Callable[..., Value], number: int, arguments: Arguments
 ) -> TaskResult[Value]:
-    """Run a task; return its number, its value, and its error message."""
+    """Run a task; return its number, its return value, and its error message."""
     try:
         return number, function(*arguments), ""
     except RadarsimError as error:
@@ -154,7 +154,7 @@ def run_task(
 
 
 def in_order(results: Iterable[TaskResult[Value]]) -> list[Value]:
-    """Return the values of tasks in the order of the tasks.
+    """Return the return values of tasks, sorted by the numbers of the tasks.
 
     Raises:
         RadarsimError: If a task has failed.
@@ -215,7 +215,7 @@ def run_on_cluster(
 def prepare_workers(
     distributed: Any, client: Any, prepare: Callable[[], object]
 ) -> None:
-    """Prepare all workers, including workers that join later."""
+    """Prepare all workers of a cluster, including workers that join it later."""
 
     class Preparation(distributed.WorkerPlugin):  # type: ignore[misc]
         name = "radarsim-tasks"
@@ -242,7 +242,7 @@ def prepare_workers(
 
 
 def count_threads(client: Any, address: str, report: Callable[[str], None]) -> int:
-    """Wait for a worker, and return the number of threads of all workers.
+    """Wait until a cluster has a worker; return the number of threads of all workers.
 
     Raises:
         SweepError: If there is no worker for too long, or the scheduler has stopped.

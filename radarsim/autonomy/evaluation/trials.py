@@ -47,7 +47,7 @@ TIME_LIMIT = 3600.0  # s of simulated time
 
 @dataclass(frozen=True, kw_only=True)
 class TrialResult:
-    """The result of a run according to the ground truth, and the trial's parameters.
+    """The result of a trial according to the ground truth, and the trial's parameters.
 
     Attributes:
         outcome: For a drive, ``reached`` if the robot reports that and is at the goal,
@@ -89,18 +89,18 @@ class TrialResult:
 
     @property
     def is_correct(self) -> bool:
-        """Whether the outcome is the correct one for the map, without collisions."""
+        """Whether the outcome is correct for the map, and no collision happened."""
         correct = "no_path" if self.shortest_path is None else "reached"
         return self.outcome == correct and not self.collisions
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of a trial for JSON, rounded to mm and ms."""
+        """Return the result of the trial for JSON, rounded to 1 mm and 1 ms."""
         what = ("map", "algorithm", "sensor", "seed", "rule")
         how = ("outcome", "collisions", "path_length", "shortest_path", "time")
         return self.select((*what, *how, "circuits", "off", "note"))
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
-        """Return the named values, including those of the score, rounded for JSON."""
+        """Return the values or scores with the given names, rounded for JSON."""
         values = vars(self) | (self.score or {})
         return {name: rounded(values.get(name), digits) for name in names}
 
@@ -111,7 +111,7 @@ def run_plan(
     *,
     seed: int = 0,
 ) -> TrialResult:
-    """Run a plan in lockstep with a server, and judge it by the ground truth.
+    """Let a robot carry out a plan in lockstep, and judge it by the ground truth.
 
     Args:
         plan: A drive to a goal, or an exploration, whose map is scored.
@@ -158,7 +158,7 @@ def _drive(mission: Mission, host: Host) -> TrialResult:
 def judge_drive(
     host: Host, monitor: GroundTruthMonitor, off: float, outcome: str, note: str
 ) -> TrialResult:
-    """Return the result of a drive; reporting the goal elsewhere counts as failed.
+    """Return the result of a drive: failed if the robot reports the goal elsewhere.
 
     Args:
         host: The server.
@@ -212,7 +212,7 @@ def load_trial(map_: str) -> tuple[Scene, Trial]:
 def run_trial(
     map_: str, algorithm: str, sensor: str, seed: int, rule: str = Rule.SHARE.value
 ) -> TrialResult:
-    """Run one trial; the arguments are described in ``TrialResult``.
+    """Run one trial with the arguments that ``TrialResult`` describes.
 
     Raises:
         MapError: If the map is invalid, or defines no trial.
@@ -232,7 +232,7 @@ def drive_trial(
     rule: str = Rule.SHARE.value,
     time_limit: float = TIME_LIMIT,
 ) -> TrialResult:
-    """Run the trial that the map of a host defines."""
+    """Drive a robot through the trial that the map of a host defines."""
     trial = host.scene.trial
     assert trial is not None
     mission = Mission(

@@ -54,7 +54,7 @@ TargetSelector = Callable[[TraversabilityMap], Mask]
 
 
 class NearestTargetStrategy(Strategy):
-    """Drives to the nearest tile of a set that a selector function returns."""
+    """Drives to the nearest target tile; a function selects the target tiles."""
 
     def __init__(
         self,
@@ -103,7 +103,7 @@ def frontier_strategy(
     settings: ExplorationSettings,
     select_targets: TargetSelector = lambda floor: floor.frontiers,
 ) -> NearestTargetStrategy:
-    """Return a strategy that drives to the nearest of all or of selected frontiers."""
+    """Return a strategy that drives to the nearest frontier or selected frontier."""
     return NearestTargetStrategy(settings, select_targets, "frontier", turn=FULL_TURN)
 
 
@@ -133,7 +133,7 @@ class ContourStrategy(Strategy):
         self._track: list[Point] = []
         self._has_no_wall = False
         self._wall: Point = (0.0, 0.0)
-        # start of the current circuit along a wall, and its latest pose
+        # first pose and latest pose of the current circuit along a wall
         self._begin: Landmark
         self._last: Pose2
         # length of the circuit, m, distance driven
@@ -152,7 +152,7 @@ class ContourStrategy(Strategy):
         return twist
 
     def _seek(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Drive to a wall that has not been followed, and stop there."""
+        """Drive to the nearest wall that has not been followed yet, and stop there."""
         path_follower = self._path_follower
         if path_follower.update_map(observation, grid):
             floor = path_follower.floor
@@ -258,10 +258,10 @@ class SpiralCoverage(Strategy):
         return self._start.point(self._angle, SPACING * self._angle / (2 * math.pi))
 
     def _advance(self) -> float:
-        """Advance to the next point of the spiral; return the angle advanced, rad."""
+        """Advance to the next point of the spiral; return the angle to it, rad."""
         radius = SPACING * self._angle / (2 * math.pi)
-        # The radius is limited from below, since near the
-        # centre the step would be more than a full turn.
+        # The least radius keeps a step near the
+        # centre from being more than a full turn.
         step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
         self.is_done = radius > self._settings.plan.radius
@@ -293,8 +293,8 @@ class RandomBounce(Strategy):
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            # A straight leg has ended. It was useful only if the robot saw new floor on
-            # the way.
+            # The robot has driven straight up to a wall. This
+            # was useful only if it saw new floor on the way.
             floor = settings.traversability(grid)
             remaining = floor.area(floor.unvisited & floor.reachable(observation.pose))
             self._idle_legs += 1
@@ -311,7 +311,7 @@ class RandomBounce(Strategy):
         return settings.limit_by_bumpers(observation, twist)
 
     def _draw_turn(self, observation: Observation) -> float:
-        """Return a random turn to a free direction, rad; pi if no direction is free.
+        """Return a random turn, rad, to a free direction; pi if no direction is free.
 
         The bumper has stopped the robot away from the wall, so it has room to turn.
         """

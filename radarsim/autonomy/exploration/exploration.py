@@ -43,7 +43,7 @@ class Outcome(StrEnum):
 
 
 class Exploration:
-    """One exploration and its results, which remain available if it fails.
+    """One exploration and its results, which remain available after an error.
 
     Attributes:
         plan: The plan of the exploration.
@@ -76,7 +76,7 @@ class Exploration:
         client: Client,
         observe: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Spawn a robot and let it explore; the robot stands at the end.
+        """Spawn a robot and let it explore; stop the robot at the end.
 
         Args:
             client: Connection without a robot.
@@ -109,7 +109,7 @@ class Exploration:
     def _prepare(
         self, client: Client
     ) -> tuple[ControlLoop, WaypointFollower | Revisit]:
-        """Spawn the robot; return its control loop and its strategy."""
+        """Spawn the robot; return the control loop and the exploration strategy."""
         plan = self.plan
         info, scanner, self.safety_distance, speed_limits = spawn_robot(client, plan)
         settings = ExplorationSettings(
@@ -121,7 +121,7 @@ class Exploration:
             check_field_of_view(settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
-        # The robot covers the disc of this radius at any heading.
+        # At any heading, the robot covers the disc of this radius.
         radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,

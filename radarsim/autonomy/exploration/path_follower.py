@@ -53,20 +53,20 @@ class ExplorationSettings:
     plan: ExplorationPlan = field(default_factory=ExplorationPlan)
 
     def traversability(self, grid: OccupancyGrid) -> TraversabilityMap:
-        """Compute the traversability of a map."""
+        """Compute which parts of a map the robot can drive on."""
         return TraversabilityMap(grid, self.bumpers.safety_distance)
 
     def limit_by_bumpers(self, observation: Observation, twist: Twist) -> Twist:
-        """Return the twist, or a turn on the spot if an obstacle ahead is too near."""
+        """Return the twist, or only its turn if an obstacle ahead is too near."""
         ahead = math.pi if twist.speed < 0 else 0.0
         if not twist.speed or not self.bumpers.towards(observation, ahead).too_near:
             return twist
         return Twist(0.0, twist.turn or self.speed_limits.turn)
 
     def clear_bearing(self, observation: Observation, bearing: float) -> float:
-        """Return the free bearing nearest to a given bearing, rad."""
-        # Bearings are tried alternately on both
-        # sides, so the first free one is the nearest.
+        """Return the obstacle-free bearing, rad, that is nearest to a given bearing."""
+        # Bearings are tried on both sides in turn,
+        # so the first free one is the nearest.
         for k in range(int(math.pi / _BEARING_STEP) + 1):
             for each in (bearing + k * _BEARING_STEP, bearing - k * _BEARING_STEP):
                 if not self.bumpers.towards(observation, each).too_near:
@@ -75,7 +75,7 @@ class ExplorationSettings:
 
 
 class PathFollower:
-    """Drives to the nearest of the given tiles, over sensed and open floor.
+    """Drives to the nearest of the given tiles, over floor that is sensed and free.
 
     Attributes:
         floor: The map as last evaluated.
@@ -92,11 +92,11 @@ class PathFollower:
 
     @property
     def end(self) -> Point | None:
-        """End of the path, m; None without a path."""
+        """End point of the current path, m; None without a path."""
         return self._path[-1] if self._path else None
 
     def update_map(self, observation: Observation, grid: OccupancyGrid) -> bool:
-        """Evaluate the map if an evaluation is due; return whether it was evaluated.
+        """Update the traversability map if an update is due; return whether it was.
 
         Args:
             observation: The newest observation.
@@ -109,7 +109,7 @@ class PathFollower:
         return True
 
     def plan(self, observation: Observation, targets: Mask) -> bool:
-        """Plan the path to the nearest of given tiles; return whether there is one.
+        """Plan a path to the nearest of the given tiles; return whether there is one.
 
         Tiles near abandoned targets are excluded.
         """
@@ -123,7 +123,7 @@ class PathFollower:
         return bool(self._path)
 
     def step(self, observation: Observation) -> Twist:
-        """Return the twist along the path."""
+        """Return the twist that drives the robot along the planned path."""
         if not self._path:
             return STOP
         self._check_progress(observation)
@@ -136,11 +136,11 @@ class PathFollower:
         return settings.limit_by_bumpers(observation, twist)
 
     def _next_point(self, pose: Pose2) -> Point:
-        """Return the farthest point of the path in a straight open line."""
+        """Return the farthest path point that the robot reaches in a straight line."""
         path = self._path
         nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
-        # The two nearest points are skipped: a robot that
-        # heads for its own position would turn forever.
+        # The two nearest points of the path are skipped: a robot that heads for its own
+        # position would turn forever.
         ahead = min(nearest + 2, len(path) - 1)
         chosen = path[ahead]
         for point in path[ahead:]:
@@ -183,7 +183,7 @@ class Strategy(ABC):
         self._scans = 0
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
+        """Return the twist of the robot until the next scan."""
         self._start = self._start or observation.pose
         self._scans += 1
         if self.is_done or self._scans < self.min_scans:
@@ -195,7 +195,7 @@ class Strategy(ABC):
 
 
 class WaypointFollower(Strategy):
-    """Drives to waypoints in order, as close to each as sensed and open floor allows.
+    """Drives to waypoints in order, as close to each as sensed and free floor allows.
 
     Attributes:
         unreached: Waypoints that could not be reached, m.
@@ -236,12 +236,12 @@ class WaypointFollower(Strategy):
         return False
 
     def _plan(self, observation: Observation) -> bool:
-        """Plan a path to the waypoint; return whether the path leads nearer to it."""
+        """Plan a path towards the waypoint; return whether its end is nearer to it."""
         floor = self._path_follower.floor
         reachable = floor.reachable(observation.pose)
         tiles = floor.nearest(reachable, *self._waypoints[0])
         x, y = floor.tile_centers()
-        # The mask contains at most one tile.
+        # ``tiles`` contains at most one tile, so this loop runs at most once.
         for row, column in np.argwhere(tiles):
             remaining = math.dist((x[column], y[row]), self._waypoints[0])
             gain = self._distance(observation) - remaining

@@ -49,7 +49,7 @@ MARGIN: Final = 0.13  # m of tolerance for the safety distance, from whole tiles
 
 
 class Revisit(Strategy):
-    """Waits at obstacles that block passages, after another strategy is done.
+    """Waits near obstacles that block passages, after another strategy has finished.
 
     Attributes:
         unreached: A point in each piece of floor that borders on unknown space and
@@ -61,7 +61,7 @@ class Revisit(Strategy):
     def __init__(
         self, settings: ExplorationSettings, strategy: Strategy, *, fills: bool
     ) -> None:
-        """Create the strategy; it first runs the given other strategy.
+        """Create the strategy; it runs the given other strategy first.
 
         Args:
             settings: Settings of the exploration.
@@ -96,7 +96,7 @@ class Revisit(Strategy):
             if not self._strategy.is_done:
                 return twist
             # The map is evaluated for this scan, since
-            # a passage may have closed just now.
+            # an obstacle may just have closed a passage.
             self._path_follower = PathFollower(self._settings)
             self._path_follower.update_map(observation, grid)
             self._remember(grid)
@@ -113,7 +113,7 @@ class Revisit(Strategy):
     def find_unexplored(
         self, observation: Observation, grid: OccupancyGrid
     ) -> tuple[list[Point], list[Point]]:
-        """Find unexplored floor; in an open area, search only within the plan's radius.
+        """Find floor left to explore; in an open area, only within the plan's radius.
 
         Args:
             observation: The newest observation.
@@ -130,7 +130,7 @@ class Revisit(Strategy):
         return floor.places_of(frontiers, 0.0), floor.places_of(cut_off, LEAST_AREA)
 
     def forget_moved(self, grid: OccupancyGrid) -> None:
-        """Remove obstacles that moved onto open floor from the final map.
+        """Remove from the final map the obstacles that have moved onto open floor.
 
         If the robot never had to wait, nothing is removed: no passage was blocked, so
         the few such cells are errors of poses and beams.
@@ -144,10 +144,10 @@ class Revisit(Strategy):
         grid.free(moved_things(grid, was_open[:rows, :columns], safety))
 
     def _remember(self, grid: OccupancyGrid) -> None:
-        """Store the floor that has been open or free so far."""
+        """Store which floor tiles have ever been open or free."""
         floor = self._path_follower.floor
         masks = [floor.open, floor.open, floor.free]
-        # On a rebuilt map, seen cells have new positions, so old masks are not used.
+        # A rebuilt map shows the floor at new positions, so old masks are not used.
         if grid is self._grid:
             before = (self._was_open, self._may_open, self._was_free)
             masks = [
@@ -169,7 +169,7 @@ class Revisit(Strategy):
         self._look(observation)
 
     def _look(self, observation: Observation) -> None:
-        """Choose a position to wait at, continue the exploration, or finish."""
+        """Choose where to wait for a passage to open, explore further, or finish."""
         floor, pose = self._floor, observation.pose
         assert self._since is not None
         beyond = self._reopened(self._may_open)
@@ -190,8 +190,8 @@ class Revisit(Strategy):
             self._since = None
             self._strategy = self._create(self._settings)
         elif observation.time > self._since + LOOK_TIME:
-            # The robot has waited long enough, so the
-            # passage is ignored until it is open.
+            # The robot has waited long enough, so it
+            # ignores the passage until the passage opens.
             shut = self._may_open & ~floor.open
             labels, _ = ndimage.label(shut, np.ones((3, 3)))
             number = labels[floor.nearest(shut, *path[at])]
@@ -203,20 +203,20 @@ class Revisit(Strategy):
             self._path_follower.plan(observation, target)
 
     def _targets(self, observation: Observation, also_open: Mask) -> Mask:
-        """Return frontiers that would be reachable if more tiles were open."""
+        """Return the frontiers that would be reachable if the tiles were open, too."""
         floor = self._reopened(also_open)
         targets = floor.frontiers & floor.reachable(observation.pose)
         return targets & self._near_start(observation, floor)
 
     def _near_start(self, observation: Observation, floor: TraversabilityMap) -> Mask:
-        """Return the explorable tiles: in an open area, only those near the start."""
+        """Return the tiles to explore: in an open area, only those near the start."""
         start = self._start
         if start is None or is_enclosed(observation):
             return np.ones_like(floor.open)
         return floor.disc(start.x, start.y, self._settings.plan.radius)
 
     def _reopened(self, tiles: Mask) -> TraversabilityMap:
-        """Return the map without the moved obstacles on the given tiles."""
+        """Return the map as if no moved obstacle stood on the given tiles."""
         floor = self._floor
         labels, _ = ndimage.label(tiles & ~floor.open, np.ones((3, 3)))
         came = labels[self._was_free & floor.nearer_than(FREE_RADIUS - MARGIN)]
@@ -234,7 +234,7 @@ def moved_things(grid: OccupancyGrid, was_open: Mask, safety: float) -> Mask:
     blocked, size = grid.blocked_cells(), grid.frame.resolution
     reach = max(safety - MARGIN, 0.0) / size
     near = blocked & np.isfinite(distance_field(was_open, reach))
-    # Beams leave gaps between them, so pieces near each other count as one object.
+    # Gaps between beams split objects, so pieces near each other count as one object.
     joined = np.isfinite(distance_field(near, GAP / size))
     labels, count = ndimage.label(joined, np.ones((3, 3)))
     sizes = np.bincount(labels[blocked & was_open], minlength=count + 1)

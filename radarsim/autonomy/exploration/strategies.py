@@ -45,7 +45,7 @@ _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]
 def create_strategy(
     name: StrategyName, settings: ExplorationSettings, rng: np.random.Generator
 ) -> Strategy:
-    """Create a strategy.
+    """Create the exploration strategy with the given name.
 
     Args:
         name: Name of the strategy.
@@ -96,13 +96,13 @@ class AutoStrategy(Strategy):
         return is_untried and last == StrategyName.FRONTIERS and is_open
 
     def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
-        """Start the first suitable strategy that may be chosen again, or finish."""
+        """Start the first suitable strategy that was not used too often, or finish."""
         self.is_done, self._current = True, None
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
-        # Two strategies could alternate forever, each leaving floor to the other. So
-        # each strategy is chosen only a limited number of times.
+        # Two strategies could run in turn forever, each leaving floor for the other. So
+        # each strategy is started only a limited number of times.
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),
@@ -126,5 +126,5 @@ class AutoStrategy(Strategy):
 
 
 def is_enclosed(observation: Observation) -> bool:
-    """Return whether the beams in most directions have a return."""
+    """Return whether the robot is in a room: beams in most directions have a return."""
     return bool(np.isfinite(observation.ranges).mean() > ENCLOSED_SHARE)

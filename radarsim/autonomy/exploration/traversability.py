@@ -40,7 +40,7 @@ _PADDING: Final = 4  # unknown tiles around the map
 
 
 class TraversabilityMap:
-    """The map at one time, divided into tiles; masks of tiles are (R, C).
+    """A map divided into square tiles: where the robot can drive; masks are (R, C).
 
     Attributes:
         safety: Safety distance from the robot's centre, m.
@@ -48,7 +48,7 @@ class TraversabilityMap:
     """
 
     def __init__(self, grid: OccupancyGrid, safety: float) -> None:
-        """Evaluate a map.
+        """Evaluate an occupancy grid.
 
         Args:
             grid: The map.
@@ -67,7 +67,7 @@ class TraversabilityMap:
 
     @cached_property
     def unknown(self) -> Mask:
-        """Tiles in discs of ``HOLE_RADIUS`` that contain no sensed tile."""
+        """Unknown tiles: those in discs of ``HOLE_RADIUS`` without any sensed tile."""
         return self._opening(~self._sensed, HOLE_RADIUS)
 
     @cached_property
@@ -77,22 +77,22 @@ class TraversabilityMap:
 
     @cached_property
     def free(self) -> Mask:
-        """Tiles with only sensed tiles and no obstacle within ``FREE_RADIUS``."""
+        """Tiles that have only sensed tiles and no obstacle within ``FREE_RADIUS``."""
         is_sensed = np.isinf(self._distances(~self._sensed, FREE_RADIUS))
         return np.asarray(is_sensed & ~self.nearer_than(FREE_RADIUS))
 
     @cached_property
     def frontiers(self) -> Mask:
-        """Open tiles next to unknown ones."""
+        """Frontiers: open tiles next to unknown tiles."""
         return self.open & self._dilated(self.unknown)
 
     @cached_property
     def unvisited(self) -> Mask:
-        """Open tiles that were not seen at short range."""
+        """Open tiles that the robot has not yet seen at short range."""
         return self._opening(self.open & ~self._near, self.size)
 
     def reopened(self, tiles: Mask) -> "TraversabilityMap":
-        """Return the map with additional open tiles."""
+        """Return a map on which the given tiles are open, too."""
         other = copy(self)
         other.__dict__ |= {"open": self.open | tiles}
         other.__dict__.pop("frontiers", None)
@@ -103,7 +103,7 @@ class TraversabilityMap:
         return other
 
     def tiles_of(self, other: "TraversabilityMap", tiles: Mask) -> Mask:
-        """Convert tiles of another map to this map's tiles at the same positions."""
+        """Convert a mask of tiles from another map to this map, by their positions."""
         left, bottom = self._corner
         column = round((other._corner[0] - left) / self.size)
         row = round((other._corner[1] - bottom) / self.size)
@@ -121,7 +121,7 @@ class TraversabilityMap:
         return inner.repeat(self._factor, axis=0).repeat(self._factor, axis=1)
 
     def tile_centers(self) -> tuple[Floats, Floats]:
-        """Return the centers of columns, (C,) x, and of rows, (R,) y, m."""
+        """Return the x of the centers of columns, (C,) m, and the y of rows, (R,) m."""
         rows, columns = self._clearance.shape
         left, bottom = self._corner
         x: Floats = left + (np.arange(columns, dtype=np.float64) + 0.5) * self.size
@@ -142,7 +142,7 @@ class TraversabilityMap:
         return chosen & tiles
 
     def nearer_than(self, distance: float) -> Mask:
-        """Return the tiles nearer than a distance, m, to an obstacle."""
+        """Return the tiles nearer to an obstacle than a given distance, m."""
         return np.asarray(self._clearance < distance)
 
     def area(self, tiles: Mask) -> float:
@@ -155,10 +155,10 @@ class TraversabilityMap:
         return self._is_inside(tile) and bool(self.open[tile])
 
     def is_line_cheap(self, pose: Pose2, x: float, y: float) -> bool:
-        """Return whether the robot may drive straight to a point, m, at a low cost."""
+        """Return whether the straight line to a point, m, stays away from obstacles."""
         if not self.is_open(x, y):
             return False
-        # There are two points per tile, so the line skips tiles only at their corners.
+        # The line has two samples per tile length, so it misses only tile corners.
         steps = max(2, math.ceil(math.hypot(x - pose.x, y - pose.y) / self.size * 2))
         points = np.linspace((pose.x, pose.y), (x, y), steps + 1)
         tiles = np.array([self._tile(*point) for point in points.tolist()])
@@ -172,7 +172,7 @@ class TraversabilityMap:
         return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
 
     def find_path(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
-        """Return the path to the nearest of given tiles, m; empty without a path.
+        """Return the path, m, to the nearest of the given tiles; empty without a path.
 
         A path from a position too close to an obstacle may lead away from the obstacle.
         """
@@ -192,7 +192,7 @@ class TraversabilityMap:
         return np.asarray(flood_fill(passable, start) & self.open)
 
     def places_of(self, tiles: Mask, least_area: float) -> list[Point]:
-        """Return the position, m, of the middle tile of each connected group.
+        """Return the position of the middle tile, m, of each group of connected tiles.
 
         Args:
             tiles: (R, C).
@@ -209,7 +209,7 @@ class TraversabilityMap:
         return places
 
     def outer_boundary(self, region: Mask) -> Mask:
-        """Return the tiles at the outer edge of a region that are near obstacles.
+        """Return the tiles near obstacles at the outer edge of a region of tiles.
 
         Edges around islands within the region are excluded.
         """
@@ -220,11 +220,11 @@ class TraversabilityMap:
         return np.asarray(region & self._dilated(outside) & is_walled)
 
     def _cost(self, pose: Pose2, start: Cell) -> Floats:
-        """Return the cost of a step into each tile; inf for closed tiles."""
+        """Return the cost of driving into each tile, (R, C); inf for closed tiles."""
         cost = np.where(self.open, self._step_cost, math.inf)
         if not self.open[start]:
-            # The robot is too close to an obstacle. It may drive away from it over
-            # closed tiles, but not into unknown ones.
+            # A robot too close to an obstacle may drive away from the obstacle over
+            # closed tiles, but not into unknown tiles.
             escape = self.disc(pose.x, pose.y, ESCAPE_RADIUS) & ~self.open
             escape &= (self._clearance >= self._clearance[start]) & ~self.unknown
             cost[escape] = ESCAPE_COST
@@ -239,15 +239,15 @@ class TraversabilityMap:
         return bool(is_inside.all())
 
     def _tiles(self, cells: Mask) -> Mask:
-        # A single sensed cell is enough, since gaps
-        # between beams leave cells of a tile unknown.
+        # One sensed cell makes a tile sensed, since
+        # the gaps between beams leave cells unknown.
         tiles = _blocks(cells, self._factor).any(axis=(1, 3))
         # A border of unknown tiles is added, so that
         # floor at the edge of the map is a frontier.
         return np.pad(tiles, _PADDING)
 
     def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
-        """Return the least clearance in each tile, m; inf beyond a limit."""
+        """Return each tile's least distance from an obstacle, m; inf beyond a limit."""
         # Distances beyond the limit do not change costs, so they are not computed.
         limit = self.safety + COSTLY + self.size
         cells = np.pad(blocked, _PADDING * self._factor)
@@ -256,23 +256,23 @@ class TraversabilityMap:
         return tiles
 
     def _distances(self, tiles: Mask, max_distance: float) -> Floats:
-        """Return each tile's distance to the nearest given tile, m; inf if too far."""
+        """Return each tile's distance, m, to the nearest given tile; inf if too far."""
         return distance_field(tiles, max_distance / self.size) * self.size
 
     def _dilated(self, tiles: Mask) -> Mask:
-        # A limit of 1.5 tiles includes diagonal neighbours,
-        # which are 1.41 tiles away, and no others.
+        # A limit of 1.5 tiles includes diagonal neighbours, which are 1.41 tiles away,
+        # but no tile beyond the neighbours.
         return np.isfinite(self._distances(tiles, 1.5 * self.size))
 
     def _opening(self, tiles: Mask, radius: float) -> Mask:
-        # An opening (erosion, then dilation) keeps
-        # tiles where a disc of the radius fits.
+        # An opening (erosion, then dilation) keeps the
+        # tiles of all discs that fit into the mask.
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
 
 
 def _blocks(cells: NDArray[Any], factor: int, fill: float = 0) -> NDArray[Any]:
-    """Return the cells, reshaped into tiles, (R, factor, C, factor)."""
+    """Reshape a grid of cells into square tiles, (R, factor, C, factor)."""
     cells = np.pad(
         cells, [(0, -count % factor) for count in cells.shape], constant_values=fill
     )

@@ -42,7 +42,7 @@ HEAD: Final = 64  # bytes at the beginning of a file that contain the mark
 
 
 def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    """Return all cells of a map in the colours of UsarCommander, (R, C, 3).
+    """Return an image, (R, C, 3), of all cells in the colours of UsarCommander.
 
     Unknown cells are blue, sensed cells white, cells free within the short range grey
     (in foliage, too), and cells where beams end black. The first row is the
@@ -64,7 +64,7 @@ def commander_png(grid: OccupancyGrid) -> bytes:
 def nav_map(
     grid: OccupancyGrid, name: str, *, mode: NavMode = "trinary"
 ) -> dict[str, bytes]:
-    """Return the files of a map for nav2's map_server.
+    """Return a map as the contents of files for nav2's map_server.
 
     Foliage is occupied, since robots cannot drive there. ``trinary`` is a PGM with
     occupied, free and unknown cells. ``scale`` holds probabilities, with unknown cells
@@ -121,7 +121,7 @@ def _quoted(name: str) -> str:
 
 
 def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
-    """Encode an image of cells whose first row is the southernmost."""
+    """Encode an image of a map whose first row is the southernmost."""
     data, info = io.BytesIO(), PngInfo()
     info.add_text("Software", MARK)
     Image.fromarray(np.flip(pixels, axis=0)).save(data, image_format, pnginfo=info)
@@ -134,7 +134,7 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
 
 
 def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
-    """Return the rows and columns of the sensed cells with a margin of 0.5 m.
+    """Return the rows and columns of the sensed cells plus a margin of 0.5 m.
 
     Without sensed cells, one cell is returned. Open floor is cropped at 5 m around
     cells that are not free or were seen at short range, since beams without a return

@@ -74,7 +74,7 @@ SIGMA: Final = (0.1, 0.1, 0.05)  # m, m and rad; possible error of a map
 
 @dataclass(slots=True)
 class Keyframe:
-    """A scan that is part of the map.
+    """A keyframe: a scan that is part of the point map, with its pose.
 
     Attributes:
         pose: Pose of the robot, map frame.
@@ -90,7 +90,7 @@ class Keyframe:
 
 
 class KeyframeMap:
-    """All keyframes, and a map of the points of the local keyframes.
+    """All keyframes, and a point map of the keyframes near the robot.
 
     Attributes:
         keyframes: Keyframes in the order in which they were added.
@@ -106,14 +106,14 @@ class KeyframeMap:
         self._next_attempt = 0.0  # station of the next attempt to close a loop
 
     def add(self, keyframe: Keyframe) -> None:
-        """Add a keyframe to the local map, and drop distant keyframes from that map."""
+        """Add a keyframe to the local map, and remove distant keyframes from it."""
         self.keyframes.append(keyframe)
         _add(self.points, keyframe)
-        # The extent of keyframes limits the distance at which two of them overlap.
+        # Two keyframes overlap only if they are closer than the extent of their points.
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
-        # Keyframes are checked only at intervals, since
-        # the map is rebuilt when some are dropped.
+        # Distant keyframes are searched only at intervals, since the map is rebuilt
+        # when some of them are removed.
         if keyframe.station > self._swept + STRIDE:
             self._swept, far = keyframe.station, False
             for each in self.keyframes:
@@ -124,19 +124,19 @@ class KeyframeMap:
                 self._rebuild()
 
     def move(self, poses: list[Pose2]) -> None:
-        """Move all keyframes; keyframes near the last one become local."""
+        """Set the poses of all keyframes; those near the last one are local then."""
         local = REACHES * self.reach
         for keyframe, pose in zip(self.keyframes, poses, strict=True):
             keyframe.pose = pose
             keyframe.is_local = pose.distance(poses[-1]) < local
-        # The map stores only sums over points, so single points cannot be removed.
+        # The point map stores only sums over points, so it cannot remove single points.
         self._rebuild()
 
     def _rebuild(self) -> None:
         self.points = map_of([each for each in self.keyframes if each.is_local])
 
     def find_closure(self, latest: Fit) -> tuple[int, Pose2, Floats] | None:
-        """Match the last keyframe with older ones; return its pose if a loop closes.
+        """Match the last keyframe with older keyframes, to detect a loop closure.
 
         Args:
             latest: The fit of the last keyframe to the local map.
@@ -176,15 +176,15 @@ class KeyframeMap:
         found = find_pose(map_of(around).table, self._latest(), drift, turn)
         if found is None:
             return None
-        # Walls look different from another position, so the error of a match may be
-        # larger than the error to correct. Another attempt follows later on the path.
+        # Seen from another position, walls look different, so a match may have a larger
+        # error than the pose. The next attempt follows later on the path.
         is_beside = found.pose.distance(old.pose) > SAME_PLACE
         if is_beside and found.inliers < MIN_INLIERS_BESIDE:
             return None
         return nearest, found.pose, found.information
 
     def _latest(self) -> Keyframe:
-        """Return the last keyframe, joined with points of the preceding keyframes."""
+        """Return the last keyframe with the points of the keyframes just before it."""
         last = self.keyframes[-1]
         latest = takewhile(
             lambda each: each.station >= last.station - LATEST and each.is_local,
@@ -195,7 +195,7 @@ class KeyframeMap:
 
 
 def map_of(keyframes: list[Keyframe]) -> PointMap:
-    """Return a map of the points of some keyframes."""
+    """Return a point map of all points of the given keyframes."""
     points = PointMap()
     for keyframe in keyframes:
         _add(points, keyframe)
@@ -203,7 +203,7 @@ def map_of(keyframes: list[Keyframe]) -> PointMap:
 
 
 def joined(keyframes: Iterable[Keyframe], pose: Pose2, most: int) -> ScanPoints:
-    """Return the points of some keyframes as one scan.
+    """Return the points of several keyframes as if one scan had seen them.
 
     Args:
         keyframes: At least one keyframe.
@@ -231,13 +231,13 @@ def _add(points: PointMap, keyframe: Keyframe) -> None:
 
 
 def moved(places: Floats, pose: Pose2) -> Floats:
-    """Transform points from the frame of a pose to its parent frame, (K, 2) m."""
+    """Transform points, (K, 2) m, from the frame of a pose to its parent frame."""
     result: Floats = turned(places, pose.yaw) + np.array([pose.x, pose.y])
     return result
 
 
 def turned(vectors: Floats, yaw: float) -> Floats:
-    """Return vectors rotated counter-clockwise by an angle, (K, 2)."""
+    """Return vectors, (K, 2), rotated counter-clockwise by an angle, rad."""
     c, s = math.cos(yaw), math.sin(yaw)
     result: Floats = vectors @ np.array([[c, s], [-s, c]])
     return result
@@ -246,7 +246,7 @@ def turned(vectors: Floats, yaw: float) -> Floats:
 def find_pose(
     table: Packed, keyframe: Keyframe, limit: float, turn: float
 ) -> Fit | None:
-    """Find the pose of a keyframe on a map, near its estimated pose.
+    """Find the pose at which a keyframe fits a map, near the estimated pose.
 
     Args:
         table: The map.
@@ -260,10 +260,9 @@ def find_pose(
     """
     points, pose = keyframe.points, keyframe.pose
     starts = _starts_around(pose, limit, turn)
-    # The fit finds only the optimum nearest to its
-    # start, so the best start is searched first.
+    # The fit finds only the optimum nearest to its start, so it needs a good start.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
-    # The estimated pose constrains the fit only weakly, by its possible error.
+    # The fit may move away from the estimated pose by the pose's possible error.
     sigma = np.array([limit, limit, turn])
     found = fit(table, points, start, pose, sigma)
     if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
@@ -277,7 +276,7 @@ def find_pose(
 
 
 def _starts_around(pose: Pose2, limit: float, turn: float) -> Floats:
-    """Return start poses in a grid around a pose, (S, 3)."""
+    """Return a grid of start poses, (S, 3), around an estimated pose."""
     counts = [math.ceil(limit / STEP)] * 2 + [math.ceil(turn / TURN_STEP)]
     steps = [
         np.arange(-count, count + 1, dtype=np.float64) * step
@@ -289,7 +288,7 @@ def _starts_around(pose: Pose2, limit: float, turn: float) -> Floats:
 
 
 def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:
-    """Find the error of a map relative to its start.
+    """Find by how much a map has shifted and turned since its first keyframes.
 
     Args:
         known: All keyframes.

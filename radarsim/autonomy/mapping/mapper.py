@@ -1,4 +1,4 @@
-"""Mapper: combines the reports of one robot, from any connection, into a map.
+"""Mapper: builds a map from the reports of one robot, over any connection.
 
 A mapper is passed every report of a robot: echoes, ranges, and poses. It finds the pose
 of each scan (``slam``) and adds the scan to the grid. If a server sends echoes, a scan
@@ -52,7 +52,7 @@ _MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odomet
 
 
 class RebuildableGrid:
-    """A grid that stores its scans, so that it can be rebuilt.
+    """An occupancy grid that stores its scans, so that it can be rebuilt.
 
     Attributes:
         grid: The map; a new object after a rebuild.
@@ -72,7 +72,7 @@ class RebuildableGrid:
         self.grid = OccupancyGrid(resolution)
         self._trajectory = trajectory
         self._radius = radius
-        # scans, each with the number of its pose in the trajectory
+        # all scans, each with the number of its pose in the trajectory
         self._scans: list[tuple[int, PlanarScan]] = []
         self._last: Pose2 | None = None  # pose of the last scan while driving
         self._standing = 0
@@ -80,7 +80,7 @@ class RebuildableGrid:
         self._added = 0  # number of scans added to the next grid
 
     def add(self, scan: PlanarScan) -> None:
-        """Add a scan at the last pose of the trajectory."""
+        """Add a scan to the map, at the last pose of the trajectory."""
         number = len(self._trajectory) - 1
         self._add(self.grid, number, scan)
         # Scans of a standing robot are all alike, so only some of them are stored.
@@ -95,8 +95,8 @@ class RebuildableGrid:
         self._continue(SCANS_AT_ONCE)
 
     def rebuild(self) -> None:
-        """Start to rebuild the grid, since the trajectory has changed."""
-        # A rebuild in progress starts again, since its poses are outdated.
+        """Start to rebuild the grid, since the poses of earlier scans have changed."""
+        # If a rebuild is already in progress, it starts again with the new poses.
         self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
 
     def finish(self) -> None:
@@ -142,20 +142,20 @@ class RebuildableGrid:
 
 
 def _squares(points: Floats) -> NDArray[np.int64]:
-    """Return the numbers of the squares that contain points, without duplicates."""
+    """Return the numbers of the map squares that contain points, each once."""
     column, row = np.floor(points / SQUARE).astype(np.int64).T
     return np.unique((column << 32) + row)
 
 
 def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:
-    """Return a scan with its numbers converted to other types."""
+    """Return a scan with its integers and its real numbers converted to other types."""
     beams, near, far, layer = scan.hits
     hits = BeamHits(beams.astype(whole), near.astype(real), far.astype(real), layer)
     return replace(scan, known_range=scan.known_range.astype(real), hits=hits)
 
 
 class Mapper(ScanReader):
-    """Builds a map from the reports of one scanner.
+    """Builds a map from the scans of one scanner and the robot's other reports.
 
     Attributes:
         slam: Estimates the robot's pose.
@@ -208,7 +208,7 @@ class Mapper(ScanReader):
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The map."""
+        """The occupancy grid built so far."""
         return self._grid.grid
 
     @property
@@ -218,12 +218,12 @@ class Mapper(ScanReader):
 
     @property
     def trajectory(self) -> Trajectory:
-        """Estimated pose of the robot at each scan."""
+        """Estimated poses of the robot, one for each scan."""
         return self.slam.trajectory
 
     @property
     def hint(self) -> str:
-        """Names of other motion sources, if the requested source has sent no poses."""
+        """Motion sources to use instead, if the requested one has sent no poses."""
         if self.missing != self._missing_pose:
             return ""
         others = self._sources - {self.slam.motion_source}
@@ -248,7 +248,7 @@ class Mapper(ScanReader):
             self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
-            # The tolerance keeps rounding errors from delaying a pose.
+            # The tolerance prevents rounding errors from delaying a pose.
             if report.time > last + TRUTH_INTERVAL - 1e-9:
                 self.truth.add(report.time, pose)
 
@@ -256,7 +256,7 @@ class Mapper(ScanReader):
         source = self.slam.motion_source
         if source != "none":
             self._scans_since_report += 1
-        # If the motion source is silent, all scans would be placed at one position.
+        # If the motion source stops, all later scans would be placed at one position.
         is_lost = self._scans_since_report > MAX_SCANS_WITHOUT_MOTION
         reported = self._motion.at(report.time)
         if source != "none" and (reported is None or is_lost):
@@ -272,8 +272,7 @@ class Mapper(ScanReader):
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         revision = self.slam.revision
         pose = self.slam.step(scan, *(reported or ()))
-        # The poses of all scans have changed, by a loop closure or a rotation of the
-        # map.
+        # A loop closure or a rotation of the map has changed the poses of all scans.
         if self.slam.revision > revision:
             self._grid.rebuild()
         # A scan without echoes is not mapped, but its pose helps to find the next pose.

@@ -1,4 +1,4 @@
-"""Occupancy grid with evidence in layers, which grows as needed.
+"""Occupancy grid that grows as needed, with one layer of evidence for each kind of hit.
 
 Theory of operation
 ===================
@@ -29,7 +29,7 @@ from radarsim.geometry import Floats, Pose2
 
 
 def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
-    """Return the distance from each cell to the nearest true cell, center to center.
+    """Return the distance from each cell to the nearest true cell, between centers.
 
     ``scipy.ndimage.distance_transform_edt`` returns the same, but has no distance limit
     and takes about six times as long on maps of 400 by 400 cells.
@@ -70,7 +70,7 @@ class CellClass(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class GridFrame:
-    """Position and size of an array of cells.
+    """Position and size of a grid of cells.
 
     Attributes:
         resolution: Side of a cell, m.
@@ -88,23 +88,23 @@ class GridFrame:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Shape of the array: rows and columns."""
+        """Numbers of rows and columns of the grid."""
         return self.rows, self.columns
 
     @property
     def origin(self) -> tuple[float, float]:
-        """South-west corner, x and y in m."""
+        """South-west corner of the grid, x and y in m."""
         return self.column * self.resolution, self.row * self.resolution
 
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return row and column of the cell at a point in m; None if outside."""
+        """Return the row and column of the cell at a point, m; None if outside."""
         row = math.floor(y / self.resolution) - self.row
         column = math.floor(x / self.resolution) - self.column
         is_inside = 0 <= row < self.rows and 0 <= column < self.columns
         return (row, column) if is_inside else None
 
     def cell_centers(self) -> tuple[Floats, Floats]:
-        """Return the centers of columns, (C,) x, and of rows, (R,) y, m."""
+        """Return the x of the centers of columns, (C,) m, and the y of rows, (R,) m."""
         half = self.resolution / 2
         origin_x, origin_y = self.origin
         columns = np.arange(self.columns, dtype=np.float64)
@@ -116,7 +116,7 @@ class GridFrame:
     def extended_to(
         self, low: tuple[float, float], high: tuple[float, float]
     ) -> "GridFrame":
-        """Return a frame that is extended by large steps until it contains a box.
+        """Return a frame that is extended, in large steps, until it contains a box.
 
         Args:
             low: South-west corner, m.
@@ -143,7 +143,7 @@ class GridFrame:
         return GridFrame(self.resolution, column, row, columns, rows)
 
     def copy_into(self, cells: NDArray[T], larger: "GridFrame") -> NDArray[T]:
-        """Return a zero array in a larger frame with a copy of the cells."""
+        """Return the cells copied into an array of a larger frame, 0 elsewhere."""
         copy: NDArray[Any] = np.zeros(larger.shape, cells.dtype)
         row, column = self.row - larger.row, self.column - larger.column
         copy[row : row + self.rows, column : column + self.columns] = cells
@@ -153,7 +153,7 @@ class GridFrame:
 def _extended_axis(
     first: int, count: int, low: float, high: float, resolution: float
 ) -> tuple[int, int]:
-    """Return the first cell and the number of cells along one axis."""
+    """Return first cell and number of cells of a larger frame along one axis."""
     low_cell = math.floor(low / resolution)
     high_cell = math.floor(high / resolution)
     if count and first <= low_cell and high_cell < first + count:
@@ -166,7 +166,7 @@ def _extended_axis(
 
 
 class OccupancyGrid:
-    """An occupancy map that grows as needed.
+    """An occupancy grid that grows to contain all scans.
 
     Attributes:
         frame: Position and size of the array of cells; replaced when the map grows.
@@ -179,7 +179,7 @@ class OccupancyGrid:
         self._flags = np.zeros((0, 0), np.uint8)
 
     def add(self, pose: Pose2, scan: PlanarScan) -> None:
-        """Add a scan.
+        """Add the evidence of a scan to the map.
 
         Args:
             pose: Pose of the robot at the scan, map frame.
@@ -219,7 +219,7 @@ class OccupancyGrid:
         )
 
     def clear_disc(self, pose: Pose2, radius: float) -> None:
-        """Mark the disc under the robot as sensed and free.
+        """Mark the disc that the robot covers as sensed and free.
 
         Args:
             pose: Pose of the robot, map frame.
@@ -235,24 +235,24 @@ class OccupancyGrid:
         x, y = x[columns], y[rows]
         disc = np.hypot(x - pose.x, y[:, None] - pose.y) <= radius
         self._flags[rows, columns][disc] |= SENSED | NEAR
-        # The robot stands there, so the cells contain
-        # nothing solid. They may contain smoke.
+        # The robot stands in these cells, so they
+        # contain nothing solid, but may contain smoke.
         for layer in (Layer.SOLID, Layer.FOLIAGE):
             self._evidence[layer, rows, columns][disc] = -LOG_ODDS_LIMIT
 
     def free(self, cells: Mask) -> None:
-        """Remove the solid evidence of some cells, (R, C)."""
+        """Remove the evidence for solid objects from the cells of a mask, (R, C)."""
         for layer in (Layer.SOLID, Layer.BEAM_END):
             evidence = self._evidence[layer]
             evidence[cells] = np.minimum(evidence[cells], -LOG_ODDS_FREE)
 
     def sensed(self, x: float, y: float) -> bool:
-        """Return whether any beam has reached the cell of a point, m."""
+        """Return whether any beam has reached the cell at a point, m."""
         cell = self.frame.cell(x, y)
         return cell is not None and bool(self._flags[cell] & SENSED)
 
     def drivable(self, x: float, y: float, safety: float) -> bool:
-        """Return whether a robot may be at a point.
+        """Return whether a robot may be at a point, at a distance from all obstacles.
 
         Args:
             x: m, map frame.
@@ -284,7 +284,7 @@ class OccupancyGrid:
         return np.asarray(self._evidence[Layer.BEAM_END] > 0)
 
     def blocked_cells(self) -> Mask:
-        """Return the cells that robots cannot enter: solid and foliage, (R, C)."""
+        """Return the cells that robots cannot enter, solid or foliage, (R, C)."""
         solid, foliage = self._evidence[Layer.SOLID], self._evidence[Layer.FOLIAGE]
         return np.asarray((solid > 0) | (foliage > 0))
 
@@ -292,8 +292,8 @@ class OccupancyGrid:
         """Return the ``CellClass`` of each cell, (R, C)."""
         sensed = self.sensed_cells()
         classes = np.where(sensed, CellClass.FREE, CellClass.UNKNOWN).astype(np.uint8)
-        # If a cell has several classes, the one
-        # that blocks robots most is written last.
+        # The class that hinders robots most is
+        # written last, and overwrites other classes.
         classes[self._evidence[Layer.SMOKE] > 0] = CellClass.SMOKE
         classes[self._evidence[Layer.FOLIAGE] > 0] = CellClass.FOLIAGE
         classes[self._evidence[Layer.SOLID] > 0] = CellClass.OBSTACLE
@@ -308,9 +308,9 @@ class OccupancyGrid:
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-log_odds)), np.nan)
 
     def _extend(self, x: float, y: float, offsets: Floats) -> None:
-        """Extend the map to a point, m, and to points at offsets from it, (N, 2) m."""
-        # One cell is added on each side to allow for rounding. The point itself is
-        # included as well, since a scan may have no beams.
+        """Extend the map to a point, m, and to points at offsets, (N, 2) m, from it."""
+        # One cell is added on each side to allow for rounding. The initial value 0
+        # includes the point itself, since a scan may have no beams.
         low = offsets.min(axis=0, initial=0.0) - self.frame.resolution
         high = offsets.max(axis=0, initial=0.0) + self.frame.resolution
         larger = self.frame.extended_to(
@@ -320,6 +320,6 @@ class OccupancyGrid:
         if larger != self.frame:
             layers = [self.frame.copy_into(layer, larger) for layer in self._evidence]
             flags = self.frame.copy_into(self._flags, larger)
-            # All three are assigned at once, so that
-            # an interrupt leaves the map consistent.
+            # All three attributes are assigned at once, so
+            # that an interrupt leaves the map consistent.
             self._evidence, self._flags, self.frame = np.stack(layers), flags, larger

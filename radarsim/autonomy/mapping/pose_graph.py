@@ -1,4 +1,4 @@
-"""Pose graph: poses, and measured motions between pairs of them.
+"""Pose graph: keyframe poses, and measured motions between pairs of these poses.
 
 Theory of operation
 ===================
@@ -38,7 +38,7 @@ MAX_SQUARED_ERROR: Final = 25.0  # largest squared error of a true closure, in v
 
 
 class Edge(NamedTuple):
-    """A measured motion between two poses.
+    """An edge of the graph: a measured motion between two poses.
 
     Attributes:
         start: Number of the pose in whose frame the motion is.
@@ -55,7 +55,7 @@ class Edge(NamedTuple):
 
 
 def optimize(poses: Floats, edges: list[Edge]) -> Floats:
-    """Return the poses with the least squared error over all edges.
+    """Return the poses that minimize the sum of squared errors over all edges.
 
     Args:
         poses: (N, 3) initial x and y in m and yaw in rad; the first one is fixed.
@@ -66,7 +66,7 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
     """
     poses = poses.copy()
     information = np.array([edge.information for edge in edges])
-    # Each edge adds a (6, 6) block for the unknowns of its two poses.
+    # Each edge adds a (6, 6) block: three unknowns of each of its two poses.
     unknowns = (3 * _ends(edges)[:, :, None] + np.arange(3)).reshape(-1, 6)
     rows = np.repeat(unknowns, 6, axis=1).ravel()
     columns = np.tile(unknowns, (1, 6)).ravel()
@@ -94,7 +94,7 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
 
 
 def squared_errors(poses: Floats, edges: list[Edge]) -> Floats:
-    """Return the squared error of each edge over its variance (chi squared), (E,)."""
+    """Return each edge's squared error, divided by its variance (chi squared), (E,)."""
     errors = _linearized(poses, edges)[0]
     information = np.array([edge.information for edge in edges])
     squares: Floats = np.einsum("ei,eij,ej->e", errors, information, errors)
@@ -102,7 +102,7 @@ def squared_errors(poses: Floats, edges: list[Edge]) -> Floats:
 
 
 def _linearized(poses: Floats, edges: list[Edge]) -> tuple[Floats, Floats, Floats]:
-    """Return errors, (E, 3), and their Jacobians by both poses, (E, 3, 3) each."""
+    """Return the edges' errors, (E, 3), and Jacobians by start and end, (E, 3, 3)."""
     measured = np.array([(e.motion.x, e.motion.y, e.motion.yaw) for e in edges])
     starts, ends = _ends(edges).T
     yaws = poses[starts, 2]
@@ -110,20 +110,20 @@ def _linearized(poses: Floats, edges: list[Edge]) -> tuple[Floats, Floats, Float
     dx, dy, turn = (poses[ends] - poses[starts]).T
     ahead, left = c * dx + s * dy, c * dy - s * dx
     errors = np.column_stack([ahead, left, turn]) - measured
-    # Errors of angles are wrapped to a single turn.
+    # Errors of angles are wrapped to [-pi, pi].
     errors[:, 2] = np.arctan2(np.sin(errors[:, 2]), np.cos(errors[:, 2]))
     by_end = np.zeros((len(edges), 3, 3))
     by_end[:, 0, 0], by_end[:, 0, 1] = c, s
     by_end[:, 1, 0], by_end[:, 1, 1] = -s, c
     by_end[:, 2, 2] = 1.0
     by_start = -by_end
-    # If the start pose turns, its frame sees the end pose rotate the opposite way.
+    # If the start pose turns left, the end pose seems to turn right in its frame.
     by_start[:, 0, 2], by_start[:, 1, 2] = left, -ahead
     return errors, by_start, by_end
 
 
 def _ends(edges: list[Edge]) -> NDArray[np.int64]:
-    """Return the numbers of the poses at both ends of each edge, (E, 2)."""
+    """Return the numbers of the start pose and the end pose of each edge, (E, 2)."""
     return np.array([(edge.start, edge.end) for edge in edges], np.int64)
 
 
@@ -142,20 +142,20 @@ class KeyframeGraph:
         self._covariance: Floats = np.zeros((3, 3))
 
     def learn(self, sigma: Floats, information: Floats) -> None:
-        """Accumulate the covariance of the motion since the last keyframe.
+        """Add one step to the covariance of the motion since the last keyframe.
 
         Args:
             sigma: (3,) standard deviations of the next step, m, m and rad.
             information: (3, 3) information matrix of the next pose from the scan.
         """
         moved = np.linalg.inv(self._covariance + np.diag(np.square(sigma)))
-        # The motion source and the scan measure the same motion,
+        # The motion source and the scan both measure this motion,
         # so their information adds up. In a corridor, the scan
         # does not reduce the variance along the corridor.
         self._covariance = _inverse(moved + information / POINTS_PER_ERROR)
 
     def add(self, pose: Pose2) -> None:
-        """Add a keyframe at a pose."""
+        """Add a keyframe, with the motion that led to its pose."""
         if self._poses:
             last = self._poses[-1]
             information = _information(self._covariance, last.yaw, MOTION_SIGMA)
@@ -174,7 +174,7 @@ class KeyframeGraph:
         self._following.append((len(self._poses) - 1, pose))
 
     def close(self, start: int, pose: Pose2, information: Floats) -> list[Pose2] | None:
-        """Close a loop.
+        """Close a loop from an old keyframe to the last one, and optimize all poses.
 
         Args:
             start: Number of an old keyframe.
@@ -194,8 +194,8 @@ class KeyframeGraph:
         edges, closures = [*self.edges, edge], [*self._closures, len(self.edges)]
         rows = np.array([(each.x, each.y, each.yaw) for each in self._poses])
         rows = optimize(rows, edges)
-        # A wrong closure is worse than none, since it bends the whole map. It shows as
-        # a large error, since it contradicts the motions or an earlier closure.
+        # A wrong closure bends the whole map, so a doubtful closure is rejected: its
+        # large error shows that it contradicts the motions or an earlier closure.
         if squared_errors(rows, edges)[closures].max() > MAX_SQUARED_ERROR:
             return None
         self.edges, self._closures = edges, closures
@@ -203,7 +203,7 @@ class KeyframeGraph:
         return self._poses
 
     def move(self, first: int, frame: Pose2) -> list[Pose2]:
-        """Move all keyframes from a given number on, if no loop has been closed.
+        """Move all keyframes from a given number on; used before any loop closure.
 
         Args:
             first: Number of the first keyframe that moves.
@@ -214,14 +214,13 @@ class KeyframeGraph:
         """
         moved = [frame.compose(pose) for pose in self._poses[first:]]
         self._poses = [*self._poses[:first], *moved]
-        # Only this motion changes: it links the last
-        # fixed keyframe and the first moved one.
+        # Only this motion changes: from the last fixed keyframe to the first moved one.
         motion = self._poses[first].relative_to(self._poses[first - 1])
         self.edges[first - 1] = self.edges[first - 1]._replace(motion=motion)
         return self._poses
 
     def trajectory(self) -> list[Pose2]:
-        """Return the poses of the trajectory, moved with their keyframes."""
+        """Return the poses of the trajectory, which have moved with their keyframes."""
         return [
             # Poses before the first keyframe are not moved.
             pose if number < 0 else self._poses[number].compose(pose)
@@ -232,7 +231,7 @@ class KeyframeGraph:
 def _information(
     covariance: Floats, yaw: float, least: tuple[float, float, float]
 ) -> Floats:
-    """Return the information matrix of a motion in the frame of its start.
+    """Return the information matrix of a motion in the frame of its start pose.
 
     Args:
         covariance: (3, 3) covariance of x, y and yaw of its end, on the map's axes.

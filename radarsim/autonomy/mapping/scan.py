@@ -1,4 +1,4 @@
-"""Scans for maps: the known length of each beam, its end, and its hits.
+"""Scans for maps: each beam has a known length, a kind of end, and hits.
 
 Theory of operation
 ===================
@@ -40,7 +40,7 @@ class BeamEnd(IntEnum):
 
 
 class Layer(IntEnum):
-    """Kinds of hits, and the layers of a map that hold evidence for them."""
+    """Kinds of hits; a map has a layer of evidence for each kind."""
 
     SOLID = 0
     FOLIAGE = 1  # and other materials that beams enter but robots cannot
@@ -61,7 +61,7 @@ ROUNDING: Final = 0.006  # m; tolerance for rounded echo ranges at the maximum
 
 
 class BeamHits(NamedTuple):
-    """The hits of beams, one row per hit.
+    """The objects that the beams of a scan hit, one row per hit.
 
     Attributes:
         beams: (K,) int64, number of the beam.
@@ -76,7 +76,7 @@ class BeamHits(NamedTuple):
     layer: NDArray[np.int8]
 
     def chosen(self, rows: NDArray[np.bool_]) -> "BeamHits":
-        """Return some of the rows."""
+        """Return the hits of the given rows."""
         return BeamHits(
             self.beams[rows], self.near[rows], self.far[rows], self.layer[rows]
         )
@@ -84,7 +84,7 @@ class BeamHits(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarScan:
-    """The measurements of a scanner at one time, in the plane.
+    """One scan in the plane of the map: lengths, ends and hits of its beams.
 
     Attributes:
         time: s.
@@ -106,7 +106,7 @@ class PlanarScan:
     sees_through: bool
 
     def points(self, *, sure: bool = True) -> tuple[Floats, Floats]:
-        """Return the end points of beams, in the robot's frame.
+        """Return the end points of beams, (K, 2) m, in the robot's frame.
 
         Args:
             sure: Omit points where the power ran out, if these are known.
@@ -123,12 +123,12 @@ class PlanarScan:
         return points, along
 
     def within(self, distance: float) -> "PlanarScan":
-        """Return the scan with beams cut at a distance, m."""
+        """Return the scan with all beams cut off at a distance, m."""
         is_cut = self.known_range > distance
         if not is_cut.any():
             return self
         ends, hits = self.ends.copy(), self.hits.chosen(self.hits.near <= distance)
-        # A beam that is cut has no known end, but the space up to the cut is free.
+        # The end of a beam that is cut is unknown, but the space up to the cut is free.
         ends[is_cut] = BeamEnd.NOTHING
         return replace(
             self,
@@ -186,7 +186,7 @@ def read_scan(
 def scan_of(
     scanner: ScannerInfo, report: RangeScan, echoes: Sequence[TargetEchoes] | None
 ) -> PlanarScan:
-    """Convert the reports of a scanner on a robot; see ``read_scan``."""
+    """Convert a scanner's reports to a ``PlanarScan`` in the frame of its robot."""
     mount = scanner.mount
     return read_scan(
         report,
@@ -202,7 +202,7 @@ def _sorted_echoes(
 ) -> tuple[
     NDArray[np.int64], NDArray[np.int64], Floats, NDArray[np.int8], NDArray[np.bool_]
 ]:
-    """Join all ``TargetEchoes``; several of them may belong to one object.
+    """Join the echoes of all ``TargetEchoes``; several of them may be of one object.
 
     Echoes with an invalid beam, beyond the maximum range or of an unknown kind are
     dropped.
@@ -260,6 +260,6 @@ def _read_echoes(
 
 
 def _joined(columns: Sequence[ArrayLike], dtype: type[Number]) -> NDArray[Number]:
-    # The empty array is added, since ``concatenate`` fails without any array.
+    # ``concatenate`` fails for an empty list, so an empty array is added.
     arrays = [np.asarray(column, dtype) for column in columns]
     return np.concatenate([np.zeros(0, dtype), *arrays])

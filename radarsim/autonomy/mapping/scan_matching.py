@@ -58,7 +58,7 @@ _ROWS: Final = 1 << 12  # rows of the table of an empty map; a power of two
 
 
 class PointMap:
-    """Map that stores the moments of the scan points in each cell.
+    """Map that stores, for each cell, the moments of the scan points in the cell.
 
     Attributes:
         table: The hash table, as the engine expects it.
@@ -74,7 +74,7 @@ class PointMap:
         return self._used
 
     def add(self, points: Floats, normals: Floats | None = None) -> None:
-        """Add points.
+        """Add the points of a scan to the map.
 
         Args:
             points: (K, 2) m, map frame.
@@ -98,7 +98,7 @@ def _new_table(rows: int) -> Packed:
 
 
 def inward_normals(places: Floats, along: Floats) -> Floats:
-    """Return unit vectors from points into their surfaces, (K, 2).
+    """Return unit vectors, (K, 2), that point into the surface at each point.
 
     If the neighbours of a point form no line, the direction of its beam is returned.
 
@@ -112,7 +112,7 @@ def inward_normals(places: Floats, along: Floats) -> Floats:
 
 
 class ScanPoints(NamedTuple):
-    """End points of the beams of a scan, in the robot's frame.
+    """End points of the beams of one scan, in the robot's frame.
 
     Attributes:
         places: (K, 2) m.
@@ -130,7 +130,7 @@ class ScanPoints(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """The pose at which a scan fits a map best.
+    """Result of a fit: the pose at which a scan fits a map best.
 
     Attributes:
         pose: Pose of the robot, map frame.
@@ -146,7 +146,7 @@ class Fit(NamedTuple):
 
     @property
     def evenness(self) -> float:
-        """Ratio of information on translation: least to most certain direction.
+        """Ratio of information on position in the least and most certain direction.
 
         It is near 0 in a corridor, and 0 without points.
         """
@@ -178,5 +178,5 @@ def fit(
 
 
 def best_start(table: Packed, points: ScanPoints, starts: Floats) -> int:
-    """Return the row number of the pose, of (S, 3), where sampled points fit best."""
+    """Return the row of the best start pose in (S, 3), judged by a sample of points."""
     return int(engine.best_start(table, *points, starts))

@@ -62,7 +62,7 @@ SEARCH: Final = (0.12, 0.45)
 
 
 class MotionReports:
-    """The last two reports of a motion source, and the motion at the times of scans.
+    """The last two reports of a motion source; computes poses at the times of scans.
 
     The robot keeps moving between two reports, so the motion between the last two
     reports is extrapolated to the time of a scan. The change of speed since then is
@@ -76,7 +76,7 @@ class MotionReports:
         self._is_new = False  # whether a report has arrived since then
 
     def add(self, time: float, pose: Pose2) -> None:
-        """Add a report.
+        """Add a report of the motion source.
 
         Args:
             time: Time stamp of the report, s; nan without a stamp.
@@ -88,7 +88,7 @@ class MotionReports:
         self._last, self._is_new = (time, pose), True
 
     def at(self, time: float) -> tuple[Pose2, float] | None:
-        """Return the source's pose at the time of a scan; None before the first report.
+        """Return the source's pose at a scan's time; None before the first report.
 
         Args:
             time: Time stamp of the scan, s; times of scans increase.
@@ -103,7 +103,7 @@ class MotionReports:
         before_time, before = self._before or self._last
         interval = last_time - before_time
         ahead = time - last_time
-        # Missing or constant time stamps give no time
+        # Without valid time stamps there is no time
         # difference. Comparisons with nan are false.
         if not (interval > 0 and math.isfinite(ahead)):
             ahead, interval = 0.0, math.inf
@@ -120,7 +120,7 @@ class MotionReports:
 
 
 class Slam:
-    """Localization: matches scans with a point map, and extends the map by them.
+    """SLAM: matches scans with a point map to locate the robot, and extends the map.
 
     Attributes:
         motion_source: Source of the robot's motion between scans.
@@ -170,7 +170,7 @@ class Slam:
     def step(
         self, scan: PlanarScan, prior: Pose2 | None = None, guessed: float = 0.0
     ) -> Pose2:
-        """Estimate the pose of the robot at a scan.
+        """Estimate the pose of the robot at the time of a scan.
 
         Args:
             scan: The next scan.
@@ -182,9 +182,9 @@ class Slam:
             The robot's pose, map frame.
         """
         has_source = self.motion_source != "none"
-        # Without a motion source all points are needed, even where
-        # beams end because their power is used up. In foliage such
-        # points move with the robot, so single spots are not reliable.
+        # Without a motion source all points are needed, even the ends
+        # of beams whose power is used up. In foliage such points move
+        # with the robot, so single points are not reliable.
         places, along = scan.points(sure=has_source)
         uses_spots = scan.sees_through and has_source
         normals = inward_normals(places, along)
@@ -234,21 +234,21 @@ class Slam:
     ) -> Pose2:
         can_match = len(points.places) >= MIN_POINTS and len(self.map.keyframes) > 0
         has_source = self.motion_source != "none"
-        # A motion requires reported poses at two
-        # scans. Without them the pose is searched.
+        # The motion between two scans needs a reported pose at each. Without these
+        # poses, the pose is searched.
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
-        # The error of a reported motion is a share
-        # of the motion, plus a small constant.
+        # A reported motion has an error in proportion
+        # to the motion, plus a small constant error.
         before, drift = self._prior, self._drift
         predicted = self._moved(self.pose, before, prior)
         length = math.hypot(prior.x - before.x, prior.y - before.y)
         sigma_distance, sigma_turn = self._rest_sigma
         sigma_distance += drift * length
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
-        # Wheels of different sizes turn a robot that drives
-        # straight, always to the same side. A smaller sigma
-        # would bend the map. An INS does not have this error.
+        # Wheels of different sizes turn a robot that should drive
+        # straight, always to the same side. A smaller sigma would
+        # bend the map. An INS does not have this error.
         if self.motion_source == "odometry":
             sigma_turn += WHEEL_DRIFT * length
         sigma_distance += guessed * SPEED_CHANGE[0]
@@ -264,7 +264,7 @@ class Slam:
         return self._fit.pose
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
-        """Apply the motion between two reported poses to a pose."""
+        """Return a pose moved by the motion between two reported poses."""
         # Odometry measures motions along the axes of the robot. An INS knows its
         # heading, and measures motions along the axes of the map.
         if self.motion_source != "ins":
@@ -273,7 +273,7 @@ class Slam:
         return Pose2(x, y, wrap_angle(pose.yaw + after.yaw - before.yaw))
 
     def _search(self, points: ScanPoints) -> Pose2:
-        """Search for the pose within the limits of the robot's motion between scans."""
+        """Search for the robot's pose, within the largest motion between two scans."""
         distance, turn = SEARCH
         sigma = np.array([distance, distance, turn])
         candidates = [
@@ -286,7 +286,7 @@ class Slam:
         table = self.map.points.table
         best = candidates[best_start(table, points, starts)]
         # The best start may lead to a local optimum, so
-        # the extrapolated pose is tried as a start, too.
+        # the fit also starts at the extrapolated pose.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
@@ -310,7 +310,7 @@ class Slam:
         correction = find_correction(self.map, FIRST_KEYFRAMES)
         if correction is None:
             return
-        # An error that is smaller than the error of the first scans is never corrected.
+        # The first scans have an error themselves, so a smaller error is not corrected.
         if self._anchorings == 1 and abs(correction.yaw) < LEAST_TURN:
             self._anchorings = MOST_ANCHORINGS
             return

@@ -1,4 +1,4 @@
-"""Trajectories, and the errors of an estimated trajectory."""
+"""Trajectories of robots, and the errors of an estimated trajectory."""
 
 import math
 
@@ -8,7 +8,7 @@ from radarsim.geometry import Floats, Pose2
 
 
 class Trajectory:
-    """Poses with their times.
+    """A trajectory: poses of a robot with their times.
 
     Attributes:
         times: Times in s, in the order in which they were added.
@@ -24,7 +24,7 @@ class Trajectory:
         return len(self.poses)
 
     def add(self, time: float, pose: Pose2) -> None:
-        """Add a pose."""
+        """Add a pose with its time."""
         self.times.append(time)
         self.poses.append(pose)
 
@@ -72,8 +72,7 @@ def trajectory_errors(
     path = np.concatenate([[0.0], np.cumsum(steps)])
     # For each pose, find the first pose that is ``rpe_over`` farther along the path.
     ends = np.searchsorted(path, path + rpe_over)
-    # The last poses have no pose that much farther along the path, so they are left
-    # out.
+    # The last poses of the path have no pose at that distance, so they are left out.
     starts = np.flatnonzero(ends < len(path))
     rpe = rpe_yaw = math.nan
     if len(starts):
@@ -96,7 +95,7 @@ def trajectory_errors(
 
 
 def tum_text(trajectory: Trajectory) -> str:
-    """Return a trajectory in the TUM format.
+    """Return a trajectory as text in the TUM format.
 
     One line per pose: time, x, y, z and the quaternion x, y, z, w.
     """
@@ -109,7 +108,7 @@ def tum_text(trajectory: Trajectory) -> str:
 
 
 def _interpolated(truth: Trajectory, times: Floats) -> Floats:
-    """Return the true poses at given times, (N, 3)."""
+    """Return the true poses, interpolated at the given times, (N, 3)."""
     rows, known = truth.rows(), np.array(truth.times)
     order = np.argsort(known, kind="stable")
     rows, known = rows[order], known[order]
@@ -119,7 +118,7 @@ def _interpolated(truth: Trajectory, times: Floats) -> Floats:
 
 
 def _motions(starts: Floats, ends: Floats) -> Floats:
-    """Return the motions: each end pose in the frame of its start pose, (N, 3)."""
+    """Return the motions from start poses to end poses, in the start frames, (N, 3)."""
     c, s = np.cos(starts[:, 2]), np.sin(starts[:, 2])
     dx, dy, turn = (ends - starts).T
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turn])

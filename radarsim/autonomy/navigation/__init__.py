@@ -1,4 +1,4 @@
-"""Goal-directed navigation with Bug1, Bug2, tangent bug and planned paths.
+"""Algorithms that drive a robot to goals: Bug1, Bug2, tangent bug, planned paths.
 
 A navigator receives scans and poses, as any USARSim client does, and never the scene.
 """

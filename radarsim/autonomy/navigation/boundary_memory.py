@@ -1,4 +1,4 @@
-"""The boundary that a robot follows: its points, its landmarks and its circuits.
+"""Memory of the boundary that a robot follows: points, landmarks and circuits.
 
 Points with a gap between them that is too narrow for the robot belong to one obstacle.
 So a robot that circles one of two poles does not switch to the other pole when both are
@@ -51,7 +51,7 @@ _BESIDE = 0.15  # m from a point to the beams that are compared with it
 
 
 class Landmark:
-    """A point and a direction, to detect when the robot passes the point again.
+    """A point on the robot's path, to detect when the robot passes it again.
 
     Attributes:
         x: Position, m, map frame.
@@ -61,7 +61,7 @@ class Landmark:
     """
 
     def __init__(self, pose: Pose2, direction: float, *, max_offset: float) -> None:
-        """Create a landmark.
+        """Create a landmark at a pose.
 
         Args:
             pose: A pose at the point.
@@ -85,8 +85,8 @@ class Landmark:
         c, s = math.cos(self.direction), math.sin(self.direction)
         before, self._progress = self._progress, c * dx + s * dy
         offset = abs(c * dy - s * dx)
-        # Progress is stored for distant poses as well, since a later step could
-        # otherwise look like a pass of the point.
+        # Progress along the direction is stored at distant poses, too. Otherwise a
+        # later step could look like a pass of the point.
         if offset > self.max_offset:
             return False
         return before < 0 <= self._progress if onward else before > 0 >= self._progress
@@ -95,7 +95,7 @@ class Landmark:
 def _linked_beams(
     observation: Observation, point: Point, bumpers: Bumpers
 ) -> NDArray[np.bool_]:
-    """Return which beams end on the same obstacle as a point, (N,) booleans."""
+    """Return which beams, as (N,) booleans, end on the same obstacle as a point."""
     gap = 2 * bumpers.safety_distance + LINK
     near = np.flatnonzero(observation.ranges < bumpers.pressed_below + gap)
     pose = complex(observation.pose.x, observation.pose.y)
@@ -110,7 +110,7 @@ def _linked_beams(
 
 
 class FollowedBoundary:
-    """The boundary that the robot follows, with its points and landmarks.
+    """The obstacle boundary that the robot follows, with its points and landmarks.
 
     Passing one of its landmarks again closes a circuit. The hit point itself may lie
     off the path of a robot that follows the boundary. Then the first landmark on that
@@ -139,8 +139,8 @@ class FollowedBoundary:
         self.circuit_start = 0.0
         self._nearest: Point | None = None  # nearest point of the boundary, map frame
         self._seen: Point | None = None  # nearest point in the last scan, map frame
-        # points of the boundary, m, each with the distance travelled, m, and the angle
-        # turned, rad, at the time when the point was seen
+        # points of the boundary, m; for each one, the distance travelled, m, and the
+        # angle turned, rad, at the time when the robot saw it
         self._points: list[tuple[Point, float, float]] = []
         self._turned = 0.0  # rad
         self._yaw: float | None = None  # rad; yaw of the last pose
@@ -151,7 +151,7 @@ class FollowedBoundary:
         return self._nearest is not None
 
     def reach(self, observation: Observation, bearing: float, goal: Point) -> float:
-        """Start to follow the boundary that presses the bumper at a bearing, rad.
+        """Start to follow the boundary of the obstacle at a bearing, rad.
 
         Returns:
             Direction along the boundary, rad, map frame.
@@ -189,7 +189,7 @@ class FollowedBoundary:
         return part
 
     def remember(self, yaw: float, step: float) -> None:
-        """Store the nearest point of the boundary; call this after ``look``.
+        """Store the boundary point nearest to the robot; call this after ``look``.
 
         Args:
             yaw: Yaw of the robot, rad.
@@ -200,7 +200,7 @@ class FollowedBoundary:
             self.add(self._seen, yaw)
 
     def add(self, point: Point, yaw: float) -> None:
-        """Add a point of the boundary, if it is far enough from the last one.
+        """Store a point of the boundary, if it is far enough from the last stored one.
 
         Args:
             point: m, map frame.
@@ -216,7 +216,7 @@ class FollowedBoundary:
         return self._turned + abs(wrap_angle(yaw - self._yaw))
 
     def has_gone(self, observation: Observation, gone: list[Point]) -> bool:
-        """Return whether the followed obstacle has driven away in the meantime.
+        """Return whether the followed obstacle has moved away in the meantime.
 
         Args:
             observation: The newest scan.
@@ -230,7 +230,7 @@ class FollowedBoundary:
         return True
 
     def _stands(self, observation: Observation) -> bool:
-        """Return whether at least half of the visible points are still there.
+        """Return whether at least half of the boundary points in view are still there.
 
         A boundary without any visible point has gone as well, since a robot that
         follows a standing boundary sees some of its points.
@@ -253,13 +253,13 @@ class FollowedBoundary:
         is_beam = np.abs(offsets) <= spread[is_near, None]
         beams = np.where(is_beam, observation.ranges, math.inf)
         beyond = beams.min(axis=1, initial=math.inf) - distances
-        # A point hidden behind a nearer obstacle
+        # If a nearer obstacle hides a point, the point
         # counts neither as gone nor as standing.
         gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
         return bool(gone.sum() <= standing.sum() and standing.any())
 
     def _passes(self, point: Point, station: float) -> bool:
-        """Return whether the boundary beyond a length, m, comes near a point, m.
+        """Return whether the boundary, after a length, m, comes near a point, m.
 
         Without stored points the answer is unknown, and True is returned.
         """
@@ -269,7 +269,7 @@ class FollowedBoundary:
         )
 
     def is_what_was_hit(self) -> bool:
-        """Return whether the last circuit went around the obstacle that the robot hit.
+        """Return whether the robot has circled the same obstacle that it hit.
 
         In that case most of the first points are near the hit point. After a hit in a
         gap, the robot may instead follow the other side of the gap. Inside a gap it may
@@ -281,7 +281,7 @@ class FollowedBoundary:
         return begins_there and self._passes(hit, self.circuit_start)
 
     def closes_circuit(self, pose: Pose2, direction: float) -> bool:
-        """Add the next step along the boundary; return whether it completes a circuit.
+        """Add the next step along the boundary; return whether a circuit is complete.
 
         Call this after ``remember``. It also adds landmarks at regular distances.
 
@@ -291,17 +291,17 @@ class FollowedBoundary:
         """
         if not self.landmarks:
             self.add_landmark(pose, direction, 0.0)
-        # Every landmark has to observe every pose to detect a pass.
+        # A landmark detects passes only if it has observed every pose.
         passed = [at for at, mark in self.landmarks if mark.observe(pose)]
         if self.travelled - self.landmarks[-1][0] >= LANDMARK_SPACING:
             self.add_landmark(pose, direction, self.travelled)
-        # Noise may look like a pass of a new
-        # landmark, so recent landmarks do not count.
+        # Noise may look like a pass of a landmark that
+        # was added recently, so such passes do not count.
         closing = [at for at in passed if self.travelled - at >= LEAST_CIRCUIT]
         self.circuit_start = closing[0] if closing else self.circuit_start
         return bool(closing)
 
     def add_landmark(self, pose: Pose2, direction: float, at: float) -> None:
-        """Add a landmark at a pose, given its distance, m, and direction, rad."""
+        """Add a landmark at a pose, with its direction, rad, and path length, m."""
         reach = self.follower.target_distance
         self.landmarks.append((at, Landmark(pose, direction, max_offset=reach)))

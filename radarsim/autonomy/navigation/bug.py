@@ -1,4 +1,4 @@
-"""Bug1 and Bug2: drive straight to the goal, and follow the boundaries of obstacles.
+"""Bug1 and Bug2: drive straight to the goal, and around obstacles in the way.
 
 A ``Bug`` decides at every scan how to move. It heads for the goal until the bumper in
 that direction is pressed, turns until the boundary is at its side, and follows the
@@ -54,7 +54,7 @@ _MOST_REVERSALS = 3  # changes of the turning direction before the alignment end
 
 
 class Decision(Enum):
-    """The next action at a boundary."""
+    """The next action of a robot that follows the boundary of an obstacle."""
 
     ONWARD = auto()
     BACK = auto()  # along the same boundary, in the opposite direction
@@ -64,7 +64,7 @@ class Decision(Enum):
 
 
 class Bug1Policy:
-    """Bug1 at one boundary: circle it, then return to the point nearest to the goal.
+    """Bug1 at one obstacle: circle it, then return to the point nearest to the goal.
 
     Attributes:
         boundary: The boundary.
@@ -72,7 +72,7 @@ class Bug1Policy:
     """
 
     def __init__(self, boundary: FollowedBoundary, goal: Point) -> None:
-        """Create the policy at a hit point.
+        """Create the policy where the robot has hit an obstacle.
 
         Args:
             boundary: The boundary that was hit, with a landmark there.
@@ -82,14 +82,14 @@ class Bug1Policy:
         # distance to the goal, path length, pose and direction at every step
         self._steps: list[tuple[float, float, Pose2, float]] = []
         self._leave: Landmark
-        # length of the circuit, length of the path back to the leave point, and
-        # distance travelled until the robot turned back, m
+        # length of the circuit, length of the path back to the leave point, and path
+        # length at which the robot turned back, m
         self._perimeter = self._return_length = self._turned_at = math.nan
         self._onward = True
         self._turned_back = False
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """Return the next action.
+        """Return what the robot does next at the boundary.
 
         Args:
             pose: Pose of the robot.
@@ -105,7 +105,7 @@ class Bug1Policy:
         if not self.boundary.closes_circuit(pose, direction):
             return Decision.ONWARD
         self.circuits, began = 1, self.boundary.circuit_start
-        # Steps before the circuit began are ignored,
+        # Steps before the circuit began are left out,
         # since they may not be next to the boundary.
         _, at, nearest, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
@@ -126,8 +126,8 @@ class Bug1Policy:
         # Poses drift, so the measured lengths of the paths out and back may differ.
         slack = max(1.0, 0.2 * self._return_length)
         close = distance(pose, self._leave.x, self._leave.y) < LEAST_GAIN
-        # Before this length, the robot may pass the
-        # landmark on another side of the obstacle.
+        # Before it has driven this far, the robot may pass
+        # the landmark on another side of the obstacle.
         due = self._turned_back or returned >= self._return_length - slack
         if due and (passed or close):
             # A robot that missed its leave point cannot
@@ -136,8 +136,8 @@ class Bug1Policy:
                 return Decision.LEAVE_UNSURE
             return Decision.LEAVE if free else Decision.NO_PATH
         if returned > self._return_length + 2 * slack:
-            # The robot turns back once. If it misses the leave point for another whole
-            # circuit, it leaves wherever it is.
+            # The robot turns back only once. If it misses the leave point for another
+            # whole circuit, it leaves the boundary at its present position.
             if self._turned_back:
                 return Decision.LEAVE_UNSURE
             self._turned_back = True
@@ -148,7 +148,7 @@ class Bug1Policy:
 
 
 class Bug2Policy:
-    """Bug2 at one boundary: leave it on the line to the goal, once nearer to the goal.
+    """Bug2 at one obstacle: leave it on the line from the start to the goal.
 
     The attributes are those of ``Bug1Policy``.
     """
@@ -161,7 +161,7 @@ class Bug2Policy:
         starts: Sequence[Pose2],
         give_up: GiveUp,
     ) -> None:
-        """Create the policy at a hit point.
+        """Create the policy where the robot has hit an obstacle.
 
         Args:
             boundary: The boundary that was hit, with a landmark at the hit point.
@@ -176,9 +176,9 @@ class Bug2Policy:
         self._hit, self._give_up = hit, give_up
 
     def step(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
-        """Return the next action. The arguments are those of ``Bug1Policy.step``."""
+        """Return what the robot does next; for the arguments see ``Bug1Policy``."""
         # Every line has to process every pose, since
-        # it stores on which side the robot was.
+        # the line stores on which side the robot was.
         met = [line.meets(pose) for line in self._lines]
         at_line, crossed = any(at for at, _ in met), met[-1][1]
         hit_distance = distance(self._hit, *self._goal)
@@ -198,14 +198,14 @@ class Bug2Policy:
 
 
 class _Line:
-    """The line from a start to the goal, where Bug2 leaves a boundary."""
+    """The line from a start to the goal, on which Bug2 leaves an obstacle."""
 
     def __init__(self, start: Pose2, goal: Point) -> None:
         self._start, self._goal = start, goal
         self._side: float | None = None
 
     def meets(self, pose: Pose2) -> tuple[bool, bool]:
-        """Return whether the robot is on the line, and whether it just crossed it.
+        """Return whether the robot is at the line, and whether it crosses the line.
 
         The line ends at the goal, since leaving beyond the goal gives no shorter path.
         A crossing of the line's extension counts as a crossing, too.
@@ -214,8 +214,8 @@ class _Line:
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
         length = math.hypot(dx, dy)
         x, y = pose.x - self._start.x, pose.y - self._start.y
-        # Both values are scaled by the length of the line.
-        # A division is avoided, since the length may be 0.
+        # ``side`` and ``along`` are multiplied by the length of the line, since a
+        # division would fail for a length of 0.
         side, along = dx * y - dy * x, dx * x + dy * y
         before, self._side = self._side, side
         crossed = before is not None and before * side <= 0
@@ -225,7 +225,7 @@ class _Line:
 
 
 class BoundaryController(Controller):
-    """Base class of the algorithms that follow boundaries."""
+    """Base class of the algorithms that follow the boundaries of obstacles."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
@@ -246,7 +246,7 @@ class BoundaryController(Controller):
         self._boundary = FollowedBoundary(follower)
 
     def _conclude(self, observation: Observation) -> Twist:
-        """Give up after a circuit, unless the circled obstacle does not block the path.
+        """Give up after a circuit, unless the circled obstacle is not in the way.
 
         The obstacle may have driven away, or the robot may have hit another obstacle.
         """
@@ -270,7 +270,7 @@ class BoundaryController(Controller):
 
 
 class Bug(BoundaryController):
-    """Bug1 or Bug2; the attributes are those of ``Controller``."""
+    """The algorithms Bug1 and Bug2; the attributes are those of ``Controller``."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
@@ -316,7 +316,7 @@ class Bug(BoundaryController):
         return self._follow(observation, driven)
 
     def _is_open(self, observation: Observation) -> bool:
-        """Return whether the path to the goal is free, with room on both sides."""
+        """Return whether the path to the goal is free, with some room on both sides."""
         bumpers, bearing = self._settings.bumpers, self._goal_bearing(observation.pose)
         ahead = bumpers.towards(observation, bearing)
         if ahead.blocked and not self._is_beyond(observation, ahead.distance):
@@ -327,7 +327,7 @@ class Bug(BoundaryController):
         return self._side_distance(observation) >= bumpers.safety_distance + graze
 
     def _is_hidden(self, observation: Observation, part: Observation) -> bool:
-        """Return whether the followed boundary is between the robot and the goal."""
+        """Return whether the followed obstacle is between the robot and the goal."""
         goal = self._goal_bearing(observation.pose)
         ahead = self._settings.bumpers.towards(observation, goal)
         if self._is_beyond(observation, ahead.distance):
@@ -335,12 +335,12 @@ class Bug(BoundaryController):
         return self._boundary.follower.leads_into_boundary(part, goal)
 
     def _is_beyond(self, observation: Observation, obstacle: float) -> bool:
-        """Return whether an obstacle at a distance in m is beyond the goal."""
+        """Return whether an obstacle at a distance, m, is farther than the goal."""
         goal = self._goal_distance(observation.pose)
         return goal + self._settings.bumpers.safety_distance - NOISE <= obstacle
 
     def _side_distance(self, observation: Observation) -> float:
-        """Return the distance of the nearest obstacle next to the path, m."""
+        """Return the distance, m, of the nearest obstacle beside the path."""
         bumpers, goal = self._settings.bumpers, self._goal_bearing(observation.pose)
         sides = (goal - bumpers.width, goal + bumpers.width)
         return min(bumpers.towards(observation, side).distance for side in sides)
@@ -368,7 +368,7 @@ class Bug(BoundaryController):
         boundary, policy = self._boundary, self._policy
         follower = boundary.follower
         # Only beams on the followed boundary count. Otherwise the robot would switch to
-        # another obstacle that is equally near.
+        # another obstacle at the same distance.
         part = boundary.look(observation, self.goals[0])
         boundary.remember(part.pose.yaw, step)
         direction = follower.tangent(part)
@@ -380,8 +380,8 @@ class Bug(BoundaryController):
             return self._leave_or_conclude(observation)
         if decision is Decision.LEAVE_UNSURE:
             if self._misses < _MOST_MISSES:
-                # The robot may have circled the next obstacle already, so it follows
-                # the next boundary on the other side.
+                # The robot may already have circled the obstacle that it hits next, so
+                # it follows that boundary on the other side.
                 self._misses += 1
                 self._change_hand()
             return self._leave(observation)
@@ -399,7 +399,7 @@ class Bug(BoundaryController):
         return twist
 
     def _leave_or_conclude(self, observation: Observation) -> Twist:
-        """Leave, unless a Bug1 circuit has brought the robot no nearer to the goal."""
+        """Leave the boundary, or give up if Bug1 has come no nearer to the goal."""
         near, mission = self._goal_distance(observation.pose), self._settings.mission
         is_no_nearer = near > self._best_leave - mission.tolerance
         self._best_leave = min(self._best_leave, near)
@@ -413,9 +413,8 @@ class Bug(BoundaryController):
             # that obstacle if it kept the wall on the same side.
             self._change_hand()
         self._best_leave = math.inf
-        # In a gap, the robot may circle an obstacle that never
-        # meets the first line, as on the random maps 108, 357
-        # and 458. So the line from this pose counts as well.
+        # In a gap, the robot may circle an obstacle that never meets the line from the
+        # start, as on random maps 108, 357 and 458. So a line from this pose is added.
         self._starts.append(observation.pose)
         return self._leave(observation)
 
@@ -429,7 +428,7 @@ class Bug(BoundaryController):
         self._best_leave = math.inf
 
     def _sees_goal(self, observation: Observation) -> bool:
-        """Return whether the goal is near and visible, so that the robot can leave.
+        """Return whether the goal is near and no obstacle is in between.
 
         After another hit, the robot has to come nearer to the goal before it leaves
         again. Otherwise it would try forever if the goal is too close to an obstacle.

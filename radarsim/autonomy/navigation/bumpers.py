@@ -1,4 +1,4 @@
-"""Long-range bumpers: sectors of beams around the robot, each pressed or not.
+"""Long-range bumpers: sectors around the robot that are pressed by near obstacles.
 
 Theory of operation
 ===================
@@ -38,7 +38,7 @@ EIGHT = (
 
 @dataclass(frozen=True, slots=True)
 class Bumper:
-    """The state of one bumper.
+    """The state of one long-range bumper.
 
     Attributes:
         name: Name of the sector, such as ``front_left``.
@@ -61,7 +61,7 @@ class Bumper:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bumpers:
-    """Sectors of equal width around the robot, the first one centred on its front.
+    """Long-range bumpers: equal sectors around the robot, the first centred ahead.
 
     Attributes:
         safety_distance: Safety distance from the robot's centre, m.
@@ -86,12 +86,12 @@ class Bumpers:
 
     @property
     def pressed_below(self) -> float:
-        """Distance, m, below which a bumper may be pressed: the far end of its band."""
+        """Distance of obstacles, m, below which a bumper may be pressed."""
         return self.safety_distance + BAND
 
     @property
     def width(self) -> float:
-        """Width of one sector, rad."""
+        """Width of a bumper's sector, rad."""
         return 2 * math.pi / self.count
 
     @property
@@ -110,13 +110,13 @@ class Bumpers:
         )
 
     def towards(self, observation: Observation, bearing: float) -> Bumper:
-        """Return the state of a bumper that is centred on a bearing, rad."""
+        """Return the state of a bumper whose sector is centred on a bearing, rad."""
         offsets = wrap_angles(observation.bearings - bearing)
         within = np.abs(offsets) <= self.width / 2
         return self._state("front", observation.ranges[within])
 
     def blind(self, angles: Floats) -> tuple[str, ...]:
-        """Return the names of bumpers without beams, given beam angles, (N,) rad."""
+        """Return the names of bumpers without a beam, from beam angles, (N,) rad."""
         covered = set(self._sectors(angles).tolist())
         return tuple(name for k, name in enumerate(self.names) if k not in covered)
 
@@ -133,8 +133,8 @@ class Bumpers:
         if self.rule == Rule.SHARE:
             pressed = distance < self.pressed_below
         else:
-            # The range of a beam without a return is
-            # inf, so one such beam releases the bumper.
+            # A beam without a return has the range inf,
+            # so one such beam releases the bumper.
             least, most = float(ranges.min()), float(ranges.max())
             pressed = self.safety_distance <= least and most <= self.pressed_below
         too_near = distance < self.safety_distance
@@ -142,17 +142,17 @@ class Bumpers:
 
 
 def nearest_share(ranges: Floats, share: float) -> float:
-    """Return the range, m, that the given share of all ranges does not exceed.
+    """Return the range, m, that the given share of ranges does not exceed.
 
     Args:
         ranges: (N,) m, at least one.
         share: Above 0 and at most 1; at least one range is counted.
     """
-    # A small number is subtracted, so that rounding errors do not add one range.
+    # The subtraction prevents rounding errors from adding one range to the count.
     count = max(1, math.ceil(share * len(ranges) - 1e-9))
     return float(np.partition(ranges, count - 1)[count - 1])
 
 
 def pressed_names(bumpers: Sequence[Bumper]) -> tuple[str, ...]:
-    """Return the names of the bumpers that are pressed or too near."""
+    """Return the names of the bumpers that are pressed or too near an obstacle."""
     return tuple(bumper.name for bumper in bumpers if bumper.blocked)

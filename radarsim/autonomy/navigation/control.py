@@ -1,4 +1,4 @@
-"""Motion commands, the control loop that sends them, and detectors of stuck robots.
+"""Motion commands, the loop that sends them, and detectors of stuck robots.
 
 The loop turns scans into wheel speeds. It stops the robot while no scan arrives, and
 raises an error that names the missing report when the timeout is over.
@@ -27,7 +27,7 @@ MOVED: Final = (0.1, 0.3)  # m and rad; a smaller change of the pose is noise
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Forward speed in m/s and counter-clockwise turn rate in rad/s."""
+    """A motion: forward speed, m/s, and counter-clockwise turn rate, rad/s."""
 
     speed: float
     turn: float
@@ -49,7 +49,7 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected a finite number above 0")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Return a twist that turns to a bearing, and drives once the robot faces it.
+        """Return a twist that turns to a bearing, and drives when facing it.
 
         Args:
             bearing: Bearing in rad from the robot's front.
@@ -63,7 +63,7 @@ class SpeedLimits:
 
 
 def bearing_of(pose: Pose2, x: float, y: float) -> float:
-    """Return the bearing of a point from a pose, rad from the robot's front."""
+    """Return the bearing of a point, rad from the front of a robot at a pose."""
     return wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.yaw)
 
 
@@ -73,7 +73,7 @@ def distance(pose: Pose2, x: float, y: float) -> float:
 
 
 class StuckDetector:
-    """Detects a robot that neither moves nor turns although it is commanded to."""
+    """Detects a robot that neither moves nor turns although motions are commanded."""
 
     def __init__(self) -> None:
         self._last_time = 0.0
@@ -89,7 +89,7 @@ class StuckDetector:
             NavigationError: If the commanded robot does not move.
         """
         # During a long gap between scans, the loop stopped the robot or could not
-        # command it. So only the first part of the gap counts.
+        # command the robot. So only the first part of the gap counts.
         elapsed = min(observation.time - self._last_time, _LONGEST_STEP)
         self._last_time = observation.time
         pose, command = observation.pose, ""
@@ -122,7 +122,7 @@ class StandstillDetector:
         self._reference: Observation | None = None
 
     def check(self, observation: Observation) -> None:
-        """Compare a scan with earlier ones.
+        """Compare a scan with earlier scans.
 
         Raises:
             NavigationError: If the robot has stood for a minute.
@@ -140,7 +140,7 @@ class StandstillDetector:
 
 
 class ControlLoop:
-    """Controls one robot: yields observations, and sends wheel speeds."""
+    """The control loop of one robot: yields observations, and sends wheel speeds."""
 
     def __init__(
         self,
@@ -150,7 +150,7 @@ class ControlLoop:
         *,
         timeout: float,
     ) -> None:
-        """Create the loop.
+        """Create the control loop of a robot.
 
         Args:
             client: The connection, with a spawned robot.
@@ -164,11 +164,11 @@ class ControlLoop:
         self._timeout = timeout
 
     def drive(self, twist: Twist) -> None:
-        """Set the wheel speeds that produce a twist."""
+        """Command the wheel speeds that move the robot as a twist says."""
         self._client.drive(*self._robot_info.wheel_speeds(twist.speed, twist.turn))
 
     def scans(self) -> Iterator[Observation]:
-        """Yield an observation for every scan; stop the robot while none arrives.
+        """Yield an observation for every scan; stop the robot while no scan arrives.
 
         Raises:
             ClientTimeout: If no more scans arrive.
@@ -187,7 +187,7 @@ class ControlLoop:
                 self.drive(STOP)
                 stopped = True
             reports: list[Report] = []
-            # A single read may time out. This is an error only after the whole timeout.
+            # A single read may time out; only the timeout of all reads is an error.
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))

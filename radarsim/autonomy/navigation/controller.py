@@ -28,7 +28,7 @@ HEADING_TOLERANCE: Final = 0.05  # rad of heading error that counts as aligned
 
 
 class Activity(StrEnum):
-    """The current activity of a controller."""
+    """What a controller currently does."""
 
     GOING = "going"
     ALIGNING = "aligning"
@@ -41,7 +41,7 @@ class Activity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
-    """Settings of a controller.
+    """The settings of a navigation algorithm.
 
     Attributes:
         mission: The mission, with at least one goal.
@@ -58,7 +58,7 @@ class ControllerSettings:
 
 
 class Controller(ABC):
-    """Drives a robot to a list of goals, one after the other.
+    """Base class of algorithms that drive a robot to its goals, one after the other.
 
     Attributes:
         activity: Current activity; in ``REACHED`` and ``NO_PATH`` the robot stands.
@@ -69,7 +69,7 @@ class Controller(ABC):
     """
 
     def __init__(self, settings: ControllerSettings) -> None:
-        """Create the controller before the first scan."""
+        """Create the controller; call this before the first scan."""
         self.activity = Activity.GOING
         self.goals = list(settings.mission.goals)
         if not self.goals:
@@ -82,7 +82,7 @@ class Controller(ABC):
 
     @property
     def goal(self) -> Point | None:
-        """The next goal, m, map frame; None if there is none."""
+        """The next goal, m, map frame; None if no goal is left."""
         return self.goals[0] if self.goals else None
 
     @property
@@ -91,11 +91,11 @@ class Controller(ABC):
         return self.activity in (Activity.REACHED, Activity.NO_PATH)
 
     def step(self, observation: Observation) -> Twist:
-        """Return the motion until the next scan."""
+        """Return the motion of the robot until the next scan."""
         pose = observation.pose
         driven = 0.0 if self._previous is None else pose.distance(self._previous)
         self._previous = pose
-        # Several goals may be within the tolerance of the same pose.
+        # One pose may be within the tolerance of several goals.
         while not self.is_done and self._is_at_goal(pose):
             if turn := self._turn_to_go(pose):
                 self.activity = Activity.TURNING
@@ -106,7 +106,7 @@ class Controller(ABC):
         return STOP if self.is_done else self._decide(observation, driven)
 
     def reconsider(self, pose: Pose2, _: Callable[[Observation], Observation]) -> None:
-        """Restart the search for the goal, since some seen obstacles do not exist.
+        """Search for the goal again, since some obstacles that were seen do not exist.
 
         Args:
             pose: Pose of the robot.
@@ -120,7 +120,7 @@ class Controller(ABC):
         self.activity = Activity.GOING
 
     def avoid(self, places: Floats) -> bool:  # noqa: ARG002 - planners need it
-        """Avoid an approaching object; return False if the controller cannot.
+        """Drive around an approaching object; return False if the controller cannot.
 
         If it returns False, the robot waits.
 
@@ -137,7 +137,7 @@ class Controller(ABC):
         return self._goal_distance(pose) <= self._settings.mission.tolerance
 
     def _turn_to_go(self, pose: Pose2) -> float:
-        """Return the remaining turn at the last goal, rad."""
+        """Return the angle, rad, that the robot still has to turn at the last goal."""
         heading = self._settings.mission.heading
         if heading is None or len(self.goals) > 1:
             return 0.0
@@ -151,14 +151,14 @@ class Controller(ABC):
         return bearing_of(pose, *self.goals[0])
 
     def _towards(self, pose: Pose2, point: Point) -> Twist:
-        """Return the twist towards a point, m, slower near the goal."""
-        # The limit is 5 cm/s at the goal: with a
-        # limit of 0 the robot would never reach it.
+        """Return the twist towards a point, m; it is slower near the goal."""
+        # At the goal the speed limit is 5 cm/s: with a
+        # limit of 0 the robot would never get there.
         most = 0.05 + 0.8 * self._goal_distance(pose)
         return self._settings.speed_limits.towards(bearing_of(pose, *point), most=most)
 
     def _head_for(self, observation: Observation, point: Point) -> Twist:
-        """Return the twist of ``_towards``, with speed 0 if an obstacle is too near."""
+        """Return the twist towards a point; the speed is 0 if an obstacle is near."""
         twist = self._towards(observation.pose, point)
         safety_distance = self._settings.bumpers.safety_distance
         is_near = leads_too_near(observation, safety_distance)
@@ -166,11 +166,11 @@ class Controller(ABC):
 
     @abstractmethod
     def _begin_goal(self, pose: Pose2) -> None:
-        """Reset the state of the algorithm for the next goal."""
+        """Reset the state of the algorithm before the robot heads for the next goal."""
 
     @abstractmethod
     def _decide(self, observation: Observation, driven: float) -> Twist:
-        """Return the motion until the next scan.
+        """Return the motion of the robot until the next scan.
 
         Args:
             observation: The newest scan; the next goal is not reached.

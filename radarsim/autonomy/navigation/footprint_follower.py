@@ -34,10 +34,10 @@ _MOST: Final = 0.25  # rad; greatest heading correction
 
 
 class FootprintFollower:
-    """Steers a robot along a planned path, one turn or straight line at a time."""
+    """Steers a robot along a planned path of turns on the spot and straight lines."""
 
     def __init__(self, footprint: Footprint, path: Floats, limits: SpeedLimits) -> None:
-        """Create the follower at the beginning of a path.
+        """Create a follower for a path; the robot is at the beginning of the path.
 
         Args:
             footprint: The footprint.
@@ -51,7 +51,7 @@ class FootprintFollower:
 
     @property
     def path(self) -> Floats:
-        """The rest of the path, (Q, 3), from the beginning of the current motion."""
+        """The remaining path, (Q, 3), from the beginning of the current motion."""
         return self._path[self._next - 1 :]
 
     def is_blocked(self, points: Floats) -> bool:
@@ -60,7 +60,7 @@ class FootprintFollower:
         return bool((self._footprint.clearances(points, self.path) < least).any())
 
     def twist(self, pose: Pose2, points: Floats) -> Twist | None:
-        """Return the motion until the next scan.
+        """Return the motion of the robot until the next scan.
 
         Args:
             pose: Pose of the robot.
@@ -85,19 +85,19 @@ class FootprintFollower:
         return None
 
     def _turn(self, here: Floats, end: Floats) -> Twist | None:
-        """Return the turn to the heading of a pose; None if the robot is aligned."""
+        """Return the turn to the heading of a pose; None once the robot has turned."""
         error = wrap_angle(end[2] - here[2])
         return None if abs(error) < ALIGNED else Twist(0.0, self._turn_rate(error))
 
     def _turn_rate(self, error: float) -> float:
-        """Return the turn rate that corrects a heading error, rad."""
+        """Return the turn rate, rad/s, that corrects a heading error, rad."""
         most = min(self._limits.turn, SLOW_TURN)
         return max(-most, min(most, HEADING_GAIN * error))
 
     def _straight(
         self, here: Floats, begin: Floats, end: Floats, room: float
     ) -> Twist | None:
-        """Return the motion along a line; None at the end of the line."""
+        """Return the robot's motion along a line; None at the end of the line."""
         c, s = math.cos(end[2]), math.sin(end[2])
         dx, dy = end[:2] - here[:2]
         sign = math.copysign(1.0, c * (end[0] - begin[0]) + s * (end[1] - begin[1]))
@@ -111,7 +111,7 @@ class FootprintFollower:
         return Twist(sign * speed, self._turn_rate(error))
 
     def _is_off(self, here: Floats, begin: Floats, end: Floats) -> bool:
-        """Return whether the robot is too far off the current motion of the path."""
+        """Return whether the robot is too far off the line or turn that it follows."""
         way, to = end[:2] - begin[:2], here[:2] - begin[:2]
         share = way @ to / (way @ way) if way.any() else 0.0
         off = math.dist(to, share * way)
@@ -120,13 +120,13 @@ class FootprintFollower:
 
 
 def _least(room: float) -> float:
-    """Return the least allowed clearance during a motion, given the current one, m."""
+    """Return the least clearance allowed in a motion, given the clearance now, m."""
     # A motion may reduce a small clearance only slightly. Planning uses the same rule.
     return max(min(LEAST_ROOM, room - SLACK), TOUCHING)
 
 
 def _moved_by(pose: Floats, twist: Twist) -> Floats:
-    """Return the pose after a motion of ``AHEAD`` seconds, (3,)."""
+    """Return the pose, (3,), that a motion reaches in ``AHEAD`` seconds."""
     turned = pose[2] + twist.turn * AHEAD
     middle, way = (pose[2] + turned) / 2, twist.speed * AHEAD
     step = np.array([way * math.cos(middle), way * math.sin(middle)])

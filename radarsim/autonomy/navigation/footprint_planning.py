@@ -43,11 +43,11 @@ _PARTS: Final = 5  # parts of a cell per axis, to which points are rounded
 SLACK: Final = 0.01  # m; error of rounded positions
 _ANGLE: Final = math.radians(3)  # rad between two checked poses of a turn
 _NEAR: Final = 0.5  # m from a path, beyond which clearances are ignored
-# Steps in cells along half of the headings; the other headings are opposite.
+# Steps of one motion, in cells, for half of the headings; the others are opposite.
 _AHEAD: Final = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))
 _HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
 _LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
-# Costs of the motions at each heading: forward, backward, and a turn to either side.
+# Costs of the motions at each heading: forward, backward, turn left and turn right.
 _COSTS: Final = np.column_stack([_LENGTHS, _LENGTHS * REVERSE, *np.full((2, 16), TURN)])
 # Greatest ratio of a path's length on a grid with 8 neighbours to its length on a grid
 # with 16 neighbours.
@@ -59,7 +59,7 @@ _BITS: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A rectangle centred on the robot; computes its clearance from points.
+    """A rectangle centred on the robot; computes its distance from obstacle points.
 
     Attributes:
         length: Length along the robot's axis, m.
@@ -71,13 +71,13 @@ class Footprint:
 
     @property
     def radius(self) -> float:
-        """Half the diagonal, m."""
+        """Half the diagonal of the footprint, m."""
         return math.hypot(self.length, self.width) / 2
 
     def distances(
         self, points: Floats, poses: Floats, longer: float | Floats = 0.0
     ) -> Floats:
-        """Return distances of points from the footprint at poses, (P, N) m; 0 inside.
+        """Return distances, (P, N) m, of points from the footprint at poses; 0 inside.
 
         Args:
             points: (N, 2) m.
@@ -92,11 +92,11 @@ class Footprint:
         return outside
 
     def clearance(self, points: Floats, pose: Floats) -> float:
-        """Return the distance of the nearest point at a pose, m; ``inf`` if none."""
+        """Return the distance, m, from the footprint at a pose to the nearest point."""
         return float(self.distances(points, pose[None]).min(initial=math.inf))
 
     def motion_clearance(self, points: Floats, begin: Floats, end: Floats) -> float:
-        """Return the least distance of points from the footprint during a motion, m.
+        """Return the least distance, m, of points from the footprint during a motion.
 
         Args:
             points: (N, 2) m.
@@ -115,7 +115,7 @@ class Footprint:
         return float(self.distances(near, poses).min(initial=_NEAR))
 
     def clearances(self, points: Floats, poses: Floats) -> Floats:
-        """Return the clearances of the motions between successive poses, (P - 1,) m."""
+        """Return the clearance of each motion between successive poses, (P - 1,) m."""
         pairs = itertools.pairwise(poses)
         return np.array([self.motion_clearance(points, *pair) for pair in pairs])
 
@@ -123,7 +123,7 @@ class Footprint:
 def plan_footprint(
     footprint: Footprint, points: Floats, start: Pose2, goal: Point
 ) -> Floats | None:
-    """Plan a path of a footprint among points.
+    """Plan a path of a rectangular footprint between obstacle points.
 
     No motion comes closer to a point than the least margin, less a centimetre, or than
     the clearance at the start if that is smaller.
@@ -152,7 +152,7 @@ def plan_footprint(
 
 
 class _PoseGrid:
-    """Cells and masks in the frame of the start pose, which is the centre of a cell."""
+    """A grid of robot poses, with masks of the poses that are close to obstacles."""
 
     def __init__(
         self, footprint: Footprint, points: Floats, start: Pose2, goal: Point
@@ -176,7 +176,7 @@ class _PoseGrid:
     def _mask(
         self, footprint: Footprint, places: Floats, least: float
     ) -> NDArray[np.int64]:
-        """Return the masks of all cells, (R, C).
+        """Return a mask for each cell, (R, C), of the headings too close to obstacles.
 
         Args:
             footprint: The footprint.
@@ -194,7 +194,7 @@ class _PoseGrid:
         shifts = np.array([(dx, dy) for dx in steps for dy in steps])
         for part in np.ndindex(_PARTS, _PARTS):
             chosen = numbers[(parts == part).all(axis=1)]
-            # vectors from the centres of the surrounding cells to the point
+            # vectors to the obstacle point from the centres of the surrounding cells
             ways = ((np.array(part) + 0.5) / _PARTS - 0.5 - shifts) * CELL
             bits = _bits(footprint, ways, least)
             for (dx, dy), bit in zip(shifts[bits > 0], bits[bits > 0], strict=True):
@@ -202,7 +202,7 @@ class _PoseGrid:
         return masks.reshape(rows, columns)
 
     def search(self) -> Floats | None:
-        """Return the cheapest path as poses in the map frame, (P, 3), or None."""
+        """Return the poses of the cheapest path, (P, 3), map frame; None if none."""
         rows, columns = self._shape
         cost = np.ones(self._shape)
         column, row = -self._first
@@ -211,8 +211,8 @@ class _PoseGrid:
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
-            # The cost is added to cells where, at every heading, a point is within the
-            # margin of the footprint.
+            # The cost is added to cells where, at every heading, the footprint is
+            # within the margin of an obstacle point.
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
@@ -236,7 +236,7 @@ class _PoseGrid:
 
 
 def _bits(footprint: Footprint, ways: Floats, least: float) -> NDArray[np.int64]:
-    """Return the mask bits that a point sets in the cells around it.
+    """Return the mask bits that an obstacle point sets in the cells around it.
 
     Args:
         footprint: The footprint.
@@ -263,7 +263,7 @@ def _bits(footprint: Footprint, ways: Floats, least: float) -> NDArray[np.int64]
 
 
 def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
-    """Return the path with detours replaced by straight motions, (P, 3).
+    """Return the path, (P, 3), with straight motions in place of detours.
 
     Straight motions keep the clearance of the detours, or the widest margin.
     """
@@ -297,7 +297,7 @@ def _shortened(footprint: Footprint, points: Floats, path: Floats) -> Floats:
 
 
 def _merged(path: Floats) -> Floats:
-    """Merge successive turns of a path, and successive motions along a line."""
+    """Merge successive turns of a path, and successive motions along one line."""
     kept = [path[0]]
     for pose, after in zip(path[1:], [*path[2:], None], strict=True):
         if after is not None:

@@ -1,4 +1,4 @@
-"""Searches on grids, and the cost of driving near obstacles.
+"""Searches for paths on grids, and the cost of driving near obstacles.
 
 The robot's centre keeps the safety distance from obstacles, so a passage has to be
 twice the safety distance wide, plus the errors of the sensor and of the cell size.
@@ -24,7 +24,7 @@ ESCAPE_COST: Final = 10.0
 
 
 def step_cost(clearance: Floats, safety_distance: float) -> Floats:
-    """Return the cost of a step of one cell into each cell; inf for closed cells.
+    """Return what a step into each cell costs; inf for cells that are closed.
 
     Args:
         clearance: (R, C) m from the centre of each cell to the nearest centre of a
@@ -47,7 +47,7 @@ _EIGHT_NEIGHBORS = np.ones((3, 3), np.bool_)
 def shortest_path(
     cost: Floats, start: Cell, targets: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Return the cheapest path from a cell to any target over all 8 neighbors.
+    """Return the cheapest path from a cell to any target cell, with 8 neighbors each.
 
     Args:
         cost: (R, C) cost of a step of one cell into each cell; inf for closed cells.
@@ -68,7 +68,7 @@ def shortest_path(
 
 
 def path_costs(cost: Floats, start: Cell) -> Floats:
-    """Return the cost of the cheapest path from a cell to each cell, (R, C).
+    """Return the cost of the cheapest path from a start cell to each cell, (R, C).
 
     Args:
         cost: (R, C) cost of a step of one cell into each cell; inf for closed cells.
@@ -78,7 +78,7 @@ def path_costs(cost: Floats, start: Cell) -> Floats:
 
 
 def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
-    """Return a mask of the start and of all cells connected with it, (R, C)."""
+    """Return a mask, (R, C), of the start and of all cells connected with it."""
     cells = passable.copy()
     cells[start] = True
     labels, _ = ndimage.label(cells, _EIGHT_NEIGHBORS)
@@ -86,7 +86,7 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
 
 
 def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
-    """Return whether two cells both connect to the border, but not to each other.
+    """Return whether two cells connect to the border, but not to each other.
 
     If so, a path between the cells may lead around the area of the grid. A closed end
     cell cannot be reached, so the result is False.
@@ -102,7 +102,7 @@ def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> boo
 def _search(
     cost: Floats, start: Cell, targets: NDArray[np.bool_]
 ) -> tuple[int, NDArray[np.int64], Floats]:
-    """Visit cells in order of cost until one is a target.
+    """Visit cells in order of their path cost until a target cell is reached.
 
     Unlike ``scipy.sparse.csgraph``, the search stops at the first target, needs no
     graph, and always returns the same path of several with equal cost.

@@ -1,4 +1,4 @@
-"""Obstacles that were touched, or that only earlier scans show.
+"""Obstacles that the robot has touched, or that only earlier scans show.
 
 Theory of operation
 ===================
@@ -77,10 +77,10 @@ Points: TypeAlias = NDArray[np.complex128]  # x + iy, m
 
 
 class TouchedPlaces:
-    """Boxes at touched obstacles; can cut the beams of scans off at the boxes."""
+    """Boxes where the robot touched obstacles; can cut off the beams of scans there."""
 
     def __init__(self, gap: float) -> None:
-        """Create an empty collection.
+        """Create an empty collection of boxes.
 
         Args:
             gap: Widest gap between two boxes that the robot cannot pass, m.
@@ -93,7 +93,7 @@ class TouchedPlaces:
         return len(self._corners)
 
     def add(self, corners: Points) -> None:
-        """Add a box by its corners in order, (4,), map frame."""
+        """Add a box, given by its four corners in order, (4,), map frame."""
         walls = [np.column_stack([corners, np.roll(corners, -1)])]
         for other in self._corners:
             gaps = np.abs(corners[:, None] - other)
@@ -104,7 +104,7 @@ class TouchedPlaces:
         self._walls = np.vstack([self._walls, *walls])
 
     def distances(self, points: Points) -> Floats:
-        """Return distances of points, (N,), map frame, to the nearest box, (N,) m."""
+        """Return the distance, (N,) m, of each point, map frame, to the nearest box."""
         begins, along = self._walls[:, 0], np.diff(self._walls)[:, 0]
         to = points[:, None] - begins
         share = (to * along.conj()).real / np.maximum(np.abs(along) ** 2, 1e-12)
@@ -113,7 +113,7 @@ class TouchedPlaces:
         return distances
 
     def samples(self, pose: Pose2) -> Points:
-        """Return points of all boxes, (N,), in the frame of a robot at a pose."""
+        """Return points on the sides of all boxes, (N,), in the frame of a pose."""
         longest = np.abs(np.diff(self._walls)).max(initial=0.0)
         shares = np.linspace(0.0, 1.0, math.ceil(longest / _SAMPLE) + 1)
         points = self._walls[:, 0, None] + np.diff(self._walls) * shares
@@ -132,7 +132,7 @@ class TouchedPlaces:
         return replace(observation, ranges=ranges, farther=farther[is_before])
 
     def _lengths(self, pose: Pose2, bearings: Floats) -> Floats:
-        """Return each beam's distance to the first box, (N,) m; ``inf`` if none."""
+        """Return how far each beam gets before it meets a box, (N,) m; else ``inf``."""
         # For each beam, the walls are rotated so that the beam lies along the x axis.
         beams = np.exp(-1j * (bearings + pose.yaw))
         ends = (self._walls - complex(pose.x, pose.y)) * beams[:, None, None]
@@ -146,14 +146,14 @@ class TouchedPlaces:
 
 
 class TransientObstacles:
-    """Keeps obstacles for some seconds after they have vanished from the scans."""
+    """Keeps obstacles in the scans for some seconds after they have vanished."""
 
     def __init__(self) -> None:
         self._last: Observation | None = None
         self._kept: deque[tuple[float, Points]] = deque()  # time stored, s, and box
 
     def add_to(self, observation: Observation) -> Observation:
-        """Return the scan with beams cut off at vanished points; call it at each scan.
+        """Return the scan with vanished obstacles added; call this for each scan.
 
         Args:
             observation: The newest scan, unchanged.
@@ -172,7 +172,7 @@ class TransientObstacles:
 
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
-    """Return boxes, (4,) corners each, map frame, at points that the new scan lacks."""
+    """Return boxes, (4,) corners each, map frame, where obstacles have vanished."""
     near = last.offsets(last.ranges < REACH)
     points = complex(last.pose.x, last.pose.y) + near
     boxes: list[Points] = []
@@ -195,7 +195,7 @@ class TouchMemory:
     """
 
     def __init__(self, length: float, width: float, safety_distance: float) -> None:
-        """Create an empty memory.
+        """Create an empty memory of contacts.
 
         Args:
             length: Length of the footprint, m.
@@ -206,20 +206,20 @@ class TouchMemory:
         self._safety_distance = safety_distance
         self._half = np.array([length, width]) / 2
         self._outline, self._normals = _footprint_outline(length, width)
-        # durations, s, of the robot's last motions, and the reversed motions
+        # duration, s, and reverse of each of the robot's last motions
         self._way_back: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
         self._last: Observation | None = None
         self._motion = STOP  # the last motion command other than STOP
         self._ahead = 1.0  # 1 or -1: whether the robot last drove forward or backward
         self._moved_at = -math.inf  # time of the last motion command, s
-        # last pose at which the robot made progress or had to wait, and its time, s
+        # pose and time, s, when the robot last made progress or had to wait
         self._place: Pose2 | None = None
         self._moved_on_at = math.inf
         self._gone_back: float | None = None  # m driven back since the contact
         self._reverses = False  # whether the current motion leads back along the path
 
     def notice(self, observation: Observation, twist: Twist) -> bool:
-        """Process a scan; return whether a contact was detected, and store the contact.
+        """Process a scan; if the robot touches an obstacle, store it and return True.
 
         Args:
             observation: The newest scan, unchanged.
@@ -241,13 +241,13 @@ class TouchMemory:
             return False
         self._moved_on_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # Driving back does not help if the contact happened on the way back, or if the
-        # robot made no progress. In both cases it searches for another way out.
+        # Driving back does not help if the robot was driving back when it touched the
+        # obstacle, or if it made no progress. It then searches for another way out.
         self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
     def _add_motion(self, last: Observation, now: Observation) -> None:
-        """Reverse the motion between two scans, and add it to the path back."""
+        """Reverse the robot's motion between two scans, and add it to the way back."""
         elapsed, pose = now.time - last.time, last.pose
         if elapsed <= 0:
             return
@@ -259,14 +259,14 @@ class TouchMemory:
             self._way_back.append((elapsed, back))
 
     def note_decision(self, observation: Observation, twist: Twist | None) -> None:
-        """Store the decision on a scan: a motion, or None to wait."""
+        """Store the motion decided on for a scan, or None if the robot waits."""
         pose = observation.pose
         place = self._place
         if twist is None or place is None or pose.is_apart(place, *MOVED):
             self._place, self._moved_on_at = pose, observation.time
 
     def retreat(self, observation: Observation) -> Twist | None:
-        """Return a motion away from an obstacle; None if the robot is far enough away.
+        """Return a motion away from a touched obstacle; None if the robot is clear.
 
         Args:
             observation: The newest scan after ``notice``, without returns behind boxes.
@@ -284,13 +284,13 @@ class TouchMemory:
             self._reverses = True
             return back
         way_out = None if is_away else self._way_out(observation)
-        # On its way out, the robot does not drive back
-        # along its path until it touches an obstacle again.
+        # After the robot has found another way out, it does not drive back along its
+        # path until the next contact.
         self._gone_back = None if way_out is None else math.inf
         return way_out
 
     def keep_off(self, observation: Observation, twist: Twist) -> Twist:
-        """Return the motion, or one that leads away if it would touch an obstacle.
+        """Return the given motion, or another one if it would touch an obstacle.
 
         Args:
             observation: The newest scan, after ``retreat``.
@@ -299,8 +299,8 @@ class TouchMemory:
         if _stands(twist):
             return twist
         boxes = self.places.samples(observation.pose)
-        # Planned paths lead close to seen points, so the robot may come close to these,
-        # but not to the boxes.
+        # The robot may come close to seen points, since planned
+        # paths do so, but not to boxes at touched obstacles.
         things = ((boxes, _CLOSE), (_ends(observation), 0.0))
         if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
@@ -308,7 +308,7 @@ class TouchMemory:
         return self.retreat(observation) or twist
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
-        """Return whether a motion keeps the footprint a distance, m, from points."""
+        """Return whether the footprint keeps a distance, m, from points in a motion."""
         now = self._distance_at(points, STOP, 0.0)
         # Points that seem to be inside the footprint are close to its outline, so a
         # corner of the robot may graze them in a turn.
@@ -318,7 +318,7 @@ class TouchMemory:
         return soon >= min(least, now)
 
     def _way_out(self, observation: Observation) -> Twist | None:
-        """Return a motion away from boxes and clear of all points, or None."""
+        """Return a motion away from the boxes that hits no point; None if none."""
         boxes = self.places.samples(observation.pose)
         seen = _ends(observation)
         points = np.concatenate([boxes, seen])
@@ -335,7 +335,7 @@ class TouchMemory:
         return best
 
     def _distance_at(self, points: Points, twist: Twist, time: float) -> float:
-        """Return the footprint's distance from points after a motion, m; < 0 inside.
+        """Return how far, m, points are from the footprint after a motion; < 0 inside.
 
         Args:
             points: (N,) m, robot's frame.
@@ -350,7 +350,7 @@ class TouchMemory:
         return float(distances.min(initial=math.inf))
 
     def _touched_box(self, pose: Pose2) -> Points:
-        """Return corners of a box at the leading side of the footprint, map frame."""
+        """Return corners, map frame, of a box where the footprint hit an obstacle."""
         points, normals = self._outline, self._normals
         velocity = self._motion.speed + 1j * self._motion.turn * points
         outward = (velocity * normals.conj()).real
@@ -359,7 +359,7 @@ class TouchMemory:
         place = complex(pose.x, pose.y)
         away = np.where(led, self.places.distances(place + to_map * points), math.inf)
         if away.min() < _SAME:
-            # The contact is most likely with another part of the same obstacle.
+            # Most likely this is another part of an obstacle that was touched before.
             nearest = int(away.argmin())
             led &= np.abs(points - points[nearest]) <= _PART
             normal = normals[nearest]
@@ -377,14 +377,14 @@ class TouchMemory:
 
 
 def _ends(observation: Observation) -> Points:
-    """Return the end points of beams, (N,) m, robot's frame."""
+    """Return the end points of beams, (N,) m, in the robot's frame."""
     near = observation.ranges < HORIZON
     ends: Points = observation.ranges[near] * np.exp(1j * observation.bearings[near])
     return ends
 
 
 def _motion_after(twist: Twist, time: float) -> tuple[complex, float]:
-    """Return the displacement of a motion, m, robot's frame, and its turn, rad."""
+    """Return how far, m, in the robot's frame, and by how much, rad, a motion leads."""
     turned = twist.turn * time
     # The arc is approximated by a line in its mean
     # direction, which is accurate enough for one second.
@@ -398,7 +398,7 @@ def _stands(twist: Twist) -> bool:
 
 
 def _footprint_outline(length: float, width: float) -> tuple[Points, Points]:
-    """Return points on the outline and their outward normals, robot's frame.
+    """Return points on the footprint's outline and outward normals, robot's frame.
 
     Returns:
         (N,) each; every corner is a point of both of its sides.

@@ -62,7 +62,7 @@ def run_mission(
     *,
     info: RobotInfo | None = None,
 ) -> Result:
-    """Spawn a robot and drive it to its goals; the robot stands at the end.
+    """Spawn a robot, drive it to its goals, and stop it there.
 
     Args:
         client: A connection without a robot, unless ``info`` is given.
@@ -82,8 +82,8 @@ def run_mission(
         share=mission.share,
         rule=mission.rule,
     )
-    # The check is made before the robot drives, since
-    # it would hit obstacles at a bumper without beams.
+    # This is checked before the robot drives: where
+    # a bumper has no beams, it would hit obstacles.
     check_field_of_view(bumpers, scanner)
     footprint = footprint_for(info, mission)
     settings = ControllerSettings(mission, bumpers, speed_limits, footprint)
@@ -101,7 +101,7 @@ def run_mission(
 def safety_distance_for(
     robot_info: RobotInfo, wanted: float | None, penetration_depth: float
 ) -> float:
-    """Return the safety distance of a robot, m.
+    """Return the distance, m, that a robot's centre has to keep from obstacles.
 
     Args:
         robot_info: Properties of the robot.
@@ -126,7 +126,7 @@ def safety_distance_for(
 
 
 def footprint_for(robot_info: RobotInfo, mission: Mission) -> Footprint | None:
-    """Return the footprint that paths have to fit.
+    """Return the robot's footprint, enlarged by the error of ranges at obstacles.
 
     None if beams may end at an unknown depth behind the front of an obstacle.
     """
@@ -137,7 +137,7 @@ def footprint_for(robot_info: RobotInfo, mission: Mission) -> Footprint | None:
 
 
 def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
-    """Raise an error for a scanner that does not cover a full circle.
+    """Raise an error if the beams of a scanner do not cover a full circle.
 
     Raises:
         NavigationError: If a bumper has no beams.

@@ -65,7 +65,7 @@ STOOD: Final = (0.05, 0.05)
 
 
 class Waiting:
-    """Decides whether the robot has to stop for an object that moves into its path."""
+    """Decides whether the robot has to stop because an object moves into its path."""
 
     def __init__(self, bumpers: Bumpers, clearance: float) -> None:
         """Create the detector.
@@ -76,20 +76,20 @@ class Waiting:
         """
         self._bumpers = bumpers
         self._clearance = clearance
-        # recent scans; the oldest is compared with the newest once enough time has
-        # passed
+        # recent scans: the newest is compared with the oldest
+        # once the interval between them is long enough
         self._earlier: deque[Observation] = deque()
-        # times, s, and positions, m, map frame, of moving objects
+        # times, s, and positions, m, map frame, of moving objects that were seen
         self._seen: deque[tuple[float, complex]] = deque()
         self._ahead = 1.0  # 1 or -1: whether the robot drives forward or backward
         self._moved = -math.inf  # s; when an object last moved into the path
         self._crossed = -math.inf  # s; when a scan last showed such an object
-        # times, s, and positions, m, map frame, of moving objects while the robot stood
+        # times, s, and positions, m, map frame, of motions seen while the robot stood
         self._motions: deque[tuple[float, complex]] = deque()
         self._since = math.inf  # s; time at which the robot began to wait
         self._passing_distance = bumpers.safety_distance + ASIDE
-        # time, s, of the last scan of a single moving object, the ends of beams on the
-        # object, m, map frame, and its velocity, m/s
+        # last scan with a single moving object: its time, s, the ends of beams on the
+        # object, m, map frame, and the object's velocity, m/s
         self._thing: tuple[float, NDArray[np.complex128], complex] | None = None
         self._track: deque[tuple[float, complex]] = deque()  # times and positions
         self._closed_side = -1j  # side of the object that paths avoid
@@ -110,8 +110,8 @@ class Waiting:
             still: Beams that end on known standing obstacles, (N,); None for none.
         """
         now = observation.time
-        # A standing robot will drive on in its last
-        # direction, so that direction is kept.
+        # A robot that stands will drive on in its
+        # last direction, so that direction is kept.
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
         if self._detect_crossing(observation, still):
@@ -124,13 +124,13 @@ class Waiting:
         self._since = min(self._since, now)
         if now - self._since < PATIENCE:
             return True
-        # Waiting is disabled for a while; otherwise
-        # the next scan would stop the robot again.
+        # After a long wait, the robot does not wait for a
+        # while, since the next scan would stop it again.
         self._impatient_until = now + IMPATIENCE
         return False
 
     def moving_beams(self, observation: Observation, reach: float) -> NDArray[np.bool_]:
-        """Return which beams end on an object that has moved, (N,).
+        """Return which beams, as (N,) booleans, end on an object that has moved.
 
         Args:
             observation: The newest scan; the times of scans increase.
@@ -149,7 +149,7 @@ class Waiting:
         return beams
 
     def meeting(self, observation: Observation) -> Floats:
-        """Return current and predicted positions of an approaching object, (M, 2) m.
+        """Return where an approaching object is and where it will be, (M, 2) m.
 
         Positions are in the map frame; M is 0 without an approaching object.
 
@@ -173,9 +173,9 @@ class Waiting:
         if not self._meets:
             return np.zeros((0, 2))
         along = velocity / abs(velocity)
-        # The side on which to pass the object is chosen only once, since the shorter
-        # side may change from plan to plan. In a head-on approach, the robot passes on
-        # the right.
+        # The robot chooses only once on which side it passes the object, since the
+        # shorter side may change from plan to plan. If the object comes head-on, the
+        # robot passes on the right.
         if not met_before:
             is_left_of_it = (complex(to_robot.mean()) / along).imag > -STRAIGHT_AT
             self._closed_side = -1j if is_left_of_it else 1j
@@ -185,7 +185,7 @@ class Waiting:
         return np.column_stack([both.real, both.imag])
 
     def back_off(self, observation: Observation) -> Twist | None:
-        """Return the motion away from an object next to the robot; None if not needed.
+        """Return a motion away from a moving object next to the robot; None if none.
 
         Args:
             observation: The newest scan, after ``has_to_wait``.
@@ -204,7 +204,7 @@ class Waiting:
         return Twist(forward * BACK_SPEED, 0.0)
 
     def _has_moved(self, observation: Observation) -> bool:
-        """Return whether an object has recently moved near the shortest beam's end."""
+        """Return whether an object has just moved where the shortest beam ends."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
         (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))
@@ -212,7 +212,7 @@ class Waiting:
         return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
     def _follow(self, observation: Observation, beams: NDArray[np.bool_]) -> None:
-        """Store the position and velocity of a moving object, if there is only one."""
+        """Store position and velocity of the moving object, if there is only one."""
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return
         pose, now = observation.pose, observation.time
@@ -226,7 +226,7 @@ class Waiting:
     def _detect_crossing(
         self, observation: Observation, still: NDArray[np.bool_] | None
     ) -> bool:
-        """Return whether a moving object would come too close if the robot drove on."""
+        """Return whether a moving object will come too close if the robot drives on."""
         reach = self._bumpers.pressed_below + MORE
         beams = self.moving_beams(observation, reach + SEEN_COMING)
         if still is not None:
@@ -256,10 +256,10 @@ class Waiting:
 def _add_to_track(
     track: deque[tuple[float, complex]], now: float, place: complex
 ) -> complex:
-    """Add an object's time and position; return its velocity, m/s, 0 until known."""
+    """Add the position of an object to its track; return its velocity, m/s, or 0."""
     track.append((now, place))
     while now - track[0][0] > INTERVAL:
         track.popleft()
     begin, first = track[0]
-    # The noise of a track of only one or two scans would give a random velocity.
+    # A track of only one or two scans would give a random velocity because of noise.
     return (place - first) / (now - begin) if now - begin >= LEAST_TRACK else 0j

@@ -1,4 +1,4 @@
-"""Observations of a navigator: the robot's pose, and the ranges around the robot.
+"""Observations for navigators: the robot's pose, and the ranges of a scan around it.
 
 Ranges are measured from the robot's centre, about which it turns, so a turn on the spot
 changes no distance. If the server sends echoes, they are ranges to the first obstacle
@@ -68,13 +68,13 @@ POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
 
 
 class ScanClock:
-    """Computes scan times from time stamps, or from a clock if stamps do not advance.
+    """Returns the times of scans from their time stamps, or else from a clock.
 
     Some servers send no time stamps, or the same stamp again and again.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        """Create the clock.
+        """Create the clock of scans.
 
         Args:
             clock: Returns the time in s; measures the time that stamps leave out.
@@ -85,7 +85,7 @@ class ScanClock:
         self._offset = 0.0  # s that passed while the stamps stood still
 
     def time_of(self, stamp: float) -> float:
-        """Return the time of the next scan, s.
+        """Return the time, s, of the next scan.
 
         Args:
             stamp: Time stamp of the scan, s; nan without a stamp.
@@ -103,7 +103,7 @@ class ScanClock:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """One scan as seen from the robot's centre, and the pose of the robot.
+    """A scan as seen from the robot's centre, together with the robot's pose.
 
     Attributes:
         time: Server time, s.
@@ -123,22 +123,22 @@ class Observation:
     touched: bool = False
 
     def points(self) -> Floats:
-        """Return the end points of beams with a return, (M, 2) m, map frame."""
+        """Return the end points, (M, 2) m, map frame, of beams with a return."""
         returned = np.isfinite(self.ranges)
         return self._points(self.bearings[returned], self.ranges[returned])
 
     def blocking_points(self) -> Floats:
-        """Return the points of ``points()`` and ``farther``, (M, 2) m, map frame."""
+        """Return the points, (M, 2) m, map frame, of ``points()`` and ``farther``."""
         return np.vstack([self.points(), self._points(*self.farther.T)])
 
     def offsets(self, beams: NDArray[np.generic]) -> NDArray[np.complex128]:
-        """Return beam ends relative to the robot, (M,) m, map axes, x + iy."""
+        """Return beam ends, (M,) m, as x + iy from the robot along the map's axes."""
         angles = self.bearings[beams] + self.pose.yaw
         offsets: NDArray[np.complex128] = self.ranges[beams] * np.exp(1j * angles)
         return offsets
 
     def looks_through(self, points: NDArray[np.complex128]) -> NDArray[np.bool_]:
-        """Return whether beams passed through positions and none ended there, (N,).
+        """Return which positions, (N,), beams have passed through without ending there.
 
         Beams next to a position count as well: a pole may be between two beams, and a
         radar with side rays sees the pole up to 0.2 m off its position. The result is
@@ -173,7 +173,7 @@ def wrap_angles(angles: Floats) -> Floats:
 
 
 def check_beams(count: int, scanner: ScannerInfo) -> None:
-    """Raise an error for a scan with so few beams that a bumper may be blind.
+    """Raise an error for a scan with so few beams that a bumper may have none.
 
     Args:
         count: Number of beams of the scan.
@@ -190,7 +190,7 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
 def blocking_echoes(
     beam_count: int, echoes: Sequence[TargetEchoes]
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Return the echoes of all obstacles that robots cannot pass.
+    """Return the echoes of all obstacles that block robots.
 
     Args:
         beam_count: Number of beams of the scan; other beam numbers are ignored.
@@ -225,7 +225,7 @@ class ScanReader(ABC):
     def __init__(
         self, scanner: ScannerInfo, clock: Callable[[], float], echo_wait: float
     ) -> None:
-        """Create a reader.
+        """Create a reader of reports.
 
         Args:
             scanner: The scanner to use.
@@ -242,10 +242,10 @@ class ScanReader(ABC):
     @property
     @abstractmethod
     def hint(self) -> str:
-        """Hint for messages: alternatives to the missing report; may be empty."""
+        """Hint for error messages: what to use if a report is missing; may be empty."""
 
     def take(self, report: Report) -> Observation | None:
-        """Process a report; return the observation that it completes, or None."""
+        """Process a report; return the observation that it completes, if any."""
         if not isinstance(report, EchoLine | RangeScan):
             self._take_other(report)
         elif same_name(report.name, self.scanner.name):
@@ -263,7 +263,7 @@ class ScanReader(ABC):
     def _time_and_echoes(
         self, report: RangeScan
     ) -> tuple[float, Sequence[TargetEchoes] | None, bool]:
-        """Return the time of a scan, s, its echoes, and whether echoes are missing.
+        """Return the time, s, and the echoes of a scan, and whether echoes are missing.
 
         Once a server has sent echoes, a scan without echoes has lost them.
         """
@@ -276,7 +276,7 @@ class ScanReader(ABC):
 
 
 class ObservationBuilder(ScanReader):
-    """Combines scans and poses into observations."""
+    """Combines scans and poses of a robot into observations."""
 
     def __init__(
         self,
@@ -286,7 +286,7 @@ class ObservationBuilder(ScanReader):
         *,
         echo_wait: float = 0.0,
     ) -> None:
-        """Create a builder.
+        """Create a builder of observations.
 
         Args:
             scanner: The scanner to use.
@@ -311,7 +311,7 @@ class ObservationBuilder(ScanReader):
 
     @property
     def hint(self) -> str:
-        """Names of other sources that sent poses, if the requested source sent none."""
+        """Hint that names other sources of poses, if the requested source sent none."""
         names = [source.value for source in PoseSource if source in self._others]
         if self._pose is not None or not names:
             return ""
@@ -330,7 +330,7 @@ class ObservationBuilder(ScanReader):
         return has_jumped
 
     def corrected(self, observation: Observation) -> Observation:
-        """Return an earlier scan with the latest estimate of its pose."""
+        """Return an earlier scan with the newest estimate of its pose."""
         if self._slam is None:
             return observation
         trajectory = self._slam.trajectory
@@ -338,7 +338,7 @@ class ObservationBuilder(ScanReader):
         return replace(observation, pose=trajectory.poses[number])
 
     def _update_pose(self, report: Report) -> None:
-        """Update the pose; odometry starts at the first pose of another sensor."""
+        """Update the pose; odometry is relative to the first pose of another sensor."""
         pose: Pose2 | None = None
         if isinstance(report, Ins | GroundTruth):
             pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
@@ -360,11 +360,11 @@ class ObservationBuilder(ScanReader):
             return None
         check_beams(len(report.ranges), scanner)
         time, echoes, lacks_echoes = self._time_and_echoes(report)
-        # SLAM also needs scans that lack echoes,
-        # since it matches the next scan with them.
+        # SLAM also needs scans without echoes, since
+        # it matches the next scan with these scans.
         if self._slam is not None:
             pose = self._locate(self._slam, report, echoes, time)
-        # Without its echoes, thin foliage would
+        # In a scan without echoes, thin foliage would
         # look like a gap that the robot can pass.
         if lacks_echoes:
             return None
@@ -393,12 +393,12 @@ class ObservationBuilder(ScanReader):
         echoes: Sequence[TargetEchoes] | None,
         time: float,
     ) -> Pose2:
-        """Return the robot's pose at a scan; record whether earlier poses jump."""
+        """Return the pose at a scan by SLAM; note whether it changes earlier poses."""
         scan = scan_of(self.scanner, replace(report, time=time), echoes)
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(self._motion.at(report.time) or ()))
         if slam.revision > revision:
-            # The previous scan's pose changes only by a correction, so its two values
-            # are compared.
+            # Only a correction changes the pose of the previous scan, so a change of
+            # that pose shows a correction.
             self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose

@@ -51,7 +51,7 @@ _MOST_CELLS: Final = 1 << 24
 
 
 class ObstacleGrid:
-    """Square cells, each with its evidence for an obstacle.
+    """A grid of square cells, each with its evidence for an obstacle.
 
     Attributes:
         points: Points seen in closed cells, (N, 2) m, map frame; the newest point in
@@ -59,7 +59,7 @@ class ObstacleGrid:
     """
 
     def __init__(self, points: list[Point]) -> None:
-        """Create an empty grid around some points, m, map frame.
+        """Create an empty grid that contains some points, m, map frame.
 
         Raises:
             NavigationError: If the grid would have more than 17 million cells.
@@ -79,13 +79,13 @@ class ObstacleGrid:
         self._places = np.zeros((rows, columns, 2))
         # whether a point in each cell was seen from nearby
         self._seen_near = np.zeros((rows, columns), np.bool_)
-        # time, s, at which each cell was last closed, and how often it was closed
+        # time, s, at which each cell was last found blocked, and how often it was
         self._closed_at = np.full((rows, columns), -np.inf)
         self._closings = np.zeros((rows, columns), np.int16)
         self.points: Floats = np.zeros((0, 2))
 
     def grow(self) -> None:
-        """Add a margin of unseen cells on all sides."""
+        """Add a margin of unseen cells on all sides of the grid."""
         width = round(MARGIN / CELL)
         self._corner = self._corner - MARGIN
         self._evidence = np.pad(self._evidence, width)
@@ -95,13 +95,13 @@ class ObstacleGrid:
         self._closings = np.pad(self._closings, width)
 
     def clear(self) -> None:
-        """Reset all evidence."""
+        """Reset the evidence of all cells."""
         self._evidence[:] = 0
         self._seen_near[:] = False
         self.points = np.zeros((0, 2))
 
     def add(self, observation: Observation) -> None:
-        """Add a scan."""
+        """Add the evidence of a scan to the grid."""
         ranges, pose = observation.ranges, observation.pose
         steps = np.arange(CELL / 2, MAX_DISTANCE, CELL)
         free = steps < np.minimum(ranges, MAX_DISTANCE)[:, None] - _SHORT
@@ -118,8 +118,8 @@ class ObstacleGrid:
         self._places[rows, columns] = ends[inside]
         is_near = np.hypot(*(ends[inside] - (pose.x, pose.y)).T) < _NEAR
         self._seen_near[rows[is_near], columns[is_near]] = True
-        # A cell where one beam ends and another one passes contains an edge of an
-        # obstacle, so its evidence increases.
+        # If one beam ends in a cell and another one passes through it, the cell
+        # contains an obstacle's edge, so its evidence increases.
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
         # Evidence is limited, so that old obstacles that have moved away are removed
@@ -143,7 +143,7 @@ class ObstacleGrid:
         self.points = points[self._evidence[self.cells(points)] > 0]
 
     def _passed(self, points: Floats, beams: Floats, pose: Pose2) -> NDArray[np.bool_]:
-        """Return the cells that beams pass through, (R, C).
+        """Return the cells, (R, C), that beams pass through.
 
         Args:
             points: Points of the beams, (N, 2) m, map frame.
@@ -162,7 +162,7 @@ class ObstacleGrid:
     def clearance(
         self, places: Floats | None = None, *, surely: bool = False
     ) -> Floats:
-        """Return the distance of each cell from the nearest obstacle, (R, C) m.
+        """Return the distance, (R, C) m, from each cell to the nearest obstacle.
 
         Args:
             places: Positions of additional obstacles, (N, 2) m, map frame.
@@ -184,12 +184,12 @@ class ObstacleGrid:
         return clearance
 
     def cell(self, point: Point) -> Cell:
-        """Return row and column of a point, or of the nearest cell to it."""
+        """Return the row and column of the cell at, or nearest to, a point."""
         rows, columns = self.cells(np.array([point]))
         return int(rows[0]), int(columns[0])
 
     def cells(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the rows and columns of points, (N, 2) m, or of the nearest cells."""
+        """Return rows and columns of the cells at, or nearest to, points, (N, 2) m."""
         places = np.floor((points - self._corner) / CELL).astype(np.int64)
         most = np.array(self._evidence.shape)[::-1] - 1
         columns, rows = np.clip(places, 0, most).T
@@ -203,7 +203,7 @@ class ObstacleGrid:
     def _inside(
         self, points: Floats
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the rows and columns of the points inside the grid.
+        """Return rows and columns of those points that are inside the grid.
 
         Args:
             points: (N, 2) m.

@@ -1,4 +1,4 @@
-"""Free distances of a robot in each direction, and the edges of obstacles.
+"""Distances that a robot can drive in each direction, and the edges of obstacles.
 
 The robot is a disc, and the ends of beams are points: in each direction, the free
 distance ends at the first point that the disc would touch.
@@ -24,7 +24,7 @@ _STEP: Final = 0.15  # m; length of the step in ``leads_too_near``
 
 
 class OpenDirections:
-    """Free distances of a disc in all directions, computed from one scan.
+    """How far a disc can move in each direction, computed from one scan.
 
     Attributes:
         bearings: (N,) rad from the robot's front, increasing; for more than
@@ -33,7 +33,7 @@ class OpenDirections:
     """
 
     def __init__(self, observation: Observation, radius: float) -> None:
-        """Compute the free distances.
+        """Compute how far a disc can move in each direction of a scan.
 
         Args:
             observation: The scan.
@@ -53,8 +53,7 @@ class OpenDirections:
         opens = np.flatnonzero(~self._is_wall & (grows > 0))
         closes = np.flatnonzero(~self._is_wall & (grows < 0))
         beyond = len(grows)
-        # Each end of an obstacle is between two
-        # directions: an open one and a closed one.
+        # Each end of an obstacle lies between an open direction and a closed one.
         self._open = np.concatenate([(opens + 1) % beyond, closes])
         self._beside = np.concatenate([opens, (closes + 1) % beyond])
 
@@ -62,13 +61,13 @@ class OpenDirections:
         """Return whether the disc can move straight to a point, m, map frame."""
         dx, dy = point[0] - self._pose.x, point[1] - self._pose.y
         bearing = math.atan2(dy, dx) - self._pose.yaw
-        # The free distance is known only for some
-        # directions, so the nearest one is used.
+        # Free distances are known only for some
+        # directions; the nearest of these is used.
         nearest = np.abs(wrap_angles(self.bearings - bearing)).argmin()
         return bool(self.lengths[nearest] >= min(math.hypot(dx, dy), HORIZON))
 
     def edges(self) -> Floats:
-        """Return edges of obstacles that the disc can pass, (M, 2) m, map frame.
+        """Return edges of obstacles, (M, 2) m, map frame, that the disc can pass.
 
         An edge lies in the first open direction next to an obstacle, a little past its
         end.
@@ -79,13 +78,13 @@ class OpenDirections:
         return self._points(self._open, np.minimum(past, self.lengths[self._open]))
 
     def hidden_ends(self) -> Floats:
-        """Return points where walls disappear behind edges, (M, 2) m, map frame."""
+        """Return points, (M, 2) m, map frame, where edges begin to hide a wall."""
         lengths = self.lengths[self._open]
         is_wall = lengths < HORIZON
         return self._points(self._beside[is_wall], lengths[is_wall])
 
     def walls(self) -> tuple[Floats, Floats]:
-        """Return the seen parts of obstacles as thin walls, given by their end points.
+        """Return the visible parts of obstacles as thin walls between two end points.
 
         Returns:
             Two arrays, (K, 2) m, map frame.
@@ -97,7 +96,7 @@ class OpenDirections:
         return places[is_wall], np.roll(places, -1, axis=0)[is_wall]
 
     def place_nearer_than(self, distance: float, goal: Point) -> Point | None:
-        """Return a position closer to a goal that the disc reaches in a straight line.
+        """Return a position nearer to a goal that the disc reaches in a straight line.
 
         Of all such positions, the one on the shortest path to the goal is returned.
 
@@ -127,7 +126,7 @@ class OpenDirections:
 
 
 def open_length(observation: Observation, bearing: float, radius: float) -> float:
-    """Return the free distance of a disc's centre in a direction, m.
+    """Return how far, m, the centre of a disc can move in a direction.
 
     A point that the disc already touches closes only the directions towards it.
 
@@ -146,7 +145,7 @@ def open_length(observation: Observation, bearing: float, radius: float) -> floa
 def _first_touches(
     observation: Observation, bearings: Floats, radius: float
 ) -> tuple[Floats, Floats]:
-    """Return the free distances of a disc, (M,), and the points that limit them.
+    """Return how far a disc can move, (M,), and the points that it then touches.
 
     Returns:
         (M,) m, and (M, 2) m in the robot's frame; nan in free directions.

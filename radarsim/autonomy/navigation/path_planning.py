@@ -54,7 +54,7 @@ _MOST_GROWN: Final = 10  # times that a margin is added to the first grid
 
 
 class PathPlanning(Controller):
-    """Follows planned paths; it records no hit points, leave points or circuits."""
+    """Follows planned paths to the goals; there are no hit points or circuits."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
@@ -123,7 +123,7 @@ class PathPlanning(Controller):
         return self._head_for(observation, self._next_point(observation.pose))
 
     def _plan(self, observation: Observation) -> None:
-        """Add the scan to the grid, and plan a path on it."""
+        """Add the scan to the grid of obstacles, and plan a path on the grid."""
         pose, goal = observation.pose, self.goals[0]
         if self._grid is None:
             self._grid = ObstacleGrid([(pose.x, pose.y), *self.goals])
@@ -137,13 +137,13 @@ class PathPlanning(Controller):
         if doubts and not len(self._path):
             self._plan_disc(pose, goal, doubts=True)
         if len(self._path):
-            # The centre of the goal's cell may be 7 cm
-            # from the goal, and the tolerance is 10 cm.
+            # The centre of the goal's cell may be up to 7 cm
+            # from the goal, so the path ends at the goal.
             self._path[-1] = goal
             self._follower = None
             return
-        # Planning for the footprint is slow, so a robot that drives through uncertain
-        # cells does so only before it gives up.
+        # Planning for the footprint is slow. So a robot that drives through uncertain
+        # cells plans for the footprint only before it gives up.
         is_due = since is None or self._follower is not None
         if self._is_narrow and is_due and self._plan_footprint(observation):
             return
@@ -157,7 +157,7 @@ class PathPlanning(Controller):
             self._hopeless_since = None
 
     def _plan_disc(self, pose: Pose2, goal: Point, *, doubts: bool = False) -> None:
-        """Plan a path of the disc; ``doubts`` allows paths through mirror images."""
+        """Plan a path of a disc; with ``doubts``, also through mirror images."""
         assert self._grid is not None
         safety_distance = self._settings.bumpers.safety_distance
         clearance = self._grid.clearance(self._moving)
@@ -168,9 +168,8 @@ class PathPlanning(Controller):
             )
             cost = np.where(np.isfinite(cost), cost, DOUBT * sure)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
-        # The robot may be too close to an obstacle, by noise or
-        # because the obstacle moved. Nearby cells are then open
-        # at a high cost, so that the robot can drive away.
+        # Noise or a moved obstacle may leave the robot too close to an obstacle. Nearby
+        # cells are then open at a high cost, so that the robot can drive away.
         is_near = not math.isfinite(cost[start])
         if is_near and (doubts or not self._is_narrow):
             rows, columns = np.indices(cost.shape)
@@ -187,7 +186,7 @@ class PathPlanning(Controller):
             self._path = self._grid.centres(shortest_path(cost, start, targets))
 
     def _look(self, observation: Observation) -> Twist:
-        """Wait while no path exists; give up if no path appears."""
+        """Wait while there is no path; give up if none appears in time."""
         looked, self._looked_at = self._looked_at, observation.time
         # The robot may have waited for a moving object since the last call, so the time
         # without a path starts again after a pause.
@@ -209,7 +208,7 @@ class PathPlanning(Controller):
         return STOP
 
     def _plan_footprint(self, observation: Observation) -> bool:
-        """Plan a path of the footprint if needed; return whether there is one."""
+        """Plan a path of the footprint, if needed; return whether there is a path."""
         assert self._grid is not None
         assert self._footprint is not None
         points = np.vstack([self._grid.points, observation.blocking_points()])
@@ -224,20 +223,20 @@ class PathPlanning(Controller):
         return path is not None
 
     def _outside(self, points: Floats, pose: Pose2) -> Floats:
-        """Return the points outside the footprint; points inside it are outdated."""
+        """Return the points outside the footprint, as points inside are outdated."""
         assert self._footprint is not None
         here = np.array([[pose.x, pose.y, pose.yaw]])
         outside: Floats = points[self._footprint.distances(points, here)[0] > 0]
         return outside
 
     def _next_point(self, pose: Pose2) -> Point:
-        """Return the farthest point of the path in a straight open line."""
+        """Return the farthest path point that the robot reaches in a straight line."""
         distances = np.hypot(*(self._path - (pose.x, pose.y)).T)
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
         within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
-        # The two nearest points are skipped: a robot that
-        # heads for its own position would turn forever.
+        # The two nearest points of the path are skipped: a robot that heads for its own
+        # position would turn forever.
         chosen = ahead[min(2, len(ahead) - 1)]
         for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):
@@ -246,7 +245,7 @@ class PathPlanning(Controller):
         return float(chosen[0]), float(chosen[1])
 
     def _is_cheap(self, pose: Pose2, point: Floats) -> bool:
-        """Return whether a straight line to a point is about as cheap as free space."""
+        """Return whether a straight line to a point stays far enough from obstacles."""
         assert self._grid is not None
         end = Pose2(float(point[0]), float(point[1]))
         count = max(2, math.ceil(pose.distance(end) / CELL * 2))

@@ -22,7 +22,7 @@ _DIGITS = 4  # for metres and radians in a trace
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The state of a run at one scan: the columns of a trace.
+    """The state of a run at one scan: one row of the trace file.
 
     Attributes:
         time: Server time, s.
@@ -51,14 +51,14 @@ class Row:
 
     @property
     def goal_distance(self) -> float:
-        """Distance to the next goal, m; 0 after the last goal."""
+        """Distance from the robot to its next goal, m; 0 after the last goal."""
         goal = self.goal
         return 0.0 if goal is None else math.hypot(goal[0] - self.x, goal[1] - self.y)
 
 
 @dataclass(slots=True)
 class Leg:
-    """The part of a run on the way to one goal.
+    """One leg of a run: the part on the way to one goal.
 
     Attributes:
         start: Position where the robot first headed for the goal, m, map frame.
@@ -80,7 +80,7 @@ class Leg:
 
 
 def rounded(value: Any, digits: int) -> Any:
-    """Round all numbers in a value, and replace infinite numbers and nan with None."""
+    """Return a value with all numbers rounded; nan and infinite numbers become None."""
     if isinstance(value, dict):
         return {key: rounded(each, digits) for key, each in value.items()}
     if isinstance(value, list | tuple):
@@ -92,7 +92,7 @@ def rounded(value: Any, digits: int) -> Any:
 
 
 class RunLog:
-    """Records a run scan by scan.
+    """Records a navigation run, scan by scan.
 
     Attributes:
         rows: One row for each scan.
@@ -110,7 +110,7 @@ class RunLog:
         self._cells: Counter[tuple[int, ...]] = Counter()
 
     def add(self, step: NavigationStep) -> Row:
-        """Record one scan, and return its row."""
+        """Record one scan of the run, and return its row."""
         observation, twist, pose = step.observation, step.twist, step.observation.pose
         row = Row(
             observation.time,
@@ -147,17 +147,17 @@ class RunLog:
 
     @property
     def nearest(self) -> float:
-        """The shortest range from the robot's centre, m; ``inf`` without a return."""
+        """The shortest range of the run from the robot's centre, m; ``inf`` if none."""
         return min((row.nearest for row in self.rows), default=math.inf)
 
     @property
     def path(self) -> Floats:
-        """Estimated positions of the robot, (N, 2) m, map frame."""
+        """The path of the robot: its estimated positions, (N, 2) m, map frame."""
         return np.array([(row.x, row.y) for row in self.rows]).reshape(-1, 2)
 
     @property
     def beam_ends(self) -> Floats:
-        """End points of beams: x and y in m, and the number of beams, (M, 3).
+        """Cells where beams ended: x and y in m, and the number of beams, (M, 3).
 
         End points in one cell of 5 cm are counted together at its centre.
         """
@@ -166,7 +166,7 @@ class RunLog:
         return np.column_stack([centres, [self._cells[cell] for cell in cells]])
 
     def as_csv(self) -> str:
-        """Return the trace as CSV, a row per scan, with empty fields for None."""
+        """Return the trace as CSV: a row for each scan, with empty fields for None."""
         text = io.StringIO()
         text.write(TRACE_HEADER)
         writer = csv.writer(text, lineterminator="\n")
@@ -179,7 +179,7 @@ class RunLog:
 
     def _update(self, previous: Row | None, row: Row) -> None:
         here = (row.x, row.y)
-        # The counts of hit and leave points start again at each goal.
+        # At each goal, the controller starts new lists of hit points and leave points.
         same_goal = previous is not None and previous.goal == row.goal
         was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY
         if previous is not None:

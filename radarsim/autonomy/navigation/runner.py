@@ -43,19 +43,19 @@ _PLACE: Final = 0.15  # m between two sightings of the same obstacle
 
 
 def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
-    """Return the clearance below which a goal is given up, m.
+    """Return the distance of a goal from obstacles, m, below which the robot gives up.
 
     Args:
         safety_distance: m.
         travelled: Length of the path to the goal so far, m.
     """
-    # Noise and the drift of the pose make the clearance at the goal uncertain.
+    # Noise and drift make the goal's distance from obstacles uncertain.
     unsure = min(GOAL_NOISE + DRIFT * travelled, safety_distance / 2)
     return safety_distance - unsure
 
 
 class TripMeter:
-    """Measures time and path length of a run, scan by scan.
+    """Measures the time and the path length of a run, scan by scan.
 
     Attributes:
         start: Pose at the first scan; None before it.
@@ -64,7 +64,7 @@ class TripMeter:
     """
 
     def __init__(self, *, noise: float = 0.0) -> None:
-        """Start at zero.
+        """Create a meter at time 0 and path length 0.
 
         Args:
             noise: Distance within which a robot counts as standing, m.
@@ -77,21 +77,21 @@ class TripMeter:
         self._last = Pose2(0.0, 0.0)
 
     def add(self, observation: Observation) -> None:
-        """Add a scan."""
+        """Add a scan to the time and the path length."""
         if self.start is None:
             self.start = self._last = observation.pose
             self._start_time = observation.time
         self.time = observation.time - self._start_time
         step = observation.pose.distance(self._last)
-        # Small steps are ignored, since noise of a
-        # standing robot would add up to a long path.
+        # Small steps are ignored, since noise would
+        # lengthen the path of a standing robot.
         if step > self._noise:
             self.length += step
             self._last = observation.pose
 
 
 class ClearanceCheck:
-    """Checks the clearance at the start once, and at the next goal in each scan.
+    """Checks that no obstacle is too close to the start or to the next goal.
 
     Attributes:
         trip: Time and path length so far.
@@ -104,7 +104,7 @@ class ClearanceCheck:
         self._since = 0.0  # s; when the obstacle was first seen there
 
     def check(self, observation: Observation, goal: Point | None) -> None:
-        """Check a scan.
+        """Check one scan for obstacles at the start or at the next goal.
 
         Args:
             observation: The scan.
@@ -133,7 +133,7 @@ class ClearanceCheck:
         if not near.any():
             self._place = (math.inf, math.inf)
             return
-        # The obstacle has moved, or it is another obstacle, so the time starts again.
+        # The nearest obstacle has moved or is another one, so the time starts again.
         if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
             x, y = points[distances.argmin()].tolist()
             self._place, self._since = (x, y), observation.time
@@ -150,7 +150,7 @@ class ClearanceCheck:
 
 @dataclass(frozen=True, slots=True)
 class NavigationStep:
-    """One scan, and the decision of the controller.
+    """One scan of a run, and what the controller decided to do.
 
     Attributes:
         observation: The scan and the pose.
@@ -169,7 +169,7 @@ class NavigationStep:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The outcome of a run, measured by the robot itself.
+    """The outcome of a run, as the robot itself has measured it.
 
     Attributes:
         outcome: ``reached``, ``no_path``, or ``failed`` after the time limit.
@@ -190,7 +190,7 @@ class Result:
 
 
 class Navigator:
-    """Drives one robot by the decisions of a controller."""
+    """Drives one robot as a controller decides."""
 
     def __init__(
         self,
@@ -225,7 +225,7 @@ class Navigator:
     def run(
         self, mission: Mission, observe: Callable[[NavigationStep], None]
     ) -> Result:
-        """Drive until the controller is done, and leave the robot standing.
+        """Drive until the controller is done, and stop the robot.
 
         Args:
             mission: The mission, with its time limits and whether to return to the
@@ -260,8 +260,8 @@ class Navigator:
                     break
                 stuck_detector.check(observation, self._twist)
         finally:
-            # Robots keep their wheel speeds, so the
-            # robot is also stopped after an error.
+            # Robots keep their wheel speeds until the next
+            # command, so an error must stop the robot, too.
             self._client.stop()
         return Result(
             outcome=controller.activity.value if controller.is_done else "failed",
@@ -273,7 +273,7 @@ class Navigator:
         )
 
     def _decide(self, scan: Observation) -> Observation:
-        """Decide how to move until the next scan; return the scan for the decision."""
+        """Decide how to move until the next scan; return the scan that was used."""
         controller, touches, waiting = self._controller, self._touches, self._waiting
         has_jumped = self._source.pop_jump()
         if touches.notice(scan, self._twist) or has_jumped:
@@ -286,7 +286,7 @@ class Navigator:
         )
         goes_round = controller.avoid(waiting.meeting(observation))
         waits = has_to_wait and not goes_round
-        # A motion away from an obstacle in contact overrides the path to the goal.
+        # A motion away from a touched obstacle overrides the path to the goal.
         away = touches.retreat(observation) or waiting.back_off(observation)
         if away is not None:
             self._twist = away

@@ -1,4 +1,4 @@
-"""TangentBug: drive to the goal by way of obstacle edges that are found in a scan.
+"""TangentBug: drive to the goal around edges of obstacles, which scans show.
 
 Theory of operation
 ===================
@@ -71,7 +71,7 @@ _MOST_RESUMED: Final = 5  # circuits restarted where a boundary was left
 
 
 def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floats:
-    """Return the lengths of the shortest paths from edges to the goal.
+    """Return the length of the shortest path from each edge to the goal.
 
     Args:
         edges: (M, 2) m, map frame.
@@ -94,7 +94,7 @@ def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floa
 def crosses_any(
     begins: Floats, ends: Floats, walls: tuple[Floats, Floats]
 ) -> NDArray[np.bool_]:
-    """Return which segments cross a wall, (N,) booleans.
+    """Return which segments, as (N,) booleans, cross a wall.
 
     Args:
         begins: (N, 2) m.
@@ -119,28 +119,28 @@ def crosses_any(
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    # The sign of the cross product is the side of the line on which the point is.
+    # The sign of the cross product tells on which side of the line the point is.
     along, to = end - begin, point - begin
     cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
     return cross
 
 
 class TangentBug(BoundaryController):
-    """TangentBug; the attributes are those of ``Controller``."""
+    """The TangentBug algorithm; the attributes are those of ``Controller``."""
 
     def __init__(self, settings: ControllerSettings) -> None:
         super().__init__(settings)
-        # A gap that the robot enters has to be wide enough for a wall follower, too.
+        # The robot enters only gaps that are wide enough for a wall follower, too.
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # edge that the robot drives to
         self._shortest_way = math.inf  # m; shortest path over the best edge so far
-        # shortest path length so far, m, and distance driven since it was found, m
+        # length, m, of the shortest path so far, and distance, m, driven since then
         self._way, self._driven = math.inf, 0.0
         self._place: Point | None = None  # target position after leaving a boundary
         self._left_at = math.inf  # m; new edges have to be closer to the goal
         self._open = 0  # scans in a row that allow leaving a boundary
         self._left: FollowedBoundary | None = None  # the boundary that was left last
-        # how often a boundary was followed again after the robot left it, in the whole
+        # how often the robot has returned to a boundary that it had left, in the whole
         # run; limited, since reflections in mirrors could restart circuits forever
         self._resumed = 0
         self._last_hand: bool | None = None  # whether the last boundary was on the left
@@ -166,7 +166,7 @@ class TangentBug(BoundaryController):
         self._way, self._driven = math.inf, 0.0
 
     def _choose(self, observation: Observation) -> Point | None:
-        """Return the position to drive to; None in a dead end."""
+        """Return the point that the robot drives to; None in a dead end."""
         goal, pose = self.goals[0], observation.pose
         if self._sees_goal(observation):
             return goal
@@ -181,13 +181,13 @@ class TangentBug(BoundaryController):
     def _choose_edge(
         self, observation: Observation, directions: OpenDirections
     ) -> Point | None:
-        """Return the edge on the shortest acceptable path to the goal, or None."""
+        """Return the edge on the best acceptable path to the goal; None if none."""
         edges = directions.edges()
-        # Noise may hide the last edge in one scan, so
-        # the edge is kept while it is nearly reachable.
+        # Noise may hide an edge in one scan, so the robot
+        # keeps its edge while it can nearly reach it.
         if self._edge is not None and self._is_open(observation, self._edge):
             edges = np.vstack([edges, self._edge])
-        # New edges have to be closer to the goal than the limit, so the algorithm ends.
+        # The limit on the distance of edges to the goal makes sure the algorithm ends.
         edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
         edge, way = self._best_edge(edges, directions, observation.pose)
         if edge is None or not self._accept_way(edge, way, observation.pose):
@@ -198,15 +198,15 @@ class TangentBug(BoundaryController):
     def _best_edge(
         self, edges: Floats, directions: OpenDirections, pose: Pose2
     ) -> tuple[Point | None, float]:
-        """Return the edge on the shortest path to the goal, and the path's length."""
+        """Return the edge on the shortest path to the goal, and that path's length."""
         if not len(edges):
             return None, math.inf
         ways = ways_to_goal(edges, self.goals[0], directions)
         offsets = edges - (pose.x, pose.y)
         ways += np.hypot(*offsets.T)
         if self._edge is not None:
-            # An edge ahead of the robot and an edge
-            # behind it may be close to each other.
+            # Of two edges close to each other, one may
+            # be ahead of the robot and one behind it.
             is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
             is_near = np.hypot(*(edges - self._edge).T) < _SAME
             ways -= KEPT * (is_near & is_ahead)
@@ -216,7 +216,7 @@ class TangentBug(BoundaryController):
         return (float(edges[best, 0]), float(edges[best, 1])), float(ways[best])
 
     def _accept_way(self, edge: Point, way: float, pose: Pose2) -> bool:
-        """Return whether to accept the path over an edge, given its length, m.
+        """Return whether to drive to an edge, given the path length, m, to the goal.
 
         A path may become longer when more of an obstacle comes into view. Then the
         robot goes on only if it is closer to the goal than at all earlier such events,
@@ -239,7 +239,7 @@ class TangentBug(BoundaryController):
         return True
 
     def _is_open(self, observation: Observation, edge: Point) -> bool:
-        """Return whether the current edge is still ahead and within reach.
+        """Return whether the edge that the robot heads for is ahead and reachable.
 
         The check uses a smaller radius than the search, since noise may close a gap.
         """
@@ -259,7 +259,7 @@ class TangentBug(BoundaryController):
         return length >= min(left, HORIZON)
 
     def _is_held(self, observation: Observation, point: Point) -> bool:
-        """Return whether the robot faces a point but is blocked by a near obstacle."""
+        """Return whether a near obstacle blocks a robot that faces a point."""
         safety_distance = self._settings.bumpers.safety_distance
         is_faced = abs(bearing_of(observation.pose, *point)) < ALIGNED
         return is_faced and leads_too_near(observation, safety_distance)
@@ -271,8 +271,7 @@ class TangentBug(BoundaryController):
             # The robot was blocked right after it left a boundary, so it continues to
             # follow that boundary.
             boundary, self.activity = self._left, Activity.FOLLOWING
-            # Without a least distance, the robot
-            # might leave again at the same position.
+            # The robot has to drive on, or it might leave again at the same position.
             boundary.least = boundary.travelled + AGAIN
             if self._resumed < _MOST_RESUMED:
                 # The robot has been away from the
@@ -286,7 +285,7 @@ class TangentBug(BoundaryController):
         edge, _ = self._best_edge(directions.edges(), directions, pose)
         if edge is not None:
             offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
-            # A path that passes to the right of the goal has the obstacle on its left.
+            # A path to the right of the goal passes an obstacle on the left.
             wall_on_left = math.sin(offset) < 0
         if self._last_hand is not None:
             wall_on_left, self._last_hand = not self._last_hand, None
@@ -324,7 +323,7 @@ class TangentBug(BoundaryController):
         return boundary.follower.step(observation, part)[0]
 
     def _approach(self, observation: Observation) -> Twist:
-        """Drive towards the obstacle that hides the goal until a bumper is pressed."""
+        """Drive towards the obstacle that hides the goal, until a bumper is pressed."""
         bearing = self._goal_bearing(observation.pose)
         length = open_length(observation, bearing, self._radius)
         ahead = self._settings.bumpers.towards(observation, bearing)
@@ -335,7 +334,7 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, self.goals[0])
 
     def _leave(self, observation: Observation, place: Point) -> Twist:
-        """Leave the boundary for a position, but store it in case it is hit again."""
+        """Leave the boundary for a position; store the boundary for another hit."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self._left = self._boundary if self._boundary.is_reached else None
         self._restart()
@@ -343,12 +342,11 @@ class TangentBug(BoundaryController):
         return self._head_for(observation, place)
 
     def _go_on(self, observation: Observation, *, is_other: bool) -> Twist:
-        # The limit was set for an obstacle that
-        # has driven away, or for another obstacle.
+        # The limit was set for an obstacle that is gone, or for another obstacle.
         self._left_at = math.inf
         twist = self._leave(observation, self.goals[0])
-        # The robot may hit the same obstacle next,
-        # and then follows it on the other side.
+        # If the robot hits the same obstacle next,
+        # it follows the boundary on the other side.
         self._left = None
         hand = self._boundary.follower.wall_on_left
         self._last_hand = hand if is_other else None

@@ -61,7 +61,7 @@ ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
 CORNER_DEPTH = 0.15  # m beyond the nearest point that belong to a boundary
 SIDE_ANGLE = math.radians(10.0)  # off the heading; the other side of a gap begins there
-# Directions at smaller angles to the boundary lead into it.
+# A direction at a smaller angle to the nearest point leads into the boundary.
 FACING_ANGLE = math.radians(60.0)
 _LOST_MARGIN = 0.1  # m beyond the band, after which a boundary is lost
 _STEP_TOLERANCE = 0.02  # m of tolerance when a step is checked
@@ -71,7 +71,7 @@ _AWAY: Final = 0.5  # share of the highest turn rate, away from a side that is t
 
 
 class WallFollower:
-    """Computes motions along the boundary of an obstacle.
+    """Computes the motions of a robot along the boundary of an obstacle.
 
     Attributes:
         bumpers: The bumpers that detect the boundary.
@@ -94,11 +94,11 @@ class WallFollower:
 
     @property
     def _mirrored(self) -> bool:
-        # When the robot drives backward, its left is on the right of the motion.
+        # If the robot drives backward, its left side is on the right of its motion.
         return self.wall_on_left != self.forward
 
     def _view(self, observation: Observation) -> Observation:
-        """Rotate and mirror a scan, so that the boundary is left of the motion."""
+        """Return the scan rotated and mirrored, so that the boundary is on the left."""
         bearings = observation.bearings
         bearings = bearings if self.forward else bearings + math.pi
         bearings = wrap_angles(-bearings if self._mirrored else bearings)
@@ -107,12 +107,12 @@ class WallFollower:
         )
 
     def _twist(self, speed: float, turn: float) -> Twist:
-        """Convert a speed and a turn rate of the view to a twist of the robot."""
+        """Convert speed and turn rate in the mirrored view to a twist of the robot."""
         speed = speed if self.forward else -speed
         return Twist(speed, -turn if self._mirrored else turn)
 
     def _bearing(self, bearing: float) -> float:
-        """Convert a bearing between the view and the robot, rad.
+        """Convert a bearing, rad, from the mirrored view to the robot, or back.
 
         The conversion is its own inverse, apart from whole turns.
         """
@@ -121,13 +121,13 @@ class WallFollower:
 
     @property
     def target_distance(self) -> float:
-        """Distance at which the boundary is followed in open space, m."""
+        """Distance, m, at which the robot follows the boundary in open space."""
         return self.bumpers.safety_distance + BAND / 2
 
     def step(
         self, observation: Observation, obstacle: Observation | None = None
     ) -> tuple[Twist, bool]:
-        """Compute the motion until the next scan.
+        """Return the motion of the robot along the boundary until the next scan.
 
         Args:
             observation: The newest scan.
@@ -144,7 +144,7 @@ class WallFollower:
             # drives an arc around its last corner.
             speed = self.speed_limits.speed
             return self._twist(speed, speed / self.target_distance), False
-        # Obstacles ahead are judged in the direction of the next step (rule 3 above).
+        # Rule 3: obstacles are judged in the direction of the next step.
         heading = self._clear_heading(view, self._along(view, *boundary))
         # If the robot already faces the heading, but an obstacle there is too near,
         # another heading is chosen. Otherwise the robot would stand forever.
@@ -159,7 +159,7 @@ class WallFollower:
         return self._twist(speed, twist.turn), True
 
     def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
-        """Turn on the spot until an obstacle is at the robot's side.
+        """Turn the robot on the spot until an obstacle is at its side.
 
         Args:
             observation: The newest scan.
@@ -173,7 +173,7 @@ class WallFollower:
         return self._twist(0.0, twist.turn), abs(heading) < ALIGNED
 
     def tangent(self, observation: Observation) -> float:
-        """Return the direction along the boundary, rad, map frame, not wrapped.
+        """Return the direction along the boundary, rad in the map frame, not wrapped.
 
         Without a boundary, the direction of motion is returned.
         """
@@ -182,7 +182,7 @@ class WallFollower:
         return observation.pose.yaw + self._bearing(heading)
 
     def boundary(self, observation: Observation) -> tuple[Point, float] | None:
-        """Return the nearest point of the boundary, m, map frame, and its distance, m.
+        """Return the nearest boundary point, m, map frame, and its distance, m.
 
         None is returned without a boundary.
         """
@@ -193,7 +193,7 @@ class WallFollower:
         return observation.pose.point(self._bearing(bearing), distance), distance
 
     def hit(self, observation: Observation, obstacle: float) -> tuple[Point, float]:
-        """Return an obstacle's nearest point, and the direction along the obstacle.
+        """Return an obstacle's nearest point, and the direction along its surface.
 
         The arguments are those of ``align``.
 
@@ -208,7 +208,7 @@ class WallFollower:
         return observation.pose.point(bearing, distance), along
 
     def leads_into_boundary(self, observation: Observation, bearing: float) -> bool:
-        """Return whether a direction leads into the followed boundary.
+        """Return whether a robot that drives in a direction would meet the boundary.
 
         The other side of a gap is ignored.
 
@@ -226,30 +226,30 @@ class WallFollower:
         return bool((np.abs(offsets) <= FACING_ANGLE).any())
 
     def _near_side(self, view: Observation) -> NDArray[np.bool_]:
-        """Return which beams point ahead or to the left, (N,)."""
-        # Bearings jump from pi to -pi straight behind the robot. The left side also
-        # includes beams slightly beyond this jump.
+        """Return which beams, as (N,) booleans, point ahead or to the left."""
+        # Straight behind the robot, bearings jump from pi to -pi. The left side
+        # includes some beams beyond this jump.
         left: NDArray[np.bool_] = view.bearings >= -SIDE_ANGLE
         return left | (view.bearings < self.bumpers.width / 2 - math.pi)
 
     def _abeam_heading(self, view: Observation, obstacle: float) -> float:
-        """Return the heading, rad, at which an obstacle is at the robot's side."""
+        """Return the heading, rad, that puts an obstacle at the robot's side."""
         centre = self._bearing(obstacle)
-        # An obstacle that the robot has hit is ahead.
-        # Any other obstacle is next to the path.
+        # An obstacle that the robot has hit is ahead,
+        # and any other obstacle is beside the path.
         ahead = self.bumpers.towards(view, centre).blocked
         half_width = (0.5 if ahead else 1.5) * self.bumpers.width
         within = np.abs(wrap_angles(view.bearings - centre)) <= half_width
         ranges = np.where(within, view.ranges, math.inf)
         if not np.isfinite(ranges).any():
             return centre - ABEAM
-        # Beams next to the nearest one are about as short, and noise decides which is
-        # the shortest. The mean of their bearings is steadier.
+        # Several beams are about as short as the shortest one, which changes by noise.
+        # The mean of their bearings is steadier.
         nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
     def _boundary(self, view: Observation) -> tuple[float, float] | None:
-        """Return bearing, rad, and distance, m, of the nearest point ahead or left."""
+        """Return bearing, rad, and range, m, of the nearest point ahead or left."""
         left = self._near_side(view)
         ranges, bearings = view.ranges[left], view.bearings[left]
         if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _LOST_MARGIN:
@@ -259,7 +259,7 @@ class WallFollower:
 
     def _along(self, view: Observation, bearing: float, distance: float) -> float:
         """Return the heading, rad, that keeps the boundary at the target distance."""
-        # Seen along the boundary, the other side of a gap is on the right.
+        # The boundary is on the left, so the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
         # Directions within ``SIDE_ANGLE`` of the boundary are excluded, since the
@@ -269,15 +269,15 @@ class WallFollower:
         x -= distance * math.cos(bearing)
         y -= distance * math.sin(bearing)
         gap = float(np.hypot(x, y).min(initial=math.inf))
-        # In a narrow gap the robot keeps to the middle. If the middle is too close to
-        # both sides, it keeps the safety distance from the boundary.
+        # In a narrow gap the robot keeps to the middle. If the gap is too narrow for
+        # that, the robot keeps the safety distance from the boundary.
         half = max(gap / 2, self.bumpers.safety_distance)
         # A positive value turns to the left, towards the boundary.
         turn = DISTANCE_GAIN * (distance - min(self.target_distance, half))
         return bearing - ABEAM + max(-MAX_TURN, min(MAX_TURN, turn))
 
     def _clear_heading(self, view: Observation, heading: float) -> float:
-        """Turn a heading away from the boundary until the next step is clear.
+        """Return a heading turned from the boundary until the next step is clear.
 
         A step is clear if afterwards no point is closer than the safety distance, or
         than the nearest point now.
@@ -300,7 +300,7 @@ class WallFollower:
         return float(headings[clear[0]])
 
     def _way_out(self, view: Observation, heading: float) -> float:
-        """Turn a heading away from the boundary until no obstacle ahead is too near.
+        """Return a heading turned from the boundary until nothing ahead is too near.
 
         A robot whose front bumper is too near does not move.
         """
@@ -312,19 +312,19 @@ class WallFollower:
 
 
 def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
-    """Return x and y of the end points of beams, m from the robot's centre."""
+    """Return x and y of the end points of beams, m, from the robot's centre."""
     return ranges * np.cos(bearings), ranges * np.sin(bearings)
 
 
 def _mean_bearing(bearings: Floats) -> float:
     x, y = float(np.cos(bearings).sum()), float(np.sin(bearings).sum())
     mean = math.atan2(y, x)
-    # The mean bearing is continuous to the left and behind, where a boundary may be.
+    # A boundary is on the left or behind, so the mean bearing must not jump there.
     return mean + 2 * math.pi if mean < -ABEAM else mean
 
 
 class BumperWallFollower(WallFollower):
-    """A ``WallFollower`` that uses only the states of the bumpers."""
+    """A ``WallFollower`` that uses only the bumpers instead of single ranges."""
 
     _is_turning = False
     _is_in_corner = False  # whether the side was pressed when the turn began
@@ -332,7 +332,7 @@ class BumperWallFollower(WallFollower):
     _yaw = 0.0  # rad; yaw at the last step
 
     def align(self, observation: Observation, obstacle: float) -> tuple[Twist, bool]:
-        """Turn until only the bumper on the boundary's side is pressed.
+        """Turn the robot until only the bumper on the boundary's side is pressed.
 
         The turn also ends when the obstacle is at the robot's side, since obstacles
         that are not flat may press no bumper. See ``WallFollower.align`` for arguments
@@ -345,7 +345,7 @@ class BumperWallFollower(WallFollower):
     def step(
         self, observation: Observation, _: Observation | None = None
     ) -> tuple[Twist, bool]:
-        """Compute the motion until the next scan.
+        """Return the motion of the robot along the boundary until the next scan.
 
         Arguments and result are those of ``WallFollower.step``; bumpers do not
         distinguish obstacles, so all beams count.
@@ -371,7 +371,7 @@ class BumperWallFollower(WallFollower):
             self._is_turning = not is_over
 
     def _motion(self, view: Observation) -> tuple[float, float]:
-        """Return the speed, m/s, and turn rate, rad/s, for a boundary on the left."""
+        """Return speed, m/s, and turn rate, rad/s, along a boundary on the left."""
         limits = self.speed_limits
         if self._is_turning:
             return 0.0, -limits.turn

@@ -75,7 +75,7 @@ _ASIDE: Final = 7.0  # points between the start and its label
 
 @dataclass(frozen=True, slots=True)
 class MapView:
-    """A map to be drawn.
+    """A map with all that a plot of it shows.
 
     Attributes:
         grid: The map.
@@ -99,7 +99,7 @@ class MapView:
 
     @property
     def extent(self) -> Bbox:
-        """Extent of the plot: the sensed cells, and a scene if it is not too large."""
+        """Extent of the plot: the sensed cells, and a scene that is not too large."""
         sensed = extent_of(self.grid, sensed_window(self.grid))
         scene = outlines_extent(self.outlines)
         if scene is None:
@@ -110,10 +110,10 @@ class MapView:
 
 
 class MapPanel:
-    """A map in a panel, which can be updated while the map grows."""
+    """A panel that shows a map, and can be updated while the map grows."""
 
     def __init__(self, axes: Axes, view: MapView, *, text: float = 10.0) -> None:
-        """Draw the static parts.
+        """Draw all parts that do not change.
 
         Args:
             axes: The panel, m, map frame.
@@ -180,7 +180,7 @@ class MapPanel:
 def map_figure(
     views: Sequence[MapView], *, text: float = 10.0, numbers: bool = False
 ) -> Figure:
-    """Draw maps next to each other, at one scale.
+    """Draw several maps next to each other at one scale.
 
     Args:
         views: One map for each panel.
@@ -204,21 +204,21 @@ def map_figure(
 
 
 def pixels_per_metre(extent: Bbox, resolution: float) -> float:
-    """Return the scale of a panel, in whole pixels per cell if possible.
+    """Return the scale of a panel, with whole pixels per cell if possible.
 
     Args:
         extent: Extent of the panel.
         resolution: Side of a cell, m.
     """
     room = min(_WIDEST / extent.width, _TALLEST / extent.height)
-    # Cells of at least one pixel get a whole number
-    # of pixels, so that all look equally wide.
+    # If a cell has more than a pixel, its number of pixels
+    # is whole, so that all cells look equally wide.
     pixels = room * resolution
     return min(pixels if pixels < 1 else int(pixels), _LARGEST_CELL) / resolution
 
 
 def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
-    """Return the legend rows for some classes of cells and the path.
+    """Return the rows of a legend for some classes of cells and for the path.
 
     Args:
         classes: The classes.
@@ -235,35 +235,35 @@ def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
 
 
 def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Bbox:
-    """Return the extent of given rows and columns of a map."""
+    """Return the extent of the given rows and columns of a map, m."""
     rows, columns = window
     corners = np.array([[columns.start, rows.start], [columns.stop, rows.stop]])
     return Bbox(corners * grid.frame.resolution + grid.frame.origin)
 
 
 def first_map_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Bbox:
-    """Return a film's first extent: the scene, or the map if the scene is too large.
+    """Return the extent of a film's first frame: the scene, or else the map.
 
     Args:
         outlines: The outlines of the scene; empty if it is unknown.
         grid: The map with at least one scan, shown without such a scene.
     """
     scene = outlines_extent(outlines)
-    # Cells of a larger scene would be less than a pixel wide.
+    # If the scene is larger than this, a cell would be less than a pixel wide.
     if scene is None or max(scene.width, scene.height) > _LARGEST_SCENE:
         scene = extent_of(grid, sensed_window(grid))
     return scene.padded(_FILM_EDGE)
 
 
 class MapFrames:
-    """Draws the frames of a film of a map.
+    """Draws the frames of a film that shows a map.
 
     Attributes:
         figure: The figure with the last frame.
     """
 
     def __init__(self, first: MapView) -> None:
-        """Draw the static parts.
+        """Draw all parts that do not change.
 
         Args:
             first: The map of the first frame; robot and outlines stay the same.
@@ -272,22 +272,22 @@ class MapFrames:
         scale = pixels_per_metre(extent, first.grid.frame.resolution)
         self._panels = Panels(extent, scale, [first.title], [""])
         self._panel = MapPanel(self._panels.axes[0], first)
-        # These classes may appear on the map. If the
-        # scene is unknown, any class may appear.
+        # These classes of cells may appear on the
+        # map; without a scene, all classes may.
         kinds = {outline.kind for outline in first.outlines} or {*CellClass}
         shown = {*CellClass} - ({CellClass.FOLIAGE, CellClass.SMOKE} - kinds)
         self._panels.add_legend(map_rows(shown, truth=bool(first.outlines)))
         self.figure = self._panels.figure
 
     def draw(self, view: MapView) -> Pixels:
-        """Draw a frame, (H, W, 3)."""
+        """Draw a frame of the film, (H, W, 3)."""
         self._panel.update(view.grid, view.path)
         self._panels.show(extent_of(view.grid, sensed_window(view.grid)))
         return self._panels.render(self._panel.artists, view.title, view.subtitle)
 
 
 def draw_area_curve(curve: AreaCurve, name: str, title: str, form: str) -> bytes:
-    """Return a file with a plot of the known area or share over time.
+    """Return a file with a plot of the known area, or its share, over time.
 
     The share of the reachable floor is drawn if it is known, otherwise the sensed area.
 

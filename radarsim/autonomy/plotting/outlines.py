@@ -41,7 +41,7 @@ class Outline:
 
 
 def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
-    """Return the outlines of a scene at a height, by kind and family.
+    """Return the outlines of a scene at a height, by kind of object and family.
 
     Args:
         scene: The map.
@@ -58,7 +58,7 @@ def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
 
 
 def outlines_extent(outlines: Iterable[Outline]) -> Bbox | None:
-    """Return the extent of outlines; None without outlines."""
+    """Return the extent of all outlines, m; None without outlines."""
     lines = [line for outline in outlines for line in outline.lines]
     if not lines:
         return None
@@ -71,7 +71,7 @@ def box_around(points: Floats) -> Bbox:
 
 
 def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
-    """Return an extent, enlarged so that objects at its edge are shown whole.
+    """Return an extent, enlarged so that it shows objects at its edge as a whole.
 
     Objects that are too large, such as the walls around a room, stay cut off.
     """
@@ -81,8 +81,8 @@ def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
             box = box_around(line)
             whole = Bbox.union([extent, box.padded(_EDGE)])
             larger = max(whole.width / extent.width, whole.height / extent.height)
-            # Walls of a large room are not included,
-            # since the run would then appear tiny.
+            # Walls of a large room do not enlarge the
+            # extent, since the run would then look tiny.
             if box.fully_overlaps(extent) and larger <= _MUCH_LARGER:
                 wanted = Bbox.union([wanted, whole])
     return wanted
@@ -116,7 +116,7 @@ def draw_areas(axes: Axes, outlines: Iterable[Outline]) -> list[PathPatch]:
     drawn = []
     for outline in outlines:
         path = Path.make_compound_path(*(Path(line) for line in outline.lines))
-        # Foliage and smoke lie below the sensed cells, and walls lie above them.
+        # Foliage and smoke are drawn below the sensed cells, and walls above them.
         order = 2.7 if outline.kind == CellClass.OBSTACLE else 1.0
         drawn.append(PathPatch(path, **_area_style(outline.family), zorder=order))
         axes.add_patch(drawn[-1])

@@ -42,7 +42,7 @@ _NARROWEST: Final = 640  # pixels; least width of the figure
 
 
 class Panels:
-    """A figure with panels of one scale.
+    """A figure with several panels of the same scale.
 
     Attributes:
         figure: The figure.
@@ -62,7 +62,7 @@ class Panels:
         text: float = 10.0,
         numbers: bool = False,
     ) -> None:
-        """Create empty panels.
+        """Create panels without content.
 
         Args:
             extent: Extent of each panel.
@@ -131,7 +131,7 @@ class Panels:
         return widest + scale > across
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
-        """Place a legend below the panels, in as many lines as it needs."""
+        """Place a legend below the panels, in as many lines as its rows need."""
         # The size of a legend is known only after it is
         # drawn, so layouts are tried, the widest first.
         for columns in range(len(rows), 0, -1):
@@ -153,7 +153,7 @@ class Panels:
         self._place(math.ceil(box.height), narrowest)
 
     def show(self, extent: Bbox) -> None:
-        """Extend all panels to show an extent, at a smaller scale if necessary."""
+        """Extend all panels to show an extent; reduce their scale if necessary."""
         shown = self.axes[0].viewLim.frozen()
         wanted = Bbox.union([shown, extent])
         if np.array_equal(wanted, shown):
@@ -170,7 +170,7 @@ class Panels:
         self._draw_scale()
 
     def render(self, moving: Sequence[Artist], title: str, status: str) -> Pixels:
-        """Return a frame of a film with a single panel, (H, W, 3).
+        """Return a film frame, (H, W, 3), of a figure with a single panel.
 
         Args:
             moving: Artists of the panel that may have changed.
@@ -247,25 +247,25 @@ class Panels:
             left += across + gap
 
     def _pixels(self, lines: float) -> int:
-        """Convert a length, given in multiples of the text height, to pixels."""
+        """Convert a length from multiples of the text height to pixels."""
         return round(lines * self._text * DPI / 72)
 
 
 def titles_of(views: Sequence[Any]) -> tuple[list[str], list[str]]:
-    """Return titles and subtitles of views; no subtitles if all are empty."""
+    """Return the titles and the subtitles of views; no subtitles if all are empty."""
     subtitles = [view.subtitle for view in views]
     return [view.title for view in views], subtitles if any(subtitles) else []
 
 
 def add_cell_image(axes: Axes, *, zorder: float) -> AxesImage:
-    """Add an image of square cells without interpolation."""
+    """Add an image of square cells, drawn without interpolation."""
     image = AxesImage(axes, origin="lower", interpolation="nearest", zorder=zorder)
     axes.add_artist(image)
     return image
 
 
 def show_cells(image: AxesImage, cells: NDArray[np.uint8], extent: Bbox) -> None:
-    """Set the cells of an image.
+    """Set the cells that an image shows.
 
     Args:
         image: The image.

@@ -40,7 +40,7 @@ _TOGETHER: Final = 0.35  # m; nearer markers share a label
 
 @dataclass(frozen=True, slots=True)
 class MarkerStyle:
-    """Style of the markers of one kind.
+    """How the markers of one kind are drawn.
 
     Attributes:
         text: Text in the legend; empty if labels are sufficient.
@@ -60,7 +60,7 @@ class MarkerStyle:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Matplotlib options of the marker."""
+        """Options of the marker for matplotlib."""
         return {
             "color": self.colour,
             "marker": self.marker,
@@ -82,7 +82,7 @@ STYLES: Final = (START, HIT, LEAVE, GOAL, MISSED)
 def marker_places(
     run_log: RunLog, *, is_over: bool = True
 ) -> dict[MarkerStyle, list[Point]]:
-    """Return a run's marker positions by style, without styles that have no marker.
+    """Return the positions of a run's markers, by their styles.
 
     Args:
         run_log: The run.
@@ -131,7 +131,7 @@ def draw_markers(
 
 
 def marker_rows(styles: Collection[MarkerStyle]) -> list[Artist]:
-    """Return the legend rows for the marker styles that have a legend text."""
+    """Return the rows of a legend for marker styles that have a legend text."""
     return [
         Line2D([], [], **style.options, label=style.text)
         for style in STYLES
@@ -160,7 +160,7 @@ def _label(
 
 
 def _groups(places: Sequence[Point], count_from: int) -> list[tuple[Point, list[int]]]:
-    """Number points, and group points that are close to each other."""
+    """Number points in order, and group the points that are close to each other."""
     groups: list[tuple[Point, list[int]]] = []
     for number, place in enumerate(places, count_from):
         for first, numbers in groups:
@@ -173,7 +173,7 @@ def _groups(places: Sequence[Point], count_from: int) -> list[tuple[Point, list[
 
 
 class SensedCells:
-    """Draws cells where beams ended, with opacity by the number of beams.
+    """Draws the cells where beams ended; more beam ends make a cell more opaque.
 
     Cells in the open are tinted. A tint over foliage would look like another material,
     so each square of a few cells has a dot there, which does not change the colour of
@@ -181,7 +181,7 @@ class SensedCells:
     """
 
     def __init__(self, axes: Axes, colour: str, outlines: Sequence[Outline]) -> None:
-        """Create the empty image.
+        """Create an image without cells.
 
         Args:
             axes: The panel, m, map frame, with its limits.
@@ -197,11 +197,11 @@ class SensedCells:
         self._dots: list[Artist] = []
 
     def update(self, run_log: RunLog) -> None:
-        """Show the cells that a run has sensed so far within the panel."""
+        """Show the cells within the panel that a run has sensed so far."""
         for artist in self._dots:
             artist.remove()
         ends = run_log.beam_ends
-        # A film zooms out during the run, so cells outside may come into view.
+        # A film zooms out during the run, so cells outside come into view later.
         low, high = self._axes.viewLim.min, self._axes.viewLim.max
         shown = ((ends[:, :2] > low) & (ends[:, :2] < high)).all(axis=1)
         within = shapely.contains_xy(self._entered, ends[:, 0], ends[:, 1])
@@ -211,11 +211,11 @@ class SensedCells:
 
     @property
     def artists(self) -> list[Artist]:
-        """The drawn artists."""
+        """All artists that draw the sensed cells."""
         return [self._image, *self._dots]
 
     def _tint(self, ends: Floats, most: float) -> None:
-        """Tint cells, (M, 3) as in ``RunLog.beam_ends``."""
+        """Tint cells where beams ended, (M, 3); see ``RunLog.beam_ends``."""
         cells = np.floor(ends[:, :2] / CELL).astype(np.int64)
         if not len(cells):
             # An image has at least one cell; this one is transparent.
@@ -233,7 +233,7 @@ class SensedCells:
         show_cells(self._image, pixels, Bbox(np.array([first, last]) * CELL))
 
     def _draw_dots(self, ends: Floats, most: float) -> list[Artist]:
-        """Draw a dot in each square that contains sensed cells, (M, 3)."""
+        """Draw a dot in each square that contains beam ends, (M, 3)."""
         if not len(ends):
             return []
         side = _BLOCK * CELL
@@ -251,7 +251,7 @@ class SensedCells:
 
 
 def sensed_rows(colour: str, by: str, outlines: Iterable[Outline]) -> list[Artist]:
-    """Return the legend rows for sensed cells.
+    """Return the rows of a legend for sensed cells.
 
     Args:
         colour: Colour of sensed cells.

@@ -78,7 +78,7 @@ _TRUE_PATH: Final[dict[str, Any]] = {
 
 
 def arrow_places(path: Floats, spacing: float) -> Floats:
-    """Return positions and directions of arrow heads along a path.
+    """Return positions and directions of the arrow heads along a path.
 
     Args:
         path: The path, (N, 2) m.
@@ -96,7 +96,7 @@ def arrow_places(path: Floats, spacing: float) -> Floats:
     def at(lengths: Floats) -> Floats:
         return np.column_stack([np.interp(lengths, along, axis) for axis in path.T])
 
-    # The direction is averaged over several steps, since single steps are noisy.
+    # The direction is averaged over several steps of the path, since one step is noisy.
     x, y = (at(places + _AROUND) - at(places - _AROUND)).T
     return np.column_stack([at(places), np.arctan2(y, x)])
 
@@ -120,7 +120,7 @@ def draw_arrows(axes: Axes, path: Floats, zorder: float) -> list[Artist]:
 
 @dataclass(frozen=True, slots=True)
 class PathStyle:
-    """Line style of the estimated path during an activity."""
+    """How the estimated path is drawn during one activity of the robot."""
 
     text: str
     colour: str
@@ -147,7 +147,7 @@ def _sensor_colour(medium: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RunView:
-    """A run to be drawn.
+    """A navigation run with all that a plot of it shows.
 
     Attributes:
         run_log: The run, with at least one row.
@@ -169,7 +169,7 @@ class RunView:
 
     @property
     def paths(self) -> Bbox:
-        """Extent of the paths and the goals."""
+        """Extent of the paths and the goals, m."""
         log = self.run_log
         ends = np.array([end for leg in log.legs for end in (leg.start, leg.goal)])
         points = [log.path, ends.reshape(-1, 2), self.true_path]
@@ -188,10 +188,10 @@ class RunView:
 
 
 class RunPanel:
-    """A run in a panel, which can be updated while the run continues."""
+    """A panel that shows a run, and can be updated while the run continues."""
 
     def __init__(self, axes: Axes, view: RunView) -> None:
-        """Draw the static parts.
+        """Draw all parts that do not change.
 
         Args:
             axes: The panel, m, map frame.
@@ -245,7 +245,7 @@ class RunPanel:
 def run_figure(
     views: Sequence[RunView], *, text: float = 10.0, numbers: bool = False
 ) -> Figure:
-    """Draw runs side by side, at one scale.
+    """Draw several runs side by side at one scale.
 
     Args:
         views: One run for each panel.
@@ -284,7 +284,7 @@ def _legend_rows(
     sensed: bool = True,
     truth: bool,
 ) -> list[Artist]:
-    """Return the legend rows of a run.
+    """Return the rows of the legend for a navigation run.
 
     Args:
         styles: Styles of the estimated path.
@@ -310,7 +310,7 @@ def _legend_rows(
 
 
 def _styles(run_log: RunLog) -> list[PathStyle]:
-    """Return the style of the step from each row to the next row."""
+    """Return the line style of each step from one row of the log to the next."""
     return [_STYLE_OF.get(row.activity, GOING) for row in run_log.rows[:-1]]
 
 
@@ -340,7 +340,7 @@ def _path_lines(run_log: RunLog) -> list[LineCollection]:
 def first_run_extent(
     outlines: Sequence[Outline], start: Point, goals: Sequence[Point]
 ) -> Bbox:
-    """Return the extent of a film: start, goals, and a scene that is not too large.
+    """Return a film's extent: start, goals, and the scene unless it is too large.
 
     Robots hardly ever leave this extent.
 
@@ -373,7 +373,7 @@ class RunFrames:
     """
 
     def __init__(self, extent: Bbox, first: RunView, *, returns: bool = True) -> None:
-        """Draw the static parts.
+        """Draw all parts that do not change.
 
         Args:
             extent: Extent of the first frame.
@@ -392,7 +392,7 @@ class RunFrames:
         self._panels.add_legend(rows)
 
     def draw(self, view: RunView) -> Pixels:
-        """Draw a frame, (H, W, 3)."""
+        """Draw a frame of the film, (H, W, 3)."""
         self._panels.show(view.paths.padded(_FILM_MARGIN))
         self._panel.update(view, is_over=False)
         return self._panels.render(self._panel.artists, view.title, view.subtitle)
