@@ -53,7 +53,7 @@ from radarsim.geometry import Floats
 PROPERTY_VERSION: Final = 0
 PROPERTY_USER_GEOMETRY: Final = 100
 
-# Functions of Embree's header, with the types of their results and arguments.
+# The functions of Embree that are called, with the types of results and arguments.
 _POINTER, _INT, _UINT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
 _BOOL = ctypes.c_bool
 SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
@@ -106,7 +106,7 @@ def open_library() -> ctypes.CDLL:
 
 
 def load_library(paths: list[Path]) -> ctypes.CDLL:
-    """Open the library, given as a list of one path, and check that it is Embree 4.
+    """Open Embree from a list of one path, and check that its version is 4.
 
     Raises:
         EngineError: If there is not exactly one file, or it is not Embree 4.

@@ -1,4 +1,4 @@
-"""Create copies of a scene: a material is changed, or an object added or removed."""
+"""Copies a scene with a changed material, an added object or a removed object."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ Labels: TypeAlias = NDArray[np.int32]
 
 
 class Connections(NamedTuple):
-    """How faces share edges.
+    """How the faces of a mesh are connected by shared edges.
 
     Attributes:
         labels: (F,) the connected component of each face; components are numbered in
@@ -239,7 +239,7 @@ class _Shells:
         self._faces = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
     def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
-        """Return whether a point is inside the components whose boxes contain a box.
+        """Return whether a point is inside the components around a box.
 
         Args:
             low: (3,) lower corner of the box, m.
@@ -273,7 +273,7 @@ def _flip(faces: Faces, which: _Booleans) -> Faces:
 
 
 def _measure(vertices: Floats, faces: Faces, connections: Connections) -> _Components:
-    """Return bounds, area and volume of each connected component."""
+    """Return bounds, area and volume of each connected component of a mesh."""
     components = np.zeros(connections.components, engine.rows["Component"])
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
     engine.measure_components(vertices, faces, connections.labels, components)

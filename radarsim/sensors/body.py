@@ -1,4 +1,4 @@
-"""Sensors of a robot's body: ground truth, touch, altitude, heading, acceleration."""
+"""Sensors for a robot's true pose, contacts, altitude, heading and acceleration."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -95,7 +95,7 @@ class ProperAccelerometer(Accelerometer, types=["AcceleroMeter"]):
 
 
 class InertialUnit(Accelerometer, types=["IMU"]):
-    """An inertial measurement unit, which also reads angles and angular rates."""
+    """An inertial measurement unit: reads acceleration, angles and angular rates."""
 
     reading = Reading.INERTIA
     report = reports.Imu

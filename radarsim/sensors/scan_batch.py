@@ -1,4 +1,4 @@
-"""Compute scans, one or many at once.
+"""Computes one scan or many scans at once.
 
 Theory of operation
 ===================
@@ -72,7 +72,7 @@ class ScanRequest(NamedTuple):
 
 
 class ScanArrays(NamedTuple):
-    """M scans of a sensor with N beams.
+    """The ranges of M scans of a sensor with N beams.
 
     Attributes:
         poses: (M, 6) x, y, z, m, and roll, pitch, yaw, rad, of the sensor, map frame.
@@ -109,7 +109,7 @@ class ScanBatch:
     rays: Sides | None
 
     def __init__(self, pattern: BeamPattern, tracer: Tracer, places: Floats) -> None:
-        """Allocate the arrays of random numbers.
+        """Allocate the arrays for the random numbers of all scans.
 
         How many numbers are drawn depends only on the sensor and on whether the scene
         has rain or clouds, so moving robots do not change later random numbers.
@@ -186,7 +186,7 @@ class ScanBatch:
     def scan(
         self, row: int, sensor: str, pose: Pose3, scene: Scene | None = None
     ) -> Scan:
-        """Return one of the scans.
+        """Return a scan of the batch.
 
         Args:
             row: Number of the scan.
@@ -233,14 +233,14 @@ class ScanBatch:
         return rays.take(rows - row * len(self.pattern.shares))
 
     def _select_rays(self) -> Rows:
-        """Select one ray of each beam at random; return their indices, (J * N,)."""
+        """Select one ray of each beam at random; return the rays' indices, (J * N,)."""
         per_beam = self.pattern.rays
         weights = self._all_shares().reshape(-1, per_beam)
         chances = weights * backscatter(self._traces).reshape(-1, per_beam)
         empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam hit anything
         chances[empty] = weights[empty]
-        # Each beam uses one number drawn before tracing, so later random numbers do not
-        # depend on the objects that the rays hit.
+        # Each beam uses one random number drawn before tracing, so later random numbers
+        # do not depend on the objects that rays hit.
         edges = np.cumsum(chances, axis=1)
         drawn = self.drawn["selected"].ravel() * edges[:, -1]
         node = (edges[:, :-1] <= drawn[:, None]).sum(axis=1)
@@ -280,7 +280,7 @@ class ScanBatch:
         return ranges
 
     def _all_echoes(self, rows: Rows) -> EchoTable:
-        """Return all echoes, including rain, merged and with range errors.
+        """Return the echoes of all scans, including rain, with range errors.
 
         Args:
             rows: (J * N,) index of the ray that represents each beam.
@@ -306,7 +306,7 @@ class ScanBatch:
         return echoes
 
     def _end_echoes(self) -> EchoTable:
-        """Return the echoes at the ends of the rays, with range errors."""
+        """Return only the echoes at the ends of rays, with range errors."""
         settings, rows = self.pattern.settings, self._rows
         rows = np.arange(self.nodes.size) if rows is None else rows
         echoes = extract_ray_ends(self._traces, rows, settings)
@@ -316,7 +316,7 @@ class ScanBatch:
         return echoes
 
     def _move_echoes(self, echoes: EchoTable) -> None:
-        """Add the random errors of beams to their echoes, in place."""
+        """Add the random range error of each beam to its echoes, in place."""
         errors = self.drawn.get("errors")
         if errors is not None:
             errors = errors.ravel()[echoes["beam"]]
@@ -371,7 +371,7 @@ class ScanBatch:
 def take_scans(
     tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
 ) -> list[tuple[ScanBatch, int]]:
-    """Compute many scans at once.
+    """Compute the requested scans; scans with equal settings are traced together.
 
     Args:
         tracer: Tracer of the scene.
@@ -414,7 +414,7 @@ def scan_poses(
     poses: Floats,
     rng: np.random.Generator | None,
 ) -> ScanArrays:
-    """Compute a scan from each pose, in order, on all processors.
+    """Compute a scan from each of M poses, on all processors.
 
     Args:
         scanner: The sensor.
@@ -449,7 +449,7 @@ def scan_poses(
             for row in whole or range(len(places[start : start + step])):
                 batch.draw(row, rng, scanner.name)
             pending.append(pool.submit(take, start, batch))
-            # At most one chunk per thread is queued, so memory does not grow with the
+            # At most one batch per thread waits, so memory does not grow with the
             # number of poses.
             if len(pending) > workers:
                 pending.popleft().result()
