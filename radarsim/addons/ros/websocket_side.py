@@ -30,7 +30,7 @@ class WebSocketSide:
         announce: Callable[[str, tuple[str, int]], None],
         origins: Sequence[str] = (),
     ) -> None:
-        """Create a server that does not listen yet.
+        """Create a WebSocket server that does not listen yet.
 
         Args:
             board: The topics for the clients of a protocol.
@@ -81,15 +81,15 @@ class WebSocketSide:
             )
             serving = asyncio.ensure_future(server.serve([listening]))
             try:
-                # The server must not be cancelled. It is asked to exit below, and then
-                # closes its connections.
+                # The server must not be cancelled, since it closes its connections
+                # after ``should_exit`` is set below.
                 await asyncio.shield(serving)
             finally:
                 server.should_exit = True
                 await asyncio.wait({serving})
 
     async def _serve(self, socket: WebSocket) -> None:
-        # A page of another site may connect only if the origin of the page is listed or
+        # A web page of another site may connect only if the page's origin is listed or
         # trusted.
         origin = socket.headers.get("origin", "").lower()
         is_named = origin in self._origins or self._board.protocol.trusts(origin)
