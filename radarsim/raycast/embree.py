@@ -231,7 +231,7 @@ class EmbreeScene:
         self.handle = handle.structure.pack(**handle.fields | added)
 
     def count_unsliced(self, height: float, rays: int) -> None:
-        """Count horizontal rays without a slice; add a slice if it is worth its cost.
+        """Count horizontal rays at a height; after many rays, build a slice for it.
 
         Args:
             height: z of the last of these rays, m.
@@ -318,7 +318,7 @@ def _build(
         scene=scene, triangles=triangles, owners=owners, first_sliced=first_sliced
     )
     close = weakref.finalize(packed, _release, library, scene, device)
-    # The scene is not released at exit, since a daemon thread may still trace rays.
+    # No scene is released at exit, since a daemon thread may still trace rays.
     close.atexit = False
     if error:
         raise EngineError(f"Embree error {error} building {len(triangles)} triangles")

@@ -228,7 +228,7 @@ class Boxes:
     def find(
         self, ids: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the indices of ids that belong to boxes, (K,), and the box rows."""
+        """Return the indices of the ids that are ids of boxes, and of these boxes."""
         known = self.rows[:, 7].astype(np.int64)
         found = np.flatnonzero(np.isin(ids, known))
         order = np.argsort(known)

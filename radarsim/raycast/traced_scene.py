@@ -142,7 +142,7 @@ def material_table(
 
 
 def _sheet_loss_of(material: Material, ray_class: RayClass) -> float:
-    """Return the loss per crossed sheet; nan for a volume, 0 for light and sound."""
+    """Return a ray's loss per sheet; nan for a volume, 0 for light and sound."""
     if material.sheet_loss is None:
         return math.nan
     if ray_class.medium != RADAR:

@@ -231,7 +231,7 @@ class PartBuilder:
     def _mesh(
         self, entry: ObjectEntry, mesh: str, materials: Mapping[str, Material]
     ) -> list[_Piece]:
-        """Return a file's surfaces, joined by material, in the frame of the file."""
+        """Return a mesh for each material of a mesh file, in the frame of the file."""
         # Meshes are cached, since joining a large mesh takes seconds. The cache key
         # contains the materials, not only their names, because a variant of the map can
         # redefine a material and so require a closed volume.
@@ -408,7 +408,7 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_C
 
 
 def _draw_forever(rng: np.random.Generator) -> Iterator[float]:
-    """Yield the random numbers that repeated calls of ``rng.random()`` return."""
+    """Yield random numbers without end, as repeated calls of ``rng.random()`` do."""
     while True:
         yield from rng.random(_DRAWS).tolist()
 

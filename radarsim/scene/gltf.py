@@ -231,7 +231,7 @@ class GltfFile:
             yield node, matrix
 
     def _accessor(self, index: int, kind: str) -> _Accessor:
-        """Return an accessor; raise MeshError if it is not usable, such as sparse."""
+        """Return an accessor; raise MeshError if it is of an unsupported type."""
         accessor = _item(self._tree.accessors, index, "accessor")
         name = f"accessor {index}"
         if accessor.bufferView is None or accessor.sparse is not None:
@@ -312,7 +312,7 @@ def _matrix(node: _Node) -> Floats:
 
 
 def _faces(corners: Any, mode: int) -> Any:
-    """Convert a list of corners to triangles, (F, 3), by the mode of the primitive."""
+    """Convert the vertex indices of a list, strip or fan to triangles, (F, 3)."""
     if mode == _TRIANGLES:
         return corners.reshape(-1, 3)
     if mode == _FAN:

@@ -221,7 +221,7 @@ class ProblemList:
     def report_invalid(
         self, error: ValidationError, at: KeyPath, known: Iterable[str]
     ) -> None:
-        """Add the pydantic errors of an entry, whose allowed keys are ``known``."""
+        """Add the pydantic errors of an entry; ``known`` are the allowed keys."""
         most = 0 if self.full else MAX_REPORTED
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))

@@ -257,7 +257,7 @@ class MapLoader:
                 self._is_too_much = True
                 self.problems.report(at, error.problems)
                 continue
-            # The name of an invalid entry is reserved too.
+            # Names of invalid entries are recorded too, to report their duplicates.
             name = item.get("name") if isinstance(item, dict) else None
             if entry is not None:
                 self._claim(at, copy_names(entry.name, entry.copies), taken)

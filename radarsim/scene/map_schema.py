@@ -297,7 +297,7 @@ class ReflectorEntry(Entry):
 
 
 class RepeatEntry(Entry):
-    """``count`` copies along a line, each offset by ``step`` from the previous copy."""
+    """Copies of an object on a line, each offset by ``step`` from the previous copy."""
 
     count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
     step: Vector

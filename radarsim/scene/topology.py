@@ -137,7 +137,7 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
         return _flip_inverted_components(vertices, faces, connections)
     if connections.unpaired_edges or connections.has_one_side:
         return None
-    # All edges have two faces, so the mesh is closed once the faces are consistent.
+    # Each edge has two faces, so the mesh is closed once their orientations agree.
     consistent = _flip(faces, connections.flips)
     volumes = _measure(vertices, consistent, connections)["volume"]
     return _flip(consistent, (volumes < 0)[connections.labels])

@@ -170,7 +170,7 @@ class BeamPattern:
         return self.aim(pose, -1, nodes)
 
     def sides_of(self, drawn: Floats) -> Sides:
-        """Return the side of each random ray in its beam, (M,): -1, 0 or 1."""
+        """Return -1 for random rays on the right of a beam, 1 left, 0 centre, (M,)."""
         return _sides(self._angles_of(drawn)).T.ravel()
 
     def _angles_of(self, drawn: Floats) -> Floats:
@@ -314,7 +314,7 @@ def _starts(settings: SensorSettings, angles: Floats) -> Floats:
 
 
 def _sides(offsets: Floats) -> Sides:
-    """Return the side of each ray, -1, 0 or 1, (K,) or (K, N), for offsets in rad."""
+    """Return -1 for rays on the right side of a beam, 1 for left, 0 for the centre."""
     across = offsets[..., 0]
     sides = np.where(np.abs(across) < CENTRE_TOLERANCE, 0.0, np.sign(across)).astype(
         np.int8

@@ -253,7 +253,7 @@ class ScanBatch:
     def _read_ends(self) -> Floats:
         """Return the ranges, (J * N,) m, at which the rays of the beams end."""
         traces, rows, settings = self._traces, self._rows, self.pattern.settings
-        # The exact ranges are kept, since echoes are computed from them on demand.
+        # Errors are added to a copy, since echoes need the exact ranges later.
         ranges = traces.ranges.copy() if rows is None else traces.ranges[rows]
         self._add_errors(ranges, self.drawn.get("errors"))
         if settings.spent_reads != "range":
