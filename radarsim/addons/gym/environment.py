@@ -255,7 +255,7 @@ class GoToTask:
 
     @property
     def action_space(self) -> spaces.Space[Any]:
-        """Speeds of the left and right wheels as shares of the highest speed."""
+        """The actions: speeds of the left and right wheels, relative to the maximum."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def reset(
