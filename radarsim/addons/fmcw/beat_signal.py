@@ -153,7 +153,7 @@ def _fill_power(
     streams: NumberedStreams,
     power: Power,
 ) -> None:
-    """Compute the power in each bin of some azimuths; arguments as in ``beat_rows``."""
+    """Compute the power in all bins of azimuths, with arguments as in ``beat_rows``."""
     sweep = sample_sweeps(settings, first, field, tones, streams)
     sweep[:, : sample_count(settings)] *= window_of(settings).astype(np.float32)
     spectra = fft.rfft(sweep, axis=1, overwrite_x=True)

@@ -241,7 +241,7 @@ def _as_npz(turns: list[Spectrum]) -> bytes:
 
 
 def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
-    """Return CSV with a row for each detection; the default detector is ``ca``."""
+    """Return CSV with a row per detected target; the default detector is ``ca``."""
     import numpy as np
 
     text = io.StringIO("turn,azimuth,angle,range,dbm,rcs_dbsm,snr_db,radial_velocity\n")

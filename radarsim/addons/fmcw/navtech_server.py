@@ -76,7 +76,7 @@ class NavtechServer(PeerServer, HostObserver):
         await super().stop()
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
-        """Find the radar, since robots come and go; subscribe if clients want data."""
+        """Find the robot's radar in each tick; subscribe if a client wants data."""
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
             each

@@ -28,7 +28,7 @@ from radarsim.errors import MissingPackage, import_optional
 
 
 def message_json(message: TopicMessage) -> str:
-    """Return a message as JSON: uint8 arrays as base64, NaN and infinity as null."""
+    """Return a ROS message as JSON, with uint8 arrays in base64, and NaN as null."""
 
     def plain(value: object) -> object:
         match value:
