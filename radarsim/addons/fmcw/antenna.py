@@ -1,4 +1,4 @@
-"""The antenna of an FMCW radar: its pattern, and its poses during a revolution.
+"""The antenna of an FMCW radar: its beam pattern, and its poses during a revolution.
 
 One-way patterns are relative to the middle of the beam. Echoes pass the antenna twice,
 so their power is multiplied by the square of the pattern. Settings of shoulders and

@@ -59,7 +59,7 @@ class NumberedStreams:
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Create streams that depend only on the state of a random generator.
+        """Create streams from a generator that is spawned from a random generator.
 
         Args:
             rng: Generator from which a new generator is spawned; no numbers are drawn.
@@ -71,7 +71,7 @@ class NumberedStreams:
         self._words = np.array(words, np.uint64).ravel()
 
     def fill_normal(self, first: int, out: Power) -> None:
-        """Fill each row with normal random numbers from its own stream; thread-safe.
+        """Fill each row with standard normal numbers from its own stream; thread-safe.
 
         Args:
             first: Number of the stream of the first row, at least 0.

@@ -359,7 +359,7 @@ class NavtechOptions:
     navtech: Annotated[str | None, Option(metavar="PORT[:ROBOT]", is_rare=True)] = None
 
     def extension(self, _: ServedMap) -> NavtechExtension | None:
-        """See ``ExtensionOptions.extension``."""
+        """Return the extension that the option requests, or None if it is not given."""
         if self.navtech is None:
             return None
         port, colon, robot = self.navtech.partition(":")
@@ -385,14 +385,14 @@ class NavtechExtension(ServeExtension):
         self._server: NavtechServer
 
     def attach(self, host: Host) -> None:
-        """See ``ServeExtension.attach``."""
+        """Create the radar server, and add it to the host as an observer."""
         from radarsim.addons.fmcw.navtech_server import NavtechServer
 
         self._server = NavtechServer(port=self.ports[_NAVTECH], robot=self._robot)
         host.add_observer(self._server)
 
     async def start(self, address: str) -> None:
-        """See ``ServeExtension.start``."""
+        """Start to listen for clients of the radar on an address."""
         await self._server.start(address)
 
     def announce(self, _: tuple[str, int]) -> None:
@@ -400,5 +400,5 @@ class NavtechExtension(ServeExtension):
         print_now(f"radarsim: radar on {join_address(*self._server.address)}")
 
     async def stop(self) -> None:
-        """See ``ServeExtension.stop``."""
+        """Close the radar server and its connections."""
         await self._server.stop()

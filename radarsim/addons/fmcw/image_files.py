@@ -40,7 +40,7 @@ VALID: Final = 255
 def put_metadata(
     counts: NDArray[np.uint8], times: NDArray[np.int64], encoder: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
-    """Return image rows in the layout of the Oxford data set, (R, 11 + B).
+    """Return counts as image rows in the layout of the Oxford data set, (R, 11 + B).
 
     Args:
         counts: Counts of each azimuth, (R, B).
@@ -263,7 +263,7 @@ class RadarTurn:
         frame: str,
         metadata_bytes: int = METADATA_BYTES,
     ) -> Self:
-        """Create a revolution from rows in Oxford's layout.
+        """Create a revolution from image rows in the layout of the Oxford data set.
 
         Args:
             rows: Rows of the image, (A, metadata_bytes + B).

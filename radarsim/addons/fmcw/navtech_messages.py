@@ -66,7 +66,7 @@ def configuration_message(
 
 
 def direction_message(sweep: int, encoder: int, time: int, counts: bytes) -> bytes:
-    """Return the message with the data of an azimuth.
+    """Return the bytes of the message with the data of one azimuth.
 
     Args:
         sweep: Counter of azimuths, 0 to 65535, which wraps around.

@@ -181,7 +181,7 @@ class RadarClient(PeerConnection):
             self._read_at = now
         if unsent <= MOST_UNSENT:
             self._transport.write(data)
-        # Rule 1: complete azimuths are left out, never parts of messages.
+        # Rule 1: whole azimuths are dropped, never a part of a message.
         elif now - self._read_at > PATIENCE:
             log.warning("%s: closed: the client does not read", self.peer)
             self.close()

@@ -153,7 +153,7 @@ def _polar_lines(pieces: Floats) -> Floats:
 
 
 def _draw_outlines(axes: Axes, lines: Floats) -> None:
-    """Draw outlines of the map over a picture, with a legend."""
+    """Draw the outlines of the map over a picture of a spectrum, with a legend."""
     limits = axes.get_xlim(), axes.get_ylim()
     # The lines are thin, so that they do not hide the echoes.
     style: dict[str, Any] = {"colors": TRUTH, "linewidths": 0.6, "alpha": 0.8}

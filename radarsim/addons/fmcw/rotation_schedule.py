@@ -241,7 +241,7 @@ class Antennas:
         ]
 
     def _with_velocities(self, boxes: Boxes, ticks: int) -> Boxes:
-        """Return robots' boxes with mean velocities since the last tick, at first 0."""
+        """Return boxes with mean velocities since the last tick; 0 for new robots."""
         last, before = self._before
         velocities = np.zeros((len(boxes.rows), 2))
         if last == ticks - 1:

@@ -157,7 +157,7 @@ _known: WeakKeyDictionary[Tracer, dict[RayClass, Packed]] = WeakKeyDictionary()
 
 
 def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
-    """Return how the P parts of a scene scatter rays of a class.
+    """Return the scattering properties of a scene's P parts for a class of rays.
 
     Returns:
         The engine's ``Scattering``: the air, the ground, and ``parts``, (P + 1,), with
@@ -222,7 +222,7 @@ def mirror_area(part: Part) -> float:
 
 
 def lobe_of(material: Material, area: float = DENT_AREA) -> tuple[float, float]:
-    """Return ``glint`` and ``narrowness`` of an opaque surface.
+    """Return the values ``glint`` and ``narrowness`` of a surface's specular lobe.
 
     Args:
         material: Material of the surface.

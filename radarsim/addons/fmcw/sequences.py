@@ -37,7 +37,7 @@ class DrivenPath:
 
     def poses_at(self, times: Floats) -> list[Pose3]:
         """Return the radar's poses at times, s, clipped to the times of the path."""
-        # Slerp raises an error for times outside of the path, so they are clipped.
+        # Times are clipped, since Slerp raises an error for times outside of the path.
         inside = np.clip(times, self.times[0], self.times[-1])
         turns = Slerp(self.times, Orientation.from_quat(self.orientations))(inside)
         angles = turns.as_euler("ZYX")

@@ -126,7 +126,7 @@ class Spectrum:
         """
         allowed = self.ranges >= MIN_RANGE
         if detector == "k":
-            # The published algorithm uses the counts that radars store, not watts.
+            # The published detector ``k`` uses the counts that radars store, not watts.
             mask = strongest_mask(self.counts, count, allowed, MIN_COUNT)
         elif detector in DETECTORS:
             training, power = training_of(self.settings), self.power / self.noise_floor
