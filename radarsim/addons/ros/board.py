@@ -77,7 +77,7 @@ class Board:
 
 
 class BoardClient:
-    """One client: its subscriptions, and the messages that wait to be sent to it.
+    """A connected ROS client, with its subscriptions and the messages to send.
 
     Attributes:
         name: Name of the protocol, for display.
@@ -104,7 +104,7 @@ class BoardClient:
 
     @classmethod
     def trusts(cls, origin: str) -> bool:  # noqa: ARG003
-        """Return whether a page of this origin, in lower case, may connect."""
+        """Return whether web pages of an origin, in lower case, may connect."""
         return False
 
     def wants(self, topic: str) -> bool:

@@ -70,7 +70,7 @@ class DdsParticipant:
         self._readers: list[tuple[DataReader[Any], DriveCallback]] = []
 
     def publish(self, message: TopicMessage) -> None:
-        """See ``RosSide.publish``."""
+        """Publish a message; see ``RosSide.publish``."""
         topic, type_ = message.topic, _struct_of(message.type)
         if topic not in self._writers:
             place = Topic(self._participant, f"rt{topic}", type_)
@@ -83,13 +83,13 @@ class DdsParticipant:
         self._writers[topic].write(sample)
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
-        """See ``RosSide.subscribe``."""
+        """Subscribe to velocity commands; see ``RosSide.subscribe``."""
         place = Topic(self._participant, f"rt{topic}", _struct_of(TWIST))
         reader = DataReader(self._participant, place, _quality(latched=False))
         self._readers.append((reader, take))
 
     async def run(self) -> None:
-        """See ``RosSide.run``."""
+        """Receive commands until cancelled; see ``RosSide.run``."""
         while True:
             for reader, take in self._readers:
                 # Readers are polled, because listeners of cyclonedds are called in

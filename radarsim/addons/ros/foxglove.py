@@ -44,7 +44,7 @@ _INFO: Final = {
 
 
 class FoxgloveClient(BoardClient):
-    """One Foxglove client; see ``BoardClient``."""
+    """A connected Foxglove client; see ``BoardClient``."""
 
     name = "Foxglove"
     subprotocols = ("foxglove.sdk.v1", "foxglove.websocket.v1")
@@ -79,22 +79,22 @@ class FoxgloveClient(BoardClient):
         return now
 
     def wants(self, topic: str) -> bool:
-        """See ``BoardClient.wants``; every client receives the clock."""
+        """Return whether a topic is the clock or subscribed to by the client."""
         return topic == CLOCK or bool(self._subscriptions.get(topic))
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
-        """See ``BoardClient.offer``."""
+        """Queue a message of a subscribed topic; see ``BoardClient.offer``."""
         if topic == CLOCK:
             self._queue(_TIME.pack(TIME, self._time))
         for number in self._subscriptions.get(topic, ()):
             self._queue(_MESSAGE_HEAD.pack(MESSAGE, number, self._time) + data)
 
     def announce(self, topic: str) -> None:
-        """See ``BoardClient.announce``."""
+        """Queue a message that announces a new topic; see ``BoardClient.announce``."""
         self._announce([topic])
 
     def complain(self, text: str) -> None:
-        """See ``BoardClient.complain``."""
+        """Queue an error status for the client; see ``BoardClient.complain``."""
         status = {"op": "status", "level": 2, "message": text}
         self.waiting.append(json.dumps(status))
 

@@ -28,7 +28,7 @@ from radarsim.errors import MissingPackage, import_optional
 
 
 def message_json(message: TopicMessage) -> str:
-    """Return a ROS message as JSON, with uint8 arrays in base64, and NaN as null."""
+    """Return a ROS message as JSON: bytes as base64, NaN and infinity as null."""
 
     def plain(value: object) -> object:
         match value:
@@ -71,7 +71,7 @@ def _cdr() -> ModuleType:
 
 
 class RosbridgeClient(BoardClient):
-    """One rosbridge client; see ``BoardClient``."""
+    """A connected rosbridge client; see ``BoardClient``."""
 
     name = "rosbridge"
     encode = staticmethod(message_json)
@@ -117,7 +117,7 @@ class RosbridgeClient(BoardClient):
         return {"sec": sec, "nanosec": nanosec, "secs": sec, "nsecs": nanosec}
 
     def offer(self, topic: str, data: Any, now: float) -> None:
-        """See ``BoardClient.offer``; messages above the throttle rate are skipped."""
+        """Queue a message of a subscribed topic, if the throttle rate permits it."""
         interval = min(self._subscriptions[topic].values())
         if now - self._last.get(topic, -math.inf) < interval:
             return
@@ -186,5 +186,5 @@ class RosbridgeClient(BoardClient):
         return {"typedefs": _cdr().type_definitions(wanted)}
 
     def complain(self, text: str) -> None:
-        """See ``BoardClient.complain``."""
+        """Queue an error status for the client; see ``BoardClient.complain``."""
         self.waiting.append(json.dumps({"op": "status", "level": "error", "msg": text}))

@@ -47,7 +47,7 @@ class WebSocketSide:
         self._clients: dict[BoardClient, asyncio.Event] = {}
 
     def publish(self, message: TopicMessage) -> None:
-        """See ``RosSide.publish``."""
+        """Send a message to its subscribers; see ``RosSide.publish``."""
         is_new = message.topic not in self._board.types
         wanting = [each for each in self._clients if each.wants(message.topic)]
         data = self._board.add(message, wanted=bool(wanting))
@@ -61,11 +61,11 @@ class WebSocketSide:
             self._clients[client].set()
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
-        """See ``RosSide.subscribe``."""
+        """Subscribe to velocity commands; see ``RosSide.subscribe``."""
         self._board.drivers[topic] = take
 
     async def run(self) -> None:
-        """See ``RosSide.run``.
+        """Serve WebSocket clients until cancelled; see ``RosSide.run``.
 
         Raises:
             ServerError: If the address or the port cannot be used.
