@@ -237,7 +237,7 @@ class GoToTask:
 
     @property
     def observation_space(self) -> spaces.Space[Any]:
-        """The space of one robot's observation."""
+        """The Gymnasium space of one robot's observation."""
         beams = len(self.arena.scanner.angles)
         low, high = np.array([0, -1, -1], np.float32), np.ones(3, np.float32)
         values = {name: BEAM_VALUES[name] for name in self.settings.beam_values}

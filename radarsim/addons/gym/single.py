@@ -28,7 +28,7 @@ _DPI = 100
 
 
 class Picture:
-    """Draws the robots and goals of a task from above, on the plan of the scene."""
+    """Draws a task's robots and goals on the plan of the scene, seen from above."""
 
     def __init__(self, task: GoToTask, render_mode: str | None) -> None:
         """Open the window of render mode ``human``.

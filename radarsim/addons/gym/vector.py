@@ -40,7 +40,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
     def __init__(
         self, num_envs: int = 1, *, render_mode: str | None = None, **settings: Any
     ) -> None:
-        """Load the map, or the maps.
+        """Load the map or the maps, and create the robots.
 
         Args:
             num_envs: Number of environments, N.
