@@ -179,7 +179,7 @@ def rectangles(cells: Mask) -> Iterator[tuple[int, int, int, int]]:
 
 
 def roomiest(free: Mask) -> tuple[int, int] | None:
-    """Return row and column of the free cell that is farthest from all other cells.
+    """Return row and column of the free cell farthest from cells that are not free.
 
     The result is None if no cell is free.
     """

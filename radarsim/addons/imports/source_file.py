@@ -27,7 +27,7 @@ def wrong(path: Path, line: int, text: str) -> ForeignFileError:
 
 
 def place(path: Path, line: int, text: str) -> str:
-    """Return a message after the file and the line that it is about."""
+    """Return a message that begins with the path of a file and a line number."""
     return f"{path}:{line}: {text}"
 
 

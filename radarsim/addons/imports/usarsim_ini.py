@@ -27,7 +27,7 @@ from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_settings, short_repr
 
 BASE: Final = "P3AT"  # classes that are not shipped use the body of this class
-# Item types whose names equal the class of the part, ignoring upper and lower case.
+# Item types that have the same name as the Unreal class of the part, ignoring case.
 _TYPES: Final = (
     *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Sonar"),
     *("GPS", "IMU", "AcceleroMeter", "AltitudeSensor", "MagneticCompass"),
