@@ -23,7 +23,7 @@ _DEPLETED: Final = 0  # column of a robot's row that is 1 if random numbers are 
 
 
 class Job(NamedTuple):
-    """An instruction to compute one reading from the state of a sensor.
+    """An instruction for the engine to compute one reading from a sensor's state.
 
     Attributes:
         kind: A ``Reading`` of ``readings.hpp``.
@@ -61,8 +61,8 @@ class ReadingTable:
     def program(self, jobs: Sequence[Job], size: int) -> Program:
         """Return a program of jobs that write ``size`` numbers; programs are cached."""
         key = tuple(jobs)
-        # Robots of one class have their states in the same columns, so a hundred robots
-        # need only a dozen programs.
+        # Robots of one class store states in the same columns and share programs, so a
+        # hundred robots need only a dozen programs.
         program = self._programs.get(key)
         if program is None:
             first = len(self._jobs)

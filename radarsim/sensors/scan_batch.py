@@ -136,7 +136,7 @@ class ScanBatch:
     def draw(
         self, row: int | slice, rng: np.random.Generator | None, sensor: str
     ) -> None:
-        """Draw the random numbers of a scan.
+        """Draw the random numbers that a scan needs.
 
         Args:
             row: Number of the scan; or a slice of all scans if there is only one kind.
@@ -212,11 +212,11 @@ class ScanBatch:
 
     @cached_property
     def reported(self) -> Floats:
-        """The ranges that robots report, (J, N) m; the maximum if nothing returned."""
+        """The ranges that robots report, (J, N) m; the maximum range if no return."""
         return np.minimum(self.ranges, self.pattern.settings.max_range)
 
     def all_rays(self, row: int) -> Rays:
-        """Return the M rays of a scan."""
+        """Return all M rays that were traced for a scan."""
         *numbers, carrier = self._places[row].tolist()
         drawn = self._random_rays(row)
         return self.pattern.aim(Pose3(*numbers), int(carrier), self.nodes[row], drawn)
@@ -266,7 +266,7 @@ class ScanBatch:
         """Return the ranges, (J * N,) m, of the echoes selected for the beams."""
         pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
-        # A beam without a selected ray is represented by its middle ray.
+        # Without a selected ray, the middle ray represents a beam.
         middle = np.arange(per_beam // 2, self.nodes.size, per_beam)
         rows = middle if self._rows is None else self._rows
         echoes = self._all_echoes(rows)

@@ -144,7 +144,7 @@ class EngineSensor(Sensor):
         return self._state[self._places].view(self._dtype)
 
     def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
-        """Set the sample report, and the jobs that compute its attributes but time."""
+        """Set the sample report, and the jobs for all of its attributes except time."""
         self.source = sample, {"time": [Job(Reading.TIME)], **jobs}
 
 

@@ -27,7 +27,7 @@ class Odometry(EngineSensor, types=["Odometry"]):
         self._report(sample, pose=[Job(Reading.WHEEL_POSE, place)])
 
     def reset(self) -> None:
-        """Reset the estimated pose to zeros."""
+        """Reset the pose estimated by odometry to zeros."""
         for name in ("x", "y", "yaw"):
             self.robot.fleet.odometry[name][self._row] = 0.0
 
@@ -115,7 +115,7 @@ def join_encoders(sources: Iterable[Source]) -> list[Source]:
     joined: list[Source] = []
     for sample, jobs in sources:
         before, its_jobs = joined[-1] if joined else (None, {})
-        # Clients of the older servers read the encoders of both sides from one line.
+        # Clients of older USARSim servers read the encoders of both sides in one line.
         if isinstance(before, reports.Encoder) and isinstance(sample, reports.Encoder):
             both = replace(before, ticks=(*before.ticks, *sample.ticks))
             joined[-1] = both, {**jobs, "ticks": [*its_jobs["ticks"], *jobs["ticks"]]}
