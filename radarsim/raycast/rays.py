@@ -127,7 +127,7 @@ class Rays:
         carrier_id: ArrayLike = -1,
         ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
-        """Create rays with equal power and one class, ``ray_classes[medium]``."""
+        """Create rays of equal power and of one class, ``ray_classes[medium]``."""
         n = len(origins)
         return cls(
             np.ascontiguousarray(origins, np.float64),
@@ -228,7 +228,7 @@ class Boxes:
     def find(
         self, ids: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the indices of the ids that are ids of boxes, and of these boxes."""
+        """Find boxes by id; return the indices of the found ids, and of their boxes."""
         known = self.rows[:, 7].astype(np.int64)
         found = np.flatnonzero(np.isin(ids, known))
         order = np.argsort(known)
@@ -258,7 +258,7 @@ class Boxes:
 
 
 class Traces(NamedTuple):
-    """The results of traced rays.
+    """The results of tracing N rays.
 
     Attributes:
         ranges: (N,) m, over all segments of the path; inf where nothing was hit.

@@ -1,4 +1,4 @@
-"""Trace rays through a scene.
+"""Traces rays through a scene.
 
 Theory of operation
 ===================
@@ -325,7 +325,7 @@ def tracer_of(scene: Scene) -> Tracer:
 
 @functools.cache
 def _check_engine() -> None:
-    """Trace a ray through half a metre of hedge to a wall, once per process.
+    """Check the engine with a ray through half a metre of hedge, once per process.
 
     Embree does not report the layout of its structures. This test verifies the layout
     that ``intersect.hpp`` assumes.
