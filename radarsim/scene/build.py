@@ -292,7 +292,7 @@ def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
 
 
 def _join(material: Material, surfaces: list[Surface]) -> Mesh:
-    """Join surfaces of a material into a mesh; check it if beams can enter it."""
+    """Join surfaces into one mesh, which must be closed if beams can enter it."""
     from radarsim.scene.meshes import join_surfaces, join_volume  # noqa: PLC0415
 
     may_be_open = not material.penetrable or material.sheet_loss is not None

@@ -197,7 +197,7 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
 def _flip_inverted_components(
     vertices: Floats, faces: Faces, connections: Connections
 ) -> Faces:
-    """Flip a mesh that is inside out, then its components that are not cavities."""
+    """Flip a mesh that is inside out, then single inverted parts except cavities."""
     labels = connections.labels
     components = _measure(vertices, faces, connections)
     volumes = components["volume"]
@@ -239,7 +239,7 @@ class _Shells:
         self._faces = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
     def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
-        """Return whether a point is inside the components around a box.
+        """Return whether a point is inside the components that surround its box.
 
         Args:
             low: (3,) lower corner of the box, m.
