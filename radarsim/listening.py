@@ -323,7 +323,7 @@ async def in_daemon_thread(
 ) -> T:
     """Call a function in a daemon thread, and return its result."""
     future: Future[T] = Future()
-    # This prevents cancelling the future, since a call in a thread cannot be cancelled.
+    # A future marked as running cannot be cancelled, just as a call in a thread.
     future.set_running_or_notify_cancel()
 
     def run() -> None:

@@ -144,7 +144,7 @@ class YamlFile:
 
 
 def read_yaml(path: Path) -> YamlFile:
-    """Read a YAML file.
+    """Read a YAML file as plain data.
 
     Raises:
         OSError: If the file cannot be read.
@@ -266,7 +266,7 @@ class _Reader:
         self._values = 0
 
     def read(self, node: Node, keys: KeyPath) -> object:
-        """Return the data of a node; limits prevent gigabytes of expanded aliases."""
+        """Return the data of a node, with limits on the size of expanded aliases."""
         self._values += 1
         if self._values > MAX_VALUES:
             raise UnreadableYaml(_position(node), f"more than {MAX_VALUES} values")
