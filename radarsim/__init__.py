@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Modules are imported on first use, so that commands start fast, and so that scenes and
-# scans can call plotting functions of higher layers.
+# The modules of these names are imported on first use, so that commands start fast, and
+# so that scenes and scans can call plotting functions of higher layers.
 _NAMES = {
     "addons.fmcw.image_files": ("load_turns",),
     "addons.recording.recording": ("Recording", "load_recording"),
@@ -61,7 +61,7 @@ _MODULES = {
     name: f"radarsim.{module}" for module, names in _NAMES.items() for name in names
 }
 
-# Names of parts outside the core, with the plugin group that provides them.
+# Public names from parts outside the core, with the plugin group that provides each.
 _PLUGINS = {"evaluate": "radarsim.local"}
 
 __all__ = [

@@ -42,8 +42,8 @@ from typing import Any, Final
 CUTOFF: Final = 0.6  # difflib's ratio, 0 to 1, above which names are similar
 MAX_LENGTH: Final = 80  # characters of a name in a message
 MAX_NAMES: Final = 100  # largest number of names in a message, and in a comparison
-# Texts that replace less clear messages of the operating system. The two permission
-# errors share a text, and so do full disks and exceeded quotas.
+# Texts that replace less clear messages of the operating system, by error number. Some
+# error numbers share a text.
 _WORDS: Final = {
     errno.EACCES: "no permission",
     errno.EADDRINUSE: "the port is in use by another program",
@@ -81,22 +81,22 @@ def escape_lines(text: str) -> str:
 
 
 class RadarsimError(Exception):
-    """Base of all exceptions of radarsim; unprintable characters are escaped."""
+    """Base class of all exceptions of radarsim; it escapes unprintable characters."""
 
     def __init__(self, message: str = "", *details: object) -> None:
         super().__init__(escape_lines(message), *details)
 
 
 class ProtocolError(RadarsimError):
-    """The peer violated the USARSim text protocol."""
+    """A client or server violated the USARSim text protocol."""
 
 
 class MalformedMessage(ProtocolError):
-    """A line, a number or a vector cannot be parsed."""
+    """A line of the protocol, or a number or vector in it, cannot be parsed."""
 
 
 class LineTooLong(ProtocolError):
-    """A line is longer than the limit; the connection is closed."""
+    """A received line is longer than the limit, so the connection is closed."""
 
 
 class MapError(RadarsimError):
@@ -112,7 +112,7 @@ class MapError(RadarsimError):
         super().__init__("\n".join(self.problems))
 
     def __reduce__(self) -> tuple[type["MapError"], tuple[list[str]]]:
-        """Pickle the list of problems, from which the message is built again."""
+        """Pickle only the list of problems, from which the message is built again."""
         return type(self), (self.problems,)
 
 
@@ -121,7 +121,7 @@ class ForeignFileError(RadarsimError):
 
 
 class PresetError(RadarsimError):
-    """An unknown sensor, robot class or setting, or a value out of range."""
+    """A sensor, robot class or setting is unknown, or a value is out of range."""
 
 
 class EngineError(RadarsimError):
@@ -129,11 +129,11 @@ class EngineError(RadarsimError):
 
 
 class ServerError(RadarsimError):
-    """The server cannot start."""
+    """A server cannot start."""
 
 
 class PortUnavailable(ServerError):
-    """The port to listen on is in use, or reserved; port 0 selects a free port.
+    """The port of a server is in use, or reserved; port 0 selects a free port.
 
     Attributes:
         port: The port.
@@ -206,7 +206,7 @@ def install_command(extra: str) -> str:
 
 
 def expected_one_of(name: object, known: Collection[str]) -> str:
-    """Return the message for a name that is not among the known ones.
+    """Return the message for an unknown name: a similar name, and all known names.
 
     Args:
         name: The unknown name; values of other types than text are converted.
@@ -234,7 +234,7 @@ def list_names(names: Collection[str]) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a suggestion for an unknown name; empty if no known name is similar.
+    """Return the text "(did you mean ...?)" for an unknown name; "" if none is similar.
 
     The comparison ignores case and is limited to the first ``MAX_NAMES`` names.
 
@@ -248,7 +248,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def describe_os_error(error: OSError | UnicodeError) -> str:
-    """Return the reason of an error as text that can follow a colon.
+    """Return the reason of a system error as text that can follow a colon.
 
     UnicodeError is accepted too, since invalid host names raise it.
 
@@ -267,7 +267,7 @@ def describe_os_error(error: OSError | UnicodeError) -> str:
 
 
 def join_address(host: str, port: int) -> str:
-    """Return ``host:port``; a host with colons is put in brackets.
+    """Return ``host:port``, with brackets around a host that contains colons.
 
     >>> join_address("::1", 3000)
     '[::1]:3000'
@@ -276,7 +276,7 @@ def join_address(host: str, port: int) -> str:
 
 
 def error_number(error: OSError) -> int:
-    """Return the number of an error; 0 if it has none.
+    """Return the errno of a system error; 0 if the error has none.
 
     If connections to several addresses of a host fail, asyncio raises one error without
     a number; then the number of the first attempt is returned.

@@ -1,4 +1,4 @@
-"""Write files atomically: each one completely or not at all."""
+"""Writes files atomically: each file completely or not at all."""
 
 import contextlib
 import errno
@@ -23,7 +23,7 @@ _MARKED_SIZE: Final = 2**20  # bytes; only marks within this size are found
 
 
 def write_atomically(files: Mapping[Path, bytes]) -> None:
-    """Write files that belong together, each one completely or not at all.
+    """Write files that belong together, each file completely or not at all.
 
     The files are written to temporary files in the same folders. When all are complete,
     they are renamed one after the other, in order. So a full disk leaves the old files
@@ -50,8 +50,8 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
             parts.append((part, target))
             with _report_as(path):
                 _write_new(part, files[path])
-        # Devices are written after the temporary files, since writing to a device
-        # cannot be undone.
+        # Devices are written after the temporary files are complete, since writing to a
+        # device cannot be undone.
         for path in special:
             with _report_as(path):
                 path.write_bytes(files[path])
@@ -61,7 +61,7 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
 
 @contextlib.contextmanager
 def written_atomically(path: Path) -> Iterator[Path]:
-    """Write a file in several steps; it replaces the old file only when complete.
+    """Write a file in several steps; the old file is replaced when the new is complete.
 
     Use this function for files that do not fit into memory. After an error or an
     interrupt, the temporary file is removed, and an old file stays unchanged.
@@ -86,7 +86,7 @@ def written_atomically(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _report_as(path: Path) -> Iterator[None]:
-    """Make errors name the requested file instead of the temporary file."""
+    """Make errors in the block name the requested file, not the temporary file."""
     try:
         yield
     except OSError as error:
@@ -117,7 +117,7 @@ def _temporary_file(target: str) -> Iterator[Path]:
 def _write_new(path: Path, data: bytes) -> None:
     """Write a new file; raise FileExistsError if the path exists."""
     unfinished_files.add(str(path))
-    # Files created by tempfile would be readable by their owner only.
+    # ``tempfile`` is not used, since only the owner could read its files.
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(handle, "wb") as file:
         file.write(data)

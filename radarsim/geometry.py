@@ -1,4 +1,4 @@
-"""Poses and angles, and the definition of the frames.
+"""Poses and angles, and the definition of the coordinate frames.
 
 All code of radarsim follows REP-103: right-handed frames, x forward, y left, z up,
 metres, seconds, radians, yaw counter-clockwise seen from above. Roll, pitch and yaw
@@ -51,7 +51,7 @@ class Pose2:
         return Pose2(c * dx + s * dy, c * dy - s * dx, turn)
 
     def distance(self, other: "Pose2") -> float:
-        """Return the distance to another pose, m."""
+        """Return the distance between this pose and another pose, m."""
         return math.hypot(self.x - other.x, self.y - other.y)
 
     def point(self, bearing: float, distance: float) -> Point:
@@ -88,11 +88,11 @@ class Pose3:
         return cls(*(float(number) for number in numbers))
 
     def numbers(self) -> tuple[float, float, float, float, float, float]:
-        """Return ``x, y, z, roll, pitch, yaw``."""
+        """Return the pose as six numbers ``x, y, z, roll, pitch, yaw``."""
         return (self.x, self.y, self.z, self.roll, self.pitch, self.yaw)
 
     def position(self) -> Floats:
-        """Return the position, (3,) m."""
+        """Return the position of the pose, (3,) m."""
         return np.array([self.x, self.y, self.z], np.float64)
 
     def rotation(self) -> Floats:
@@ -103,8 +103,8 @@ class Pose3:
         """Transform a pose from the frame of this pose to this pose's parent frame."""
         tilt = self.roll or self.pitch or inner.roll or inner.pitch
         if not (tilt or inner.y or inner.yaw):
-            # This faster computation for a forward-mounted sensor on a level robot
-            # gives the same numbers as the general one below.
+            # For a forward-mounted sensor on a level robot, this is faster than the
+            # general computation below, with the same result.
             c, s = math.cos(self.yaw), math.sin(self.yaw)
             x, y = self.x + c * inner.x, self.y + s * inner.x
             z, yaw = float(self.z + inner.z), math.atan2(s, c) + 0.0
@@ -136,7 +136,7 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> Floats:
 
 
 def _roll_pitch_yaw(rotation: Floats) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a rotation matrix; roll is 0 at a pitch of 90°."""
+    """Return roll, pitch and yaw, rad, of a rotation matrix; roll is 0 at 90° pitch."""
     horizontal = math.hypot(rotation[0, 0], rotation[1, 0])
     pitch = math.atan2(-rotation[2, 0], horizontal)
     if horizontal < 1e-12:

@@ -39,7 +39,7 @@ OUT_OF_FILES = (errno.EMFILE, errno.ENFILE)
 ACCEPT_LOG_INTERVAL = 10.0  # s between two lines in the log
 ACCEPTED_AT_ONCE = 16  # connections accepted in one round of the event loop
 MAX_WAITING = 128  # connections that may wait for acceptance, the backlog
-# A peer that vanishes without closing its connection is detected after two minutes.
+# With keepalive, a peer that vanishes without closing is detected after two minutes.
 KEEP_ALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}  # s, s, times
 SEND_BUFFER_BYTES = 131_072  # small, since buffered data is old when it arrives
 
@@ -116,7 +116,7 @@ def _check_places(address: str, port: int) -> None:
 
 
 def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
-    """Return a socket that is bound but does not listen yet.
+    """Return a TCP socket that is bound to an address but does not listen yet.
 
     Args:
         address: Address to listen on; the first address of a host name.
@@ -155,7 +155,7 @@ def _bind(family: int, place: Any, *, only_ipv6: bool) -> socket.socket:
 async def listen(
     protocol_factory: Callable[[], asyncio.BaseProtocol], address: str, port: int
 ) -> tuple[asyncio.Server, tuple[str, int]]:
-    """Listen for TCP clients.
+    """Listen for TCP clients on an address and a port.
 
     Args:
         protocol_factory: Creates the protocol of a connection.
@@ -180,8 +180,8 @@ async def listen(
             addresses,
             port,
             reuse_address=True,
-            # asyncio accepts up to ``backlog`` connections in one round of its loop;
-            # with a large value, a flood of connections would delay ticks.
+            # asyncio accepts up to ``backlog`` connections in one round of its event
+            # loop; with a large value, many new connections would delay ticks.
             backlog=ACCEPTED_AT_ONCE,
         )
     except (OSError, UnicodeError) as error:
@@ -232,7 +232,7 @@ def _join(addresses: str, port: int) -> str:
 
 
 def configure_socket(transport: asyncio.BaseTransport) -> None:
-    """Enable TCP keepalive, and set a small send buffer."""
+    """Enable TCP keepalive on a socket, and set a small send buffer."""
     sock = transport.get_extra_info("socket")
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in KEEP_ALIVE.items():
@@ -244,7 +244,7 @@ def configure_socket(transport: asyncio.BaseTransport) -> None:
 
 
 def waiting_bytes(transport: asyncio.BaseTransport) -> int:
-    """Return the number of received bytes not read yet; 0 if it is not known."""
+    """Return how many received bytes wait to be read; 0 if the number is unknown."""
     if sys.platform != "linux":
         return 0
     number = transport.get_extra_info("socket").fileno()
@@ -323,7 +323,7 @@ async def in_daemon_thread(
 ) -> T:
     """Call a function in a daemon thread, and return its result."""
     future: Future[T] = Future()
-    # The future is marked as running, since a call in a thread cannot be cancelled.
+    # A future marked as running cannot be cancelled, just as a call in a thread.
     future.set_running_or_notify_cancel()
 
     def run() -> None:

@@ -39,7 +39,7 @@ Marker = TypeVar("Marker")
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """Properties of a field's command-line option beyond its name and type.
+    """Properties of the command-line option of a field, in addition to name and type.
 
     Attributes:
         names: Option names, such as ``("-o", "--output")``; by default the name of the
@@ -68,7 +68,7 @@ RARE: Final = Option(is_rare=True)
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """The text format of a value.
+    """The text format of an option's value, such as ``X,Y``.
 
     Attributes:
         name: Description of the format, such as ``X,Y``.
@@ -102,7 +102,7 @@ class PlanField:
     group: str = ""
 
     def marker(self, kind: type[Marker]) -> Marker | None:
-        """Return the last marker of a kind, or None."""
+        """Return the last marker of a type, or None if there is none."""
         found = [each for each in self.markers if isinstance(each, kind)]
         return found[-1] if found else None
 
@@ -157,7 +157,7 @@ def plan_fields(plan: type) -> tuple[PlanField, ...]:
     """Return the fields of a plan; its own fields come before inherited fields."""
     texts: dict[str, str] = {}
     owners: dict[str, type] = {}
-    # Base classes come first, so a subclass can override the documentation of a field.
+    # Base classes are read first, so subclasses can override the texts of fields.
     for owner in reversed(plan.__mro__):
         texts |= read_help(owner.__doc__ or "")
         owners |= dict.fromkeys(vars(owner).get("__annotations__", ()), owner)
@@ -201,7 +201,7 @@ def read_help(docstring: str) -> Mapping[str, str]:
 
 
 def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
-    """Return a hint's value type and markers, and whether the option is repeatable."""
+    """Split a type hint: value type, markers, and whether the option is repeatable."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         if any(isinstance(each, Form) for each in inner[1:]):
@@ -209,9 +209,9 @@ def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
         kind, markers, is_repeated = _split_hint(inner[0])
         return kind, (*markers, *inner[1:]), is_repeated
     if origin in (Union, UnionType):
-        # A field may have one type in addition to None, since a text could not be
-        # converted unambiguously to several types. With several types, this unpacking
-        # fails when the command is created.
+        # A field may have only one type in addition to None, since a text could be
+        # ambiguous for several types. With several types, this unpacking fails when the
+        # command is created.
         (kept,) = (each for each in inner if each is not NoneType)
         return _split_hint(kept)
     if origin is list or (origin is tuple and inner[-1] is Ellipsis):

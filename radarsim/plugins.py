@@ -13,21 +13,21 @@ from typing import Any, Final
 
 from radarsim.errors import MissingPackage
 
-# These entries are not in pyproject.toml, since entry points need the metadata of an
-# installation. A source tree may have no metadata, and reading metadata can take 20 ms.
+# These plugins are not entry points in pyproject.toml, since a source tree may have no
+# installed metadata, and reading metadata can take 20 ms.
 OWN: Final[dict[str, dict[str, str]]] = {
-    # Tables of commands, in the order of 'radarsim --help'.
+    # Tables of the commands that 'radarsim --help' lists, in the same order.
     "radarsim.commands": {
         "core": "radarsim.cli.entries:COMMANDS",
         "autonomy": "radarsim.autonomy.cli:COMMANDS",
         "addons": "radarsim.addons.entries:COMMANDS",
         "sweep": "radarsim.sweep:COMMANDS",
     },
-    # Radar classes, by the section of a sensor preset that has their settings.
+    # Radar classes, by the section of sensor presets with the settings of the radar.
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
     # Sensor classes by item type, which the files of robot classes refer to.
     "radarsim.kinds": {"core": "radarsim.sensors.sensor:kinds"},
-    # Add-ons that read some scanners of robots at their own times.
+    # Add-ons that read scanners of robots, such as FMCW radars, on their own schedule.
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.rotation_schedule:Antennas"},
     # Alternative outputs of 'radarsim explain'.
     "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
@@ -52,14 +52,14 @@ OWN: Final[dict[str, dict[str, str]]] = {
 
 
 def names(group: str) -> list[str]:
-    """Return the names of the available entries of a group, sorted."""
+    """Return the names of the available plugins of a group, sorted."""
     own = [each for each in OWN.get(group, {}) if has(group, each)]
     return sorted({*own, *_installed(group)})
 
 
 @functools.cache
 def has(group: str, name: str) -> bool:
-    """Return whether an entry is available, without importing its module."""
+    """Return whether a plugin is available, without importing its module."""
     own = OWN.get(group, {}).get(name)
     if own is None:
         return name in _installed(group)
@@ -70,7 +70,7 @@ def has(group: str, name: str) -> bool:
 
 
 def import_part(module: str, wanted_by: str = "") -> Any:
-    """Import and return a module of radarsim that an installation may lack.
+    """Import and return a module of radarsim that may not be installed.
 
     Args:
         module: Name of the module.
@@ -82,8 +82,8 @@ def import_part(module: str, wanted_by: str = "") -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        # Errors about other packages are not converted: modules that import optional
-        # packages raise errors that name the extra.
+        # Errors about missing other packages are not converted: modules that import
+        # optional packages raise errors that name the extra.
         if not (error.name or "").startswith("radarsim."):
             raise
         raise MissingPackage(f"{wanted_by}{error.name} is not installed") from error
@@ -91,7 +91,7 @@ def import_part(module: str, wanted_by: str = "") -> Any:
 
 @functools.cache
 def load(group: str, name: str) -> Any:
-    """Import and return the object of an entry.
+    """Import a plugin's module, and return the plugin: a class, function or table.
 
     Raises:
         MissingPackage: If the entry is not available; the message names its part.

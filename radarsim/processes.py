@@ -34,7 +34,7 @@ if sys.platform != "win32":
     _exit_codes[int(signal.SIGHUP)] = HUNG_UP  # the terminal was closed
     _LEFT_TO_THE_MAIN_PROCESS.add(signal.SIGHUP)
 
-# Temporary files that `exit_immediately` removes.
+# Paths of temporary files that `exit_immediately` removes.
 unfinished_files: Final[set[str]] = set()
 
 P = ParamSpec("P")
@@ -65,7 +65,7 @@ def signal_handlers(
 
 @contextmanager
 def exit_immediately_on_signals() -> Iterator[None]:
-    """Make exit signals end the process at once, without raising an exception.
+    """Make exit signals such as Ctrl-C end the process at once, without an exception.
 
     The handlers are not installed outside of the main thread, since only that thread
     handles signals, or for signals that were ignored when the process was started.
@@ -76,7 +76,7 @@ def exit_immediately_on_signals() -> Iterator[None]:
 
 @contextmanager
 def raise_on_signals() -> Iterator[None]:
-    """Make exit signals raise SystemExit, so that work can be saved.
+    """Make exit signals such as Ctrl-C raise SystemExit, so that work can be saved.
 
     Every signal raises SystemExit, even while work is being saved. The handlers are
     installed in the same cases as those of ``exit_immediately_on_signals``.
@@ -86,7 +86,7 @@ def raise_on_signals() -> Iterator[None]:
 
 
 def set_exit_code_of_sigterm(code: int) -> None:
-    """Set the exit code after SIGTERM: 143 for unfinished work, 0 for finished work."""
+    """Set the exit code for SIGTERM: 143 if work is unfinished, 0 if it is finished."""
     _exit_codes[signal.SIGTERM] = code
 
 
@@ -103,7 +103,7 @@ def exit_immediately(code: int) -> NoReturn:
 
 
 def ignore_signals() -> None:
-    """Ignore exit signals while the process ends by itself.
+    """Ignore exit signals such as Ctrl-C while the process ends by itself.
 
     Python restores the default handlers before the process has ended, so a second
     signal would kill the process. Ignored signals stay ignored.
@@ -144,21 +144,21 @@ def _raise_exit(number: int, _: FrameType | None) -> None:
 
 
 class BackgroundThread:
-    """Runs functions one after the other in a thread of its own.
+    """A thread that runs functions one after the other.
 
     The thread starts with the first function. It ends when this object is freed, or
     with the process. A fork of the process starts its own thread.
     """
 
     def __init__(self) -> None:
-        """Create the object; the thread is not started yet."""
+        """Create the object without starting the thread."""
         self._pool: ThreadPoolExecutor | None = None
         self._process = os.getpid()
 
     def submit(
         self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> Future[T]:
-        """Run a function after all functions submitted before.
+        """Run a function in the thread, after all functions that were submitted before.
 
         Returns:
             A future of the function's result.
@@ -171,7 +171,7 @@ class BackgroundThread:
 
 def process_cpu_count() -> int:
     """Return the number of processors that this process may use, at least 1."""
-    # `os.process_cpu_count` of Python 3.13 does the same.
+    # Python 3.13 has `os.process_cpu_count` for this.
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -249,7 +249,7 @@ def worker_process(prepare: Callable[[], object]) -> Iterator[ProcessPoolExecuto
         prepare: Called in the process before its first task. The process is a fresh
             interpreter, so it accepts only functions defined at module level.
     """
-    # Only workers of this pool are terminated, not workers of other pools.
+    # Workers of other pools are listed, since they must not be terminated here.
     others = {*active_children()}
     # Workers are spawned, not forked, since threads of this process would not survive a
     # fork.

@@ -12,7 +12,7 @@ import numpy as np
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
-    """Create the generator for a seed and names.
+    """Create the random generator for a seed and names.
 
     Args:
         seed: The run's seed, at least 0.
@@ -39,7 +39,7 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
 def as_generator(
     rng: np.random.Generator | int | None, *names: str
 ) -> np.random.Generator | None:
-    """Return a generator for a seed and names; return a generator or None unchanged.
+    """Convert a seed and names to a generator; return a generator or None unchanged.
 
     Raises:
         TypeError: If the argument is neither a generator nor a seed.
@@ -59,7 +59,7 @@ def fixed_number(rng: np.random.Generator) -> int:
         rng: The generator; its state is not used or changed.
     """
     seed: Any = rng.bit_generator.seed_seq
-    # Spawned generators have the numbers 0, 1 and so on, so none of them has this
-    # number.
+    # Spawned generators have the keys 0, 1 and so on, so no spawned generator has the
+    # key 2**32 - 1.
     own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 2**32 - 1))
     return int(own.generate_state(1, np.uint64)[0])

@@ -52,7 +52,7 @@ def rejection(describe: Callable[[], str]) -> PydanticCustomError:
 
 
 def describe_invalid(details: ErrorDetails) -> str:
-    """Return the message for an invalid value: the value and what was expected.
+    """Return the message for an invalid value, with the value and the expected values.
 
     Args:
         details: One of the errors of a ``ValidationError``.
@@ -60,8 +60,8 @@ def describe_invalid(details: ErrorDetails) -> str:
     error_type, context = details["type"], details.get("ctx", {})
     if error_type == "missing":
         return "missing"
-    # The message is computed only here, since most errors of an invalid file are not
-    # reported.
+    # This message is computed only when needed, since most errors of an invalid file
+    # are not reported.
     if error_type == "rejected":
         return str(context["describe"]())
     if error_type == "value_error":
@@ -151,7 +151,7 @@ def check_number(what: str, value: float, *, above: float = -math.inf) -> None:
 
 
 def check_port(port: object) -> None:
-    """Check the number of a TCP port.
+    """Check that a number is valid as a TCP port.
 
     Raises:
         ValueError: If the value is not a whole number from 0 to 65535.

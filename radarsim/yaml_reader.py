@@ -1,4 +1,4 @@
-"""Read YAML files as plain data, with the position of every value for error messages.
+"""Reads YAML files as plain data, with the position of each value for error messages.
 
 Every problem is reported as ``file:line:column: key.path: message``, whether the text
 is not valid YAML or a pydantic model rejects the data.
@@ -31,7 +31,7 @@ from radarsim.validation import describe_invalid, describe_unknown_key, short_re
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
-# A problem after which reading continues: position, key path and message.
+# A problem after which reading continues, as position, key path and message.
 YamlProblem: TypeAlias = tuple[Position, KeyPath, str]
 
 MAX_BYTES = 1024 * 1024
@@ -44,8 +44,8 @@ _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _STARTS_OF_NUMBERS = frozenset("+-.0123456789")
-# Characters that YAML 1.2 excludes. They are checked here, since libyaml reports their
-# position in bytes, not in characters.
+# Characters that YAML 1.2 excludes. They are searched before parsing, since libyaml
+# reports positions in bytes, not in characters.
 _NOT_ALLOWED = re.compile(
     r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 )
@@ -57,7 +57,7 @@ _CONSTANTS: dict[str, bool | None] = {
 
 
 class UnreadableYaml(Exception):
-    """The text cannot be parsed beyond a certain position."""
+    """A YAML text cannot be parsed beyond a certain position."""
 
     def __init__(self, position: Position, message: str) -> None:
         super().__init__(message)
@@ -82,7 +82,7 @@ class YamlFile:
     _root: Node
 
     def place(self, keys: Sequence[str | int], *, of_key: bool = False) -> str:
-        """Return ``file:line:column`` of a value.
+        """Return the place of a value as ``file:line:column``.
 
         If there is no such value, the position of the innermost existing value is used.
 
@@ -107,7 +107,7 @@ class YamlFile:
     def problem(
         self, keys: Sequence[str | int], message: str, *, of_key: bool = False
     ) -> str:
-        """Format a problem: ``file:line:column: key.path: message``."""
+        """Return the text of a problem: ``file:line:column: key.path: message``."""
         return _format_problem(self.place(keys, of_key=of_key), keys, message)
 
     def validation_problems(
@@ -118,7 +118,7 @@ class YamlFile:
         known: Iterable[str] = (),
         most: int | None = None,
     ) -> list[str]:
-        """Format the errors of a pydantic model.
+        """Return the texts of the errors that a pydantic model found in the file.
 
         Args:
             error: The exception that the model raised.
@@ -144,7 +144,7 @@ class YamlFile:
 
 
 def read_yaml(path: Path) -> YamlFile:
-    """Read a YAML file.
+    """Read a YAML file as plain data.
 
     Raises:
         OSError: If the file cannot be read.
@@ -237,7 +237,7 @@ def _position_at(text: str, index: int) -> Position:
 
 
 class _Parser(CParser):  # type: ignore[misc]
-    """Composes nodes without guessing tags from values; limits the nesting depth."""
+    """Composes YAML nodes without type tags, and limits the depth of nesting."""
 
     _depth = 0
 
@@ -254,7 +254,7 @@ class _Parser(CParser):  # type: ignore[misc]
 
 
 class _Reader:
-    """Converts nodes to data.
+    """Converts YAML nodes to plain data.
 
     Attributes:
         problems: The key path of each problem, by position and message.
@@ -266,7 +266,7 @@ class _Reader:
         self._values = 0
 
     def read(self, node: Node, keys: KeyPath) -> object:
-        """Return the data of a node; limits prevent gigabytes of expanded aliases."""
+        """Return the data of a node, with limits on the size of expanded aliases."""
         self._values += 1
         if self._values > MAX_VALUES:
             raise UnreadableYaml(_position(node), f"more than {MAX_VALUES} values")
@@ -302,7 +302,7 @@ class _Reader:
         is_quoted = bool(node.style)  # quoted, or a block scalar
         if not is_quoted and text in _CONSTANTS:
             return _CONSTANTS[text]
-        # The first character is checked, so that few texts need the slow regular
+        # This check of the first character spares most texts the slow regular
         # expressions.
         if is_quoted or text[0] not in _STARTS_OF_NUMBERS:
             return text
@@ -323,8 +323,8 @@ class _Reader:
         return value
 
     def _report(self, node: Node, keys: KeyPath, message: str) -> None:
-        # A problem of a node is reported once, even if several aliases refer to the
-        # node.
+        # The same problem of a node is reported once, even if several aliases refer to
+        # the node.
         self.problems.setdefault((_position(node), message), keys)
 
 

@@ -1,4 +1,4 @@
-"""Lists the commands of the add-ons with their one-line descriptions."""
+"""Lists the commands that add-ons provide, with their one-line descriptions."""
 
 from typing import Final
 

@@ -53,7 +53,7 @@ from radarsim.geometry import Floats
 PROPERTY_VERSION: Final = 0
 PROPERTY_USER_GEOMETRY: Final = 100
 
-# Functions of Embree's header, with the types of their results and arguments.
+# The functions of Embree that are called, with the types of results and arguments.
 _POINTER, _INT, _UINT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
 _BOOL = ctypes.c_bool
 SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
@@ -106,7 +106,7 @@ def open_library() -> ctypes.CDLL:
 
 
 def load_library(paths: list[Path]) -> ctypes.CDLL:
-    """Open the library, given as a list of one path, and check that it is Embree 4.
+    """Open Embree from a list of one path, and check that its version is 4.
 
     Raises:
         EngineError: If there is not exactly one file, or it is not Embree 4.
@@ -231,7 +231,7 @@ class EmbreeScene:
         self.handle = handle.structure.pack(**handle.fields | added)
 
     def count_unsliced(self, height: float, rays: int) -> None:
-        """Count horizontal rays without a slice; add a slice if it is worth its cost.
+        """Count horizontal rays at a height; after many rays, build a slice for it.
 
         Args:
             height: z of the last of these rays, m.
@@ -318,7 +318,7 @@ def _build(
         scene=scene, triangles=triangles, owners=owners, first_sliced=first_sliced
     )
     close = weakref.finalize(packed, _release, library, scene, device)
-    # The scene is not released at exit, since a daemon thread may still trace rays.
+    # No scene is released at exit, since a daemon thread may still trace rays.
     close.atexit = False
     if error:
         raise EngineError(f"Embree error {error} building {len(triangles)} triangles")

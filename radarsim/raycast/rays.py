@@ -1,4 +1,4 @@
-"""Input and output of the ray tracer, as arrays: rays, robot boxes and traces."""
+"""The input and output of the ray tracer as arrays: rays, robot boxes and traces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ Events: TypeAlias = NDArray[np.void]  # rows of dtype EVENT
 
 
 class Outcome(IntEnum):
-    """The end of a ray; ``attenuation.hpp`` has the theory."""
+    """Reasons why a ray ends; ``attenuation.hpp`` has the theory."""
 
     NOTHING = 0
     HIT = 1
@@ -51,7 +51,7 @@ SONAR: Final = 2
 
 
 class RayClass(NamedTuple):
-    """The properties of rays that determine the effect of materials.
+    """The properties of rays that determine how materials affect the rays.
 
     Attributes:
         medium: Sensor type ``RADAR``, ``LASER`` or ``SONAR``, which selects the values
@@ -127,7 +127,7 @@ class Rays:
         carrier_id: ArrayLike = -1,
         ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
-        """Create rays with equal power and one class, ``ray_classes[medium]``."""
+        """Create rays of equal power and of one class, ``ray_classes[medium]``."""
         n = len(origins)
         return cls(
             np.ascontiguousarray(origins, np.float64),
@@ -141,7 +141,7 @@ class Rays:
 
     @classmethod
     def concatenate(cls, batches: "Sequence[Rays]") -> "Rays":
-        """Join one or more batches in order."""
+        """Join one or more batches of rays, in their order."""
         if len(batches) == 1:
             return batches[0]
         columns = {
@@ -159,12 +159,12 @@ class Rays:
         return cls(**columns, ray_classes=classes)
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
-        """Return the rays in the given rows."""
+        """Return the rays with the given indices."""
         columns = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return Rays(**columns, ray_classes=self.ray_classes)
 
     def invalid(self, row: int) -> EngineError:
-        """Return the error for an invalid ray."""
+        """Return the error that describes an invalid ray."""
         place, way = self.origins[row].tolist(), self.directions[row].tolist()
         return EngineError(
             f"ray {row} from {place} along {way}, max_range {self.max_range[row]},"
@@ -197,7 +197,7 @@ NO_BOXES: Final = np.zeros(0, ROBOT_BOX)
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """Upright boxes that stop every ray.
+    """The boxes of robots: upright boxes that stop every ray.
 
     Attributes:
         rows: (B, 8): x, y, yaw, lower and upper z, half the length, half the width
@@ -228,7 +228,7 @@ class Boxes:
     def find(
         self, ids: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the indices of ids that belong to boxes, (K,), and the box rows."""
+        """Find boxes by id; return the indices of the found ids, and of their boxes."""
         known = self.rows[:, 7].astype(np.int64)
         found = np.flatnonzero(np.isin(ids, known))
         order = np.argsort(known)
@@ -258,7 +258,7 @@ class Boxes:
 
 
 class Traces(NamedTuple):
-    """The results of traced rays.
+    """The results of tracing N rays.
 
     Attributes:
         ranges: (N,) m, over all segments of the path; inf where nothing was hit.
@@ -280,7 +280,7 @@ class Traces(NamedTuple):
     events: NDArray[np.void]
 
     def split(self, sizes: Sequence[int]) -> "list[Traces]":
-        """Split the traces of concatenated batches, given the batches' sizes."""
+        """Split the traces of joined batches of rays, given the size of each batch."""
         edges = [0, *accumulate(sizes)]
         cuts = np.searchsorted(self.events["ray"], edges).tolist()
         pieces = []

@@ -1,4 +1,4 @@
-"""The material tables of a scene for the engine: losses for each class of rays."""
+"""Computes the engine's table of a scene's materials: losses for each class of rays."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -62,7 +62,7 @@ def _glint_cosine(angle: float) -> float:
 
 
 def scattering_of(material: Material, ray_class: RayClass) -> float:
-    """Return the share of a volume or sheet loss that scatters, relative to foliage.
+    """Return the scattered share of a material's loss, relative to foliage.
 
     For light, all clouds and plants are assumed to scatter the same share.
     """
@@ -108,7 +108,7 @@ def material_table(
     ray_classes: Sequence[RayClass],
     air: Material | None,
 ) -> Packed:
-    """Compute the ``MaterialTable`` for some classes of rays.
+    """Return the engine's ``MaterialTable`` for some classes of rays.
 
     Args:
         parts: All parts, with the air as the last part.
@@ -142,7 +142,7 @@ def material_table(
 
 
 def _sheet_loss_of(material: Material, ray_class: RayClass) -> float:
-    """Return the loss per crossed sheet; nan for a volume, 0 for light and sound."""
+    """Return a ray's loss per sheet; nan for a volume, 0 for light and sound."""
     if material.sheet_loss is None:
         return math.nan
     if ray_class.medium != RADAR:
@@ -168,7 +168,7 @@ def _tabulate(
     value: Callable[[Material, RayClass], float | bool],
     dtype: Any,
 ) -> NDArray[Any]:
-    """Return a value for each class of rays and each part, (C, P)."""
+    """Return a table of a material property for C ray classes and P parts, (C, P)."""
     rows = [[value(part.material, each) for part in parts] for each in ray_classes]
     return np.array(rows, dtype).reshape(len(ray_classes), len(parts))
 

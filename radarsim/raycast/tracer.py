@@ -1,4 +1,4 @@
-"""Trace rays through a scene.
+"""Traces rays through a scene.
 
 Theory of operation
 ===================
@@ -75,7 +75,7 @@ class Tracer:
     """
 
     def __init__(self, parts: Sequence[Part], air: Material | None = None) -> None:
-        """Build the scene.
+        """Build the ray-tracing scene from its parts.
 
         Args:
             parts: Parts of the scene.
@@ -104,8 +104,8 @@ class Tracer:
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
         self._losses: dict[RayClass, tuple[Floats, float, Floats]] = {}
-        # Packed scenes for the engine. Adding a slice makes them outdated, so they are
-        # packed again.
+        # Packed scenes for the engine. They are packed again after a slice is added to
+        # the scene.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
             [(part.vertices - self._centre, part.faces) for part in parts]
@@ -114,7 +114,7 @@ class Tracer:
         self._events_per_ray = 4  # the largest average of all calls so far
 
     def losses(self, ray_class: RayClass) -> tuple[Floats, float, Floats]:
-        """Return the losses of rays in each part, and the share that scatters.
+        """Return the power that rays lose in each part, and its scattered share.
 
         Returns:
             The power lost per metre in each part, (P,), and in the air; and the
@@ -217,7 +217,7 @@ class Tracer:
         return events
 
     def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> Packed:
-        """Return the packed ``Scene`` for classes of rays."""
+        """Return the engine's packed ``Scene`` for some classes of rays."""
         found, handle = self._packed.get(ray_classes), self._scene.handle
         # A packed scene with an old handle is outdated, since adding a slice replaces
         # the handle.
@@ -247,7 +247,7 @@ class Tracer:
         incidence: bool,
         threads: int,
     ) -> Traces:
-        """Trace rays; repeat the call with larger buffers if they were too small.
+        """Trace rays; repeat this with larger buffers if the buffers were too small.
 
         Args:
             source: The packed ``RaySource``.
@@ -260,8 +260,8 @@ class Tracer:
             incidence: As in ``trace``.
             threads: Number of threads.
         """
-        # If the buffers are too small, the call is repeated. The required sizes are
-        # stored, so calls are seldom repeated.
+        # If the buffers are too small, the engine is called again. The required sizes
+        # are stored, so this seldom happens.
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
         scene, summary = self._packed_for(ray_classes), np.zeros(3)
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
@@ -302,13 +302,13 @@ class Tracer:
             self._events_per_ray = max(self._events_per_ray, room // max(size, 1) + 1)
 
 
-# One tracer per scene, created on demand. The keys are weak references, so a tracer is
-# freed with its scene.
+# One tracer per scene, created on demand. Scenes are held by weak references, so a
+# tracer is freed with its scene.
 _tracers: WeakKeyDictionary[Scene, Tracer] = WeakKeyDictionary()
 
 
 def tracer_of(scene: Scene) -> Tracer:
-    """Return the tracer of a scene.
+    """Return the tracer of a scene, which is created on the first call.
 
     Raises:
         EngineError: If Embree cannot be used, or cannot use a part of the scene.
@@ -325,7 +325,7 @@ def tracer_of(scene: Scene) -> Tracer:
 
 @functools.cache
 def _check_engine() -> None:
-    """Trace a ray through half a metre of hedge to a wall, once per process.
+    """Check the engine with a ray through half a metre of hedge, once per process.
 
     Embree does not report the layout of its structures. This test verifies the layout
     that ``intersect.hpp`` assumes.

@@ -1,4 +1,4 @@
-"""Build materials, and the parts of objects and their copies, from a map's entries.
+"""Builds materials, and the parts of objects and their copies, from a map's entries.
 
 The mesh readers are imported when the first mesh is read, since few maps have meshes.
 """
@@ -62,7 +62,7 @@ _Piece: TypeAlias = tuple[Material, Mesh]
 
 
 class BuildError(Exception):
-    """An object cannot be built.
+    """An object of a map cannot be built.
 
     Attributes:
         problems: Keys inside the object, each with a message about its value.
@@ -113,9 +113,9 @@ def make_material(
         changes["laser_mirror"] = entry.mirror in ("laser", "both")
         if not changes["radar_mirror"]:
             changes["transmission_db"] = None  # only mirrors can be panes
-    # A density is specific to one experiment and cannot be converted to decibels. So if
-    # only a density is given, a radar that computes in decibels keeps the losses of the
-    # base.
+    # A density, which is specific to one experiment, cannot be converted to decibels.
+    # If only a density is given, a radar that computes in decibels uses the losses of
+    # the base material.
     has_density = math.isfinite(given.get("density", math.inf))
     if has_density and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
         changes["attenuation_db"] = base.radar_db
@@ -137,7 +137,7 @@ class Budget:
         self._taken = dict.fromkeys(limits, 0)
 
     def take(self, count: int, what: str) -> None:
-        """Add to the counter of a kind, such as objects or triangles, up to its limit.
+        """Count more objects, parts or triangles; the total must not exceed the limit.
 
         Raises:
             BuildError: If the new total exceeds the limit.
@@ -150,7 +150,7 @@ class Budget:
 
 
 class PartBuilder:
-    """Builds the parts of objects; reads each mesh file once."""
+    """Builds the parts of a map's objects, and reads each mesh file once."""
 
     def __init__(self, folder: Path) -> None:
         """Create a builder that has read no mesh file yet.
@@ -189,7 +189,7 @@ class PartBuilder:
             Part(
                 name,
                 material,
-                # The order of operations is fixed, since another order would change the
+                # The order of these operations must not change, since it determines the
                 # last digits of ranges.
                 scale * vertices @ rotation + position,
                 faces,
@@ -208,7 +208,7 @@ class PartBuilder:
     def _pieces(
         self, entry: ObjectEntry, materials: Mapping[str, Material]
     ) -> list[_Piece]:
-        """Return the meshes of an object, m, by material; they are not rotated yet."""
+        """Return the unrotated meshes of an object, in m, each with its material."""
         if entry.reflector is not None:
             return [(REFLECTOR, octahedron(entry.reflector.trihedral or POINT_EDGE))]
         if entry.mesh is None:
@@ -231,7 +231,7 @@ class PartBuilder:
     def _mesh(
         self, entry: ObjectEntry, mesh: str, materials: Mapping[str, Material]
     ) -> list[_Piece]:
-        """Return a file's surfaces, joined by material, in the frame of the file."""
+        """Return a mesh for each material of a mesh file, in the frame of the file."""
         # Meshes are cached, since joining a large mesh takes seconds. The cache key
         # contains the materials, not only their names, because a variant of the map can
         # redefine a material and so require a closed volume.
@@ -258,7 +258,7 @@ class PartBuilder:
             try:  # Errors are cached too: many objects may use the same broken file.
                 path = find_inside(self._folder, self._folder, mesh)
                 surfaces = read_surfaces(path, self._folder, self._budget)
-                # Welding reduces the number of vertices of an STL file to about a
+                # Merging equal vertices reduces the vertices of an STL file to about a
                 # sixth.
                 self._surfaces[mesh] = [
                     Surface(material, *weld_vertices(vertices, faces))
@@ -292,7 +292,7 @@ def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
 
 
 def _join(material: Material, surfaces: list[Surface]) -> Mesh:
-    """Join the surfaces of one material into one mesh."""
+    """Join surfaces into one mesh, which must be closed if beams can enter it."""
     from radarsim.scene.meshes import join_surfaces, join_volume  # noqa: PLC0415
 
     may_be_open = not material.penetrable or material.sheet_loss is not None
@@ -308,7 +308,7 @@ def _join(material: Material, surfaces: list[Surface]) -> Mesh:
 
 
 def orient_for(material: Material, vertices: Floats, faces: Faces) -> Mesh:
-    """Orient a mesh outward if beams can enter the material.
+    """Return a mesh with outward faces if beams can enter its material.
 
     Raises:
         BuildError: If beams can enter the material and the mesh is not closed.
@@ -322,7 +322,7 @@ def orient_for(material: Material, vertices: Floats, faces: Faces) -> Mesh:
 def _group_by_material(
     entry: ObjectEntry, surfaces: list[Surface]
 ) -> dict[str, list[Surface]]:
-    """Group the surfaces of a mesh file by material, named as in the map."""
+    """Group the surfaces of a mesh file by the map's name of their material."""
     if entry.material is not None:
         return {entry.material: surfaces}
     given = entry.materials or {}
@@ -408,13 +408,13 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_C
 
 
 def _draw_forever(rng: np.random.Generator) -> Iterator[float]:
-    """Yield the random numbers that repeated calls of ``rng.random()`` return."""
+    """Yield random numbers without end, as repeated calls of ``rng.random()`` do."""
     while True:
         yield from rng.random(_DRAWS).tolist()
 
 
 class _Neighbourhood:
-    """Positions that keep a minimum distance from each other, stored in a grid.
+    """A grid of positions that keep a minimum distance from each other.
 
     A cell is a little larger than the distance, so rounding cannot put a neighbour
     outside the 3 x 3 cells that are searched. The grid starts in the area's corner and
@@ -433,7 +433,7 @@ class _Neighbourhood:
         self._cells: defaultdict[int, list[_Position]] = defaultdict(list)
 
     def add(self, x: float, y: float, right: float, up: float) -> bool:
-        """Add a position and return True, or False if another one is too near.
+        """Add a position if no other is too near; return whether it was added.
 
         Args:
             x: East, m.

@@ -1,4 +1,4 @@
-"""Create copies of a scene: a material is changed, or an object added or removed."""
+"""Copies a scene with a changed material, an added object or a removed object."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def with_object(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
         "materials": {each.name: material_keys(each) for each in own},
         "objects": [{"name": name, **keys}],
     }
-    # The object is loaded as a map of its own, so all checks of maps apply to it.
+    # The object is loaded as a separate map, so all checks of maps apply to it.
     path = Path("scene.yaml").absolute()
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
     try:

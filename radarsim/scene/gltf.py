@@ -177,7 +177,7 @@ class GltfFile:
         self._buffers: dict[int, bytes | memoryview] = {}
 
     def surfaces(self) -> Iterator[tuple[str | None, Any, Any, Floats]]:
-        """Yield material name, vertices, faces and matrix of each primitive shown.
+        """Yield material name, vertices, faces and matrix of each visible primitive.
 
         Raises:
             MeshError: If the file is broken, or exceeds a limit.
@@ -231,7 +231,7 @@ class GltfFile:
             yield node, matrix
 
     def _accessor(self, index: int, kind: str) -> _Accessor:
-        """Return an accessor; raise MeshError if it is not usable, such as sparse."""
+        """Return an accessor; raise MeshError if it is of an unsupported type."""
         accessor = _item(self._tree.accessors, index, "accessor")
         name = f"accessor {index}"
         if accessor.bufferView is None or accessor.sparse is not None:
@@ -296,7 +296,7 @@ class GltfFile:
 
 
 def _matrix(node: _Node) -> Floats:
-    """Return the matrix of a node, (4, 4), to the frame of its parent."""
+    """Return the matrix, (4, 4), that transforms a node to the frame of its parent."""
     import trimesh  # noqa: PLC0415 - slow, see `meshes`
 
     transformations: Any = trimesh.transformations
@@ -312,7 +312,7 @@ def _matrix(node: _Node) -> Floats:
 
 
 def _faces(corners: Any, mode: int) -> Any:
-    """Convert a list of corners to triangles, (F, 3), by the mode of the primitive."""
+    """Convert the vertex indices of a list, strip or fan to triangles, (F, 3)."""
     if mode == _TRIANGLES:
         return corners.reshape(-1, 3)
     if mode == _FAN:
@@ -355,7 +355,7 @@ def _split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
 
 
 def _item(items: list[_AnyObject], index: int, name: str) -> _AnyObject:
-    """Return an item of a list in the file; raise MeshError if there is none."""
+    """Return an item of a list in the file; raise MeshError if the item is missing."""
     if index >= len(items):
         raise MeshError(f"{name} {index}, expected one of the {len(items)} in the file")
     return items[index]

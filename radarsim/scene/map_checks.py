@@ -75,7 +75,7 @@ def material_problems(item: object) -> Iterator[Problem]:
 
 
 def surface_problems(entry: MaterialKeys, material: Material) -> Iterator[Problem]:
-    """Check a valid material: only opaque surfaces absorb or mirror.
+    """Check that a material absorbs or mirrors at its surface only if it is opaque.
 
     ``sheet_attenuation_db`` needs a sheet, and ``attenuation_db`` needs a volume.
     """
@@ -204,7 +204,7 @@ class ProblemList:
         return len(self._texts) >= MAX_REPORTED
 
     def report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
-        """Add problems of the entry at a key path; return whether there are none."""
+        """Add the problems of an entry, and return whether the entry has none."""
         valid = True
         for keys, text in problems:
             valid = False
@@ -221,7 +221,7 @@ class ProblemList:
     def report_invalid(
         self, error: ValidationError, at: KeyPath, known: Iterable[str]
     ) -> None:
-        """Add the pydantic errors of an entry, whose allowed keys are ``known``."""
+        """Add the pydantic errors of an entry; ``known`` are the allowed keys."""
         most = 0 if self.full else MAX_REPORTED
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))

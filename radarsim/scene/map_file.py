@@ -77,7 +77,7 @@ def shipped_maps() -> dict[str, Path]:
 
 
 def load_map(path_or_name: str | Path) -> Scene:
-    """Load a map.
+    """Load the scene that a map file describes.
 
     Args:
         path_or_name: The path of a map file, or the name of a shipped map; the suffix

@@ -176,7 +176,7 @@ class MapLoader:
         return scene
 
     def _layers(self, data: dict[str, object], variant: str | None) -> Iterator[_Layer]:
-        """Yield the map's own entries, and then those of the variant."""
+        """Yield the entries of the map, and then the entries of the variant."""
         yield (), data
         if variant is None:
             return
@@ -215,7 +215,7 @@ class MapLoader:
     def _air(
         self, layers: list[_Layer], materials: dict[str, Material], invalid: set[str]
     ) -> Material | None:
-        """Return the air's material; the key of a variant overrides that of the map."""
+        """Return the material of the air, from the variant or else from the map."""
         given = [(at, layer["air"]) for at, layer in layers if "air" in layer]
         parent, name = given[-1] if given else ((), None)
         if not isinstance(name, str):  # None, or reported already
@@ -238,7 +238,7 @@ class MapLoader:
     def _objects(
         self, layers: list[_Layer], materials: dict[str, Material]
     ) -> Iterator[tuple[KeyPath, ObjectEntry]]:
-        """Yield the valid objects with their key paths."""
+        """Yield the valid object entries with their key paths."""
         taken: dict[str, KeyPath] = {}
         room = Budget()
         for at, item in self._entries(layers, "objects", MAX_OBJECTS):
@@ -257,7 +257,7 @@ class MapLoader:
                 self._is_too_much = True
                 self.problems.report(at, error.problems)
                 continue
-            # The name of an invalid entry is reserved too.
+            # Names of invalid entries are recorded too, to report their duplicates.
             name = item.get("name") if isinstance(item, dict) else None
             if entry is not None:
                 self._claim(at, copy_names(entry.name, entry.copies), taken)
@@ -371,7 +371,7 @@ class MapLoader:
     def _entries(
         self, layers: list[_Layer], key: str, most: int
     ) -> Iterator[tuple[KeyPath, object]]:
-        """Yield the raw entries of a section in all layers, each with its key path."""
+        """Yield a section's raw entries, of map and variant, with their key paths."""
         count = sum(_count(layer, key) for _, layer in layers)
         if count > most:
             self._is_too_much = True
@@ -391,7 +391,7 @@ def _count(layer: object, key: str) -> int:
 
 
 def _entries(layers: Iterable[_Layer], key: str) -> Iterator[tuple[KeyPath, object]]:
-    """Yield the raw entries of a section in all layers, each with its key path."""
+    """Yield a section's raw entries, of map and variant, with their key paths."""
     for parent, layer in layers:
         section = layer.get(key)
         items: Iterable[tuple[str | int, object]] = []

@@ -199,7 +199,7 @@ LibraryName: TypeAlias = Annotated[Text, AfterValidator(_in_library)]
 
 
 class Entry(BaseModel):
-    """Base of all entries of a map file; unknown keys are refused."""
+    """Base class of all entries of a map file; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -226,7 +226,7 @@ class Header(Entry):
 
 
 class VariantEntry(Entry):
-    """The differences of a variant from its map.
+    """The entries of a variant, which add to or replace the entries of its map.
 
     Attributes:
         materials: Materials that are added, or replace materials of the same names.
@@ -297,14 +297,14 @@ class ReflectorEntry(Entry):
 
 
 class RepeatEntry(Entry):
-    """``count`` copies along a line, each offset by ``step`` from the previous copy."""
+    """Copies of an object on a line, each offset by ``step`` from the previous copy."""
 
     count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
     step: Vector
 
 
 class ScatterEntry(Entry):
-    """Copies at random positions in a rectangle on the floor.
+    """Copies of an object at random positions in a rectangle on the floor.
 
     Attributes:
         count: Number of copies.
@@ -363,7 +363,7 @@ class ObjectEntry(Entry):
     scatter: ScatterEntry | None = None
 
     def angles(self) -> tuple[float, float, float]:
-        """Return roll, pitch and yaw, rad."""
+        """Return roll, pitch and yaw of the object, rad."""
         degrees = self.rotation_deg or [0.0, 0.0, self.yaw_deg]
         roll, pitch, yaw = (math.radians(angle) for angle in degrees)
         return roll, pitch, yaw
@@ -382,7 +382,7 @@ class ObjectEntry(Entry):
 
 
 class PlacedEntry(Entry):
-    """Base of entries with a position, such as starts, tags, victims and crates.
+    """Base class of entries with a position, such as starts, tags, victims and crates.
 
     Attributes:
         unique_key: Key whose value is unique in the section, ignoring case.
@@ -393,7 +393,7 @@ class PlacedEntry(Entry):
 
     @property
     def place(self) -> Place:
-        """The position as a tuple x, y, z, m, map frame."""
+        """The position of the entry as a tuple x, y, z, in m, map frame."""
         x, y, z = self.position
         return x, y, z
 
@@ -403,13 +403,13 @@ class PlacedEntry(Entry):
 
 
 class TagEntry(PlacedEntry):
-    """An RFID tag."""
+    """The entry of an RFID tag."""
 
     unique_key: ClassVar[str] = "id"
     id: Annotated[Whole, Ge(0), Le(MAX_TAG)]
 
     def build(self) -> Tag:
-        """Return the tag."""
+        """Return the RFID tag that this entry describes."""
         return Tag(self.id, self.place)
 
 
@@ -421,7 +421,7 @@ class NamedEntry(PlacedEntry):
 
     @property
     def yaw(self) -> float:
-        """The yaw angle, rad, map frame."""
+        """The yaw angle of the entry, rad, map frame."""
         return math.radians(self.yaw_deg)
 
 
@@ -431,7 +431,7 @@ class StartEntry(NamedEntry):
     name: StartName
 
     def build(self) -> StartPose:
-        """Return the start."""
+        """Return the start pose that this entry describes."""
         return StartPose(self.name, Pose3(*self.place, yaw=self.yaw))
 
 
@@ -453,7 +453,7 @@ class VictimEntry(NamedEntry):
     co2_percent: Annotated[Real, Ge(0), Le(100)] = 0.0
 
     def build(self) -> Victim:
-        """Return the victim."""
+        """Return the victim that this entry describes."""
         signs = self.moves, self.sound_db, self.sound_s, self.co2_percent
         return Victim(self.name, self.place, self.yaw, *signs)
 
@@ -469,7 +469,7 @@ class CrateEntry(NamedEntry):
     size: Annotated[list[Annotated[Real, Ge(SMALLEST), Le(LARGEST)]], Len(3, 3)]
 
     def build(self) -> Crate:
-        """Return the crate."""
+        """Return the crate that this entry describes."""
         length, width, height = self.size
         return Crate(self.name, (length, width, height), self.place, self.yaw)
 

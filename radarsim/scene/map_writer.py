@@ -150,7 +150,7 @@ def _obj(parts: Sequence[Part]) -> bytes:
 
 
 def _degrees(yaw: float) -> float:
-    """Return an angle in degrees that ``math.radians`` converts back exactly."""
+    """Convert radians to degrees that ``math.radians`` converts back exactly."""
     degrees = math.degrees(yaw)
     near = (math.nextafter(degrees, -math.inf), math.nextafter(degrees, math.inf))
     candidates = (round(degrees, 9), degrees, *near)

@@ -54,7 +54,7 @@ def _absorption(value: object) -> float:
 
 
 def _bands(value: object) -> Losses:
-    """Parse one number for all bands, or a dictionary with one number per band."""
+    """Parse one number for all radar bands, or a dictionary with a number per band."""
     given = value if isinstance(value, dict) else dict.fromkeys(_BAND_KEYS, value)
     first, second, third = (number_up_to(given.get(key), MAX_DB) for key in _BAND_KEYS)
     if first is None or second is None or third is None or len(given) > 3:
@@ -167,7 +167,7 @@ class Material:
 
     @property
     def penetrable(self) -> bool:
-        """Whether radar or laser beams enter volumes of this material."""
+        """Whether radar or laser beams can enter volumes of this material."""
         return math.isfinite(self.density) or math.isfinite(self.laser_density)
 
     @property
@@ -218,7 +218,7 @@ class LibraryEntry(BaseModel, extra="forbid", frozen=True):
 
     @property
     def amount(self) -> Amount | None:
-        """The key that scales the losses, such as ``mm_per_h``, or None."""
+        """The key that scales the material's losses, such as ``mm_per_h``, or None."""
         return next((name for name in AMOUNTS if name in self.numbers), None)
 
 

@@ -47,7 +47,7 @@ class MeshBudget:
         self._taken = dict.fromkeys(_LIMITS, 0)
 
     def take(self, count: int, what: str) -> None:
-        """Add to the counter ``what``, such as "triangles" or "bytes".
+        """Add to the counter named ``what``, such as "triangles" or "bytes".
 
         Raises:
             MeshError: If the new total exceeds the limit.
@@ -129,7 +129,7 @@ def find_inside(folder: Path, start: Path, reference: str) -> Path:
 
 
 def expect_at_most(count: int, most: int, what: str) -> None:
-    """Check a count against a limit.
+    """Check that a count of elements or bytes does not exceed a limit.
 
     Raises:
         MeshError: If the count is larger than the limit.
@@ -139,7 +139,7 @@ def expect_at_most(count: int, most: int, what: str) -> None:
 
 
 def check_vertices(vertices: Floats) -> None:
-    """Check the coordinates of vertices, (V, 3).
+    """Check that the coordinates of vertices, (V, 3), are finite and not too large.
 
     Raises:
         MeshError: If a coordinate is not finite, or too large.

@@ -246,8 +246,8 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
             expect_at_most(len(pieces), MAX_SURFACES, "objects and materials")
             piece.extend(corners[:3])
             if len(corners) == 4:
-                # The second triangle begins at the third corner; another first corner
-                # would change the last digit of hit distances.
+                # The second triangle of a quad begins at the third corner; another
+                # first corner would change the last digit of hit distances.
                 piece.extend((corners[2], corners[3], corners[0]))
                 continue
             for second, third in pairwise(corners[2:]):
@@ -256,7 +256,7 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
             names[statement] = " ".join(line.decode("utf-8", "replace").split()[1:])
     vertices = np.array(coordinates).reshape(-1, 3)
     check_vertices(vertices)
-    # The order and the numbers of the parts of a scene depend on this order.
+    # The order of this list determines the numbers of the parts of a scene.
     return [
         Surface(material or None, *_select(vertices, np.array(corners).reshape(-1, 3)))
         for (_, material), corners in reversed(pieces.items())
@@ -274,7 +274,7 @@ def _parse(
 
 
 def _select(vertices: Floats, faces: Any) -> Mesh:
-    """Return vertices and faces; drop unused vertices if there are many."""
+    """Return vertices and faces, without the unused vertices if these are many."""
     _check_corners(faces, len(vertices))
     if faces.size >= len(vertices):  # Most are used, so sorting is not worth its time.
         return vertices, faces.astype(np.int32)

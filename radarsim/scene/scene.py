@@ -25,7 +25,7 @@ GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
 MOST_CRATES = 20  # so that one line on the wire can list all crates
 SMALLEST, LARGEST = 0.05, 10.0  # m; sides of crates
 
-# Material of reflectors. Only the point target returns an echo, not the faces.
+# Material of reflectors, whose faces return no echo; only a point target does.
 REFLECTOR: Final = Material("reflector", backscatter_db=-math.inf)
 POINT_EDGE: Final = 0.05  # m
 
@@ -101,8 +101,7 @@ class Part:
         for corners in self.faces.T:  # One column at a time halves the memory.
             is_used[corners] = True
         used = self.vertices if is_used.all() else self.vertices[is_used]
-        # numpy is a hundred times as fast for one axis at a time as for all three at
-        # once.
+        # numpy is a hundred times as fast for single axes as for all three at once.
         lows = [axis.min(initial=np.inf) for axis in used.T]
         return np.array([lows, [axis.max(initial=-np.inf) for axis in used.T]])
 
@@ -178,12 +177,12 @@ class Victim:
 
     @property
     def head(self) -> Place:
-        """The position of the head, m, map frame."""
+        """The position of the victim's head, m, map frame."""
         return self.parts[0][1]
 
     @property
     def parts(self) -> list[tuple[str, Place]]:
-        """Name and position of each part of the body, m, map frame."""
+        """Name and position of each part of the victim's body, m, map frame."""
         x, y, z = self.position
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return [
@@ -239,7 +238,7 @@ class Reflector:
     rcs_dbsm: float | None = None
 
     def rcs(self, wavelength: float) -> float:
-        """Return the radar cross section at a wavelength in m, m^2.
+        """Return the radar cross section, m^2, at a wavelength, m.
 
         For a trihedral, this is the textbook formula for waves along the axis of
         symmetry, in the far field, for plates much larger than the wavelength.
@@ -255,7 +254,7 @@ class Reflector:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
-    """A loaded map; immutable.
+    """The immutable content of a loaded map: objects, materials, starts and more.
 
     Attributes:
         name: The stem of the map file.
@@ -292,11 +291,11 @@ class Scene:
         return f"<Scene {self.name}: {objects} objects, {len(self.starts)} starts>"
 
     def _repr_html_(self) -> str:
-        """Return the plan as SVG, for notebooks."""
+        """Return the plan of the scene as SVG, for notebooks."""
         return radarsim.as_svg(self.plot())
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the plan with the names of objects and starts.
+        """Draw the plan of the scene with the names of objects and starts.
 
         The section is at the height of a P3AT's scanner.
 

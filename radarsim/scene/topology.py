@@ -50,7 +50,7 @@ Labels: TypeAlias = NDArray[np.int32]
 
 
 class Connections(NamedTuple):
-    """How faces share edges.
+    """How the faces of a mesh are connected by shared edges.
 
     Attributes:
         labels: (F,) the connected component of each face; components are numbered in
@@ -137,7 +137,7 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
         return _flip_inverted_components(vertices, faces, connections)
     if connections.unpaired_edges or connections.has_one_side:
         return None
-    # All edges have two faces, so the mesh is closed once the faces are consistent.
+    # Each edge has two faces, so the mesh is closed once their orientations agree.
     consistent = _flip(faces, connections.flips)
     volumes = _measure(vertices, consistent, connections)["volume"]
     return _flip(consistent, (volumes < 0)[connections.labels])
@@ -197,7 +197,7 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
 def _flip_inverted_components(
     vertices: Floats, faces: Faces, connections: Connections
 ) -> Faces:
-    """Flip a mesh that is inside out, then its components that are not cavities."""
+    """Flip a mesh that is inside out, then single inverted parts except cavities."""
     labels = connections.labels
     components = _measure(vertices, faces, connections)
     volumes = components["volume"]
@@ -239,7 +239,7 @@ class _Shells:
         self._faces = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
     def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
-        """Return whether a point is inside the components whose boxes contain a box.
+        """Return whether a point is inside the components that surround its box.
 
         Args:
             low: (3,) lower corner of the box, m.
@@ -273,7 +273,7 @@ def _flip(faces: Faces, which: _Booleans) -> Faces:
 
 
 def _measure(vertices: Floats, faces: Faces, connections: Connections) -> _Components:
-    """Return bounds, area and volume of each connected component."""
+    """Return bounds, area and volume of each connected component of a mesh."""
     components = np.zeros(connections.components, engine.rows["Component"])
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
     engine.measure_components(vertices, faces, connections.labels, components)

@@ -43,7 +43,7 @@ from radarsim.presets.sensor_settings import (
 from radarsim.raycast.rays import LASER, RADAR, Nodes, RayClass, Rays, Sides
 
 RIGHT, CENTRE, LEFT = -1, 0, 1
-# Methods of numpy's generators that draw random numbers.
+# Methods of numpy's ``Generator`` that draw random numbers.
 UNIFORM: Final = np.random.Generator.random
 NORMAL: Final = np.random.Generator.standard_normal
 EXPONENTIAL: Final = np.random.Generator.standard_exponential
@@ -79,8 +79,8 @@ class BeamPattern:
         is_cone = settings.has_side_rays and settings.side_mode == "cone"
         self.has_random_rays = is_cone and settings.cone_sampling == "random"
         sides = _sides(self._offsets)
-        # Three rays that do not form a cone may have equal angles, so their sides are
-        # set here.
+        # The three rays may be parallel, so their angles do not show which ray is on
+        # which side.
         if settings.side_mode != "cone" and len(self.weights) == 3:
             sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         self._table = engine.structures["NodeTable"].pack(
@@ -131,7 +131,7 @@ class BeamPattern:
     def aim(
         self, pose: Pose3, carrier_id: int, nodes: Nodes, drawn: Floats | None = None
     ) -> Rays:
-        """Return the rays of a scan, bit by bit equal to those that the engine traces.
+        """Return the rays of a scan, exactly equal to the rays that the engine traces.
 
         Args:
             pose: Pose of the sensor, map frame.
@@ -170,7 +170,7 @@ class BeamPattern:
         return self.aim(pose, -1, nodes)
 
     def sides_of(self, drawn: Floats) -> Sides:
-        """Return the side of each random ray in its beam, (M,): -1, 0 or 1."""
+        """Return -1 for random rays on the right of a beam, 1 left, 0 centre, (M,)."""
         return _sides(self._angles_of(drawn)).T.ravel()
 
     def _angles_of(self, drawn: Floats) -> Floats:
@@ -178,14 +178,14 @@ class BeamPattern:
         return drawn * _deviations(self.settings)
 
     def _drawn_nodes(self, drawn: Floats) -> Packed:
-        """Return the node table of a scan whose rays have random directions."""
+        """Return the table of ray directions for a scan with random directions."""
         directions = node_directions(self.angles, self._angles_of(drawn))
         return self._table.structure.pack(
             **self._table.fields | {"directions": directions}
         )
 
     def _pack_source(self, table: Packed) -> Packed:
-        """Pack one row with the values that all rays share, and the table of nodes."""
+        """Pack the table of ray directions, and the settings that all rays share."""
         settings = self.settings
         return engine.structures["RaySource"].pack(
             origins=np.zeros((0, 3)),
@@ -226,7 +226,7 @@ def beam_angles(settings: SensorSettings) -> Floats:
 
 
 def node_directions(angles: Floats, offsets: Floats) -> Floats:
-    """Return the directions of nodes, sensor frame.
+    """Return the directions of the rays of each beam, sensor frame.
 
     Args:
         angles: (N,) azimuths of the beams, rad.
@@ -243,7 +243,7 @@ def node_directions(angles: Floats, offsets: Floats) -> Floats:
 
 
 def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
-    """Return the nodes' offsets to the left and up, (K, 1, 2) rad, and their weights.
+    """Return the angles of a beam's K rays to the left and up, rad, and the weights.
 
     The offsets of random rays are 0 here, since they are drawn for each scan.
     """
@@ -268,13 +268,13 @@ def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
 
 
 def quadrature(count: int) -> tuple[Floats, Floats]:
-    """Return Gauss-Hermite nodes, in standard deviations, and weights that sum to 1."""
+    """Return Gauss-Hermite nodes, in standard deviations, and their weights (sum 1)."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(count)
     return nodes, weights / weights.sum()
 
 
 def even_nodes(count: int) -> tuple[Floats, Floats]:
-    """Return evenly spaced nodes, in standard deviations, and weights that sum to 1."""
+    """Return evenly spaced nodes, in standard deviations, and Gaussian weights."""
     if count == 1:
         return np.zeros(1), np.ones(1)
     nodes: Floats = np.linspace(-EVEN_EDGE, EVEN_EDGE, count)
@@ -290,7 +290,7 @@ def _turned(vectors: Floats, rotation: Floats) -> Floats:
 
 
 def _deviations(settings: SensorSettings) -> tuple[float, float]:
-    """Return a cone's standard deviations in azimuth and elevation, rad."""
+    """Return a beam's standard deviations in azimuth and elevation, rad."""
     across, up = settings.beamwidth_az_deg, settings.beamwidth_el_deg
     return (
         two_way_deviation(math.radians(across)),
@@ -314,7 +314,7 @@ def _starts(settings: SensorSettings, angles: Floats) -> Floats:
 
 
 def _sides(offsets: Floats) -> Sides:
-    """Return the side of each ray, -1, 0 or 1, (K,) or (K, N), for offsets in rad."""
+    """Return -1 for rays on the right side of a beam, 1 for left, 0 for the centre."""
     across = offsets[..., 0]
     sides = np.where(np.abs(across) < CENTRE_TOLERANCE, 0.0, np.sign(across)).astype(
         np.int8

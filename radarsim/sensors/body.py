@@ -1,4 +1,4 @@
-"""Sensors of a robot's body: ground truth, touch, altitude, heading, acceleration."""
+"""Sensors for a robot's true pose, contacts, altitude, heading and acceleration."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -37,7 +37,7 @@ class AltitudeSensor(EngineSensor, types=["AltitudeSensor"]):
         super().__init__(mounting)
         (place,) = self._remember(np.array([self.robot.body.z]))
         sample = reports.Altitude(0.0, self.item.name, 0.0, 0.0)
-        # One job writes both altitudes, so it is listed with the first attribute only.
+        # One job writes both altitudes, so only the first attribute lists the job.
         jobs = [Job(Reading.ALTITUDES, place)]
         self._report(sample, above_start=jobs, above_sea=())
 
@@ -83,7 +83,7 @@ class Accelerometer(EngineSensor, types=["Accel"]):
         jobs = [Job(self.reading, place) for place in self._remember(start)]
         vectors = dict.fromkeys(("acceleration", *self.others), (0.0, 0.0, 0.0))
         sample = self.report(0.0, name=self.item.name, **vectors)  # type: ignore[call-arg]
-        # One job writes all readings, so it is listed with the first attribute only.
+        # One job writes all readings, so only the first attribute lists the job.
         self._report(sample, acceleration=jobs, **dict.fromkeys(self.others, ()))
 
 
@@ -95,7 +95,7 @@ class ProperAccelerometer(Accelerometer, types=["AcceleroMeter"]):
 
 
 class InertialUnit(Accelerometer, types=["IMU"]):
-    """An inertial measurement unit, which also reads angles and angular rates."""
+    """An inertial measurement unit: reads acceleration, angles and angular rates."""
 
     reading = Reading.INERTIA
     report = reports.Imu

@@ -1,4 +1,4 @@
-"""Convert the events along rays to the echoes of beams.
+"""Computes the echoes of beams from the surfaces and volumes that their rays met.
 
 Theory of operation
 ===================
@@ -71,20 +71,20 @@ def return_law(settings: SensorSettings) -> tuple[float, float, bool]:
         whether the range of a volume is measured at half its power, not at its front.
     """
     full = settings.penetration_power
-    # Shares of the initial power are undefined if it is zero or unlimited.
+    # Shares of the initial power are undefined if this power is zero or infinite.
     full = full if math.isfinite(full) else 0.0
     nepers = settings.margin_db * math.log(10) / 10
     return full, nepers, settings.return_mode != "first"
 
 
 def returned_share(share: Floats | float, settings: SensorSettings) -> Floats:
-    """Convert the share of power that rays have left to relative echo power, 0 to 1."""
+    """Convert the share of power left in rays to relative echo power, from 0 to 1."""
     returned = np.exp(return_law(settings)[1] * (np.asarray(share) - 1.0))
     return np.where(np.asarray(share) > NOTHING_LEFT, returned, 0.0)
 
 
 def backscatter(traces: Traces) -> Floats:
-    """Return the echo power at each ray's end relative to normal incidence, (N,).
+    """Return the echo power at each ray's end, relative to normal incidence, (N,).
 
     Without incidence angles the value is 1; for a ray that hits nothing it is 0.
     """
@@ -101,7 +101,7 @@ def extract_echoes(
     losses: tuple[Floats, float, Floats],
     settings: SensorSettings,
 ) -> EchoTable:
-    """Extract the echoes from the events along rays.
+    """Return the echoes of all objects that rays hit or pass through.
 
     Args:
         traces: The traced rays, with events.
@@ -142,7 +142,7 @@ def insert_echoes(echoes: EchoTable, added: EchoTable) -> EchoTable:
 def extract_ray_ends(
     traces: Traces, rows: NDArray[np.int64], settings: SensorSettings
 ) -> EchoTable:
-    """Extract only the echoes at the ends of rays, for which no events are needed.
+    """Return only the echoes at the ends of rays, which need no events along the rays.
 
     Args:
         traces: The traced rays.
@@ -180,7 +180,7 @@ def select_echoes(
     ranges: Floats,
     rays: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Select an echo for each beam, and set the range and the ray of the beam.
+    """Select the echo that each beam reports, and set the beam's range and ray.
 
     Among equally strong echoes, the nearest is selected. If no echo of a beam exceeds
     the sensor's threshold, the beam has the range at which its ray ends.

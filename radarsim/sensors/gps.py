@@ -1,4 +1,4 @@
-"""GPS receivers; the accuracy depends on the number of satellites in sight.
+"""GPS receivers, whose accuracy depends on the number of satellites in sight.
 
 Theory of operation
 ===================
@@ -68,12 +68,12 @@ class GpsSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class GpsReceiver(Sensor, types=["GPS"]):
-    """A GPS receiver."""
+    """A GPS receiver, which reads latitude and longitude."""
 
     settings: ClassVar[type[BaseModel]] = GpsSettings
 
     def __init__(self, mounting: Mounting) -> None:
-        """Find the satellites above the horizon."""
+        """Find the satellites above the horizon of the map."""
         super().__init__(mounting)
         self._origin = mounting.scene.gps_origin
         self._noise: GpsSettings = mounting.settings
@@ -88,7 +88,7 @@ class GpsReceiver(Sensor, types=["GPS"]):
         return replace(self._aimed, origins=np.tile(self._place(), (count, 1)))
 
     def read(self, time: float, traces: Traces) -> Sequence[Gps]:
-        """Return a reading.
+        """Return the measured position, or a report without a fix.
 
         A reading always draws two random numbers, with or without a fix, so a hidden
         satellite does not change later errors.

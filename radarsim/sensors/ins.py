@@ -1,4 +1,4 @@
-"""Inertial navigation systems; ``readings.hpp`` has the theory and the computation."""
+"""Inertial navigation systems; ``readings.hpp`` explains and computes their drift."""
 
 from typing import Annotated, ClassVar, Final
 
@@ -13,13 +13,13 @@ from radarsim.sensors.sensor import EngineSensor, Mounting, Reading
 
 INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
 
-# An error as a fraction of the motion. Larger fractions would make the estimated pose
+# An error as a fraction of the motion; with larger fractions, the estimated pose would
 # overflow over time.
 _Share = Annotated[float, Field(ge=0, le=10, strict=True)]
 
 
 class InsSettings(BaseModel, extra="forbid", frozen=True):
-    """Drift of an inertial navigation system; with zeros there is no drift.
+    """Drift of an inertial navigation system; if all values are 0, it does not drift.
 
     Attributes:
         sigma: Standard deviation of the error of a motion, as a fraction of the motion.
@@ -60,7 +60,7 @@ class Ins(EngineSensor, types=["INS"]):
         self.drift = Job(Reading.DRIFT, place)
 
     def draw(self) -> None:
-        """Draw random numbers for further updates if all earlier ones are used up."""
+        """Draw random numbers for later updates if all previous numbers are used up."""
         ins = self._memory
         draws = ins["draws"]
         if ins["used"] >= draws.size // 6:
@@ -68,6 +68,6 @@ class Ins(EngineSensor, types=["INS"]):
             ins["used"] = 0.0
 
     def overwrite(self, pose: Pose3) -> None:
-        """Replace the estimated pose, which also removes the bias."""
+        """Replace the estimated pose by a given pose, and set the bias to 0."""
         ins, body = self._memory, self.robot.body.numbers()
         ins["estimate"], ins["bias"], ins["body"] = pose.numbers(), 0.0, body

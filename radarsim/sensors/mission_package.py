@@ -43,7 +43,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         return pose
 
     def move(self, order: LinkOrder, ticks: int) -> bool:
-        """Start to move a link, if the order names a link of this package.
+        """Start to move the link that an order names, if this package has the link.
 
         Args:
             order: Order for a link.
@@ -62,7 +62,7 @@ class MissionPackage(EngineSensor, types=["MisPkg"]):
         return False
 
     def _turn(self, number: int, order: LinkOrder, ticks: int) -> None:
-        """Set how a link moves; an unknown order is ignored."""
+        """Set a link's target angle and speed from an order; ignore unknown orders."""
         link, state = self.item.links[number], self._memory[number : number + 1]
         angle = engine.angle_of_link(state, ticks)
         speed = link.max_speed

@@ -65,12 +65,12 @@ REFERENCE_RANGE: Final = 10.0  # m, where ``least_rcs_dbsm`` holds
 
 
 def cell_depth(settings: SensorSettings) -> float:
-    """Return the depth of a sensor's range cells, m."""
+    """Return the depth of a range cell of a sensor, m."""
     return settings.range_resolution or settings.range_quantum or DEFAULT_CELL
 
 
 def contrast(settings: SensorSettings, mm_per_h: float) -> float:
-    """Return the contrast of a range cell at 1 m; it falls with the squared range."""
+    """Return the ratio of rain echo to detection limit at 1 m; it falls as 1/R^2."""
     az = math.radians(settings.beamwidth_az_deg or DEFAULT_BEAMWIDTH)
     el = math.radians(settings.beamwidth_el_deg or DEFAULT_BEAMWIDTH)
     volume = math.pi * az * el * cell_depth(settings) / (8 * math.log(2))
@@ -86,7 +86,7 @@ def find_rain(
     random: Floats,
     settings: SensorSettings,
 ) -> EchoTable:
-    """Return the echo of the nearest cell with detected rain in each beam.
+    """Return, for each beam, the echo of the nearest range cell with detected rain.
 
     Args:
         tracer: Tracer of the scene.
@@ -100,7 +100,7 @@ def find_rain(
     for part in np.flatnonzero(tracer.rain_rate).tolist():
         contrasts[part] = contrast(settings, float(tracer.rain_rate[part]))
     cell = cell_depth(settings)
-    # Cells are at multiples of their depth; the first is beyond the blind range.
+    # Range cells are at multiples of their depth; the first is beyond the blind range.
     nearest = (math.floor(max(BLIND_RANGE, settings.min_range) / cell) + 1) * cell
     echoes = np.zeros(len(rays), ECHO)
     count = engine.find_rain(
@@ -119,7 +119,7 @@ def find_rain(
 
 
 def add_rain(echoes: EchoTable, rain: EchoTable) -> EchoTable:
-    """Insert the echoes of rain among the other echoes of their beams."""
+    """Return all echoes, including rain, sorted by beam and then by range."""
     rain["ends"] = ~np.isin(rain["beam"], echoes["beam"][echoes["ends"]])
     return insert_echoes(echoes, rain)
 
@@ -134,7 +134,7 @@ def answer_in_clouds(
     drawn: Floats,
     settings: SensorSettings,
 ) -> EchoTable:
-    """Replace the echoes at the boundaries of clouds by returns from inside the clouds.
+    """Replace echoes at the boundaries of clouds by echoes from inside the clouds.
 
     A beam ends at its return. The echo has the kind ``ENTER``, is marked as an end, and
     begins where the ray enters the cloud, or at the sensor.
@@ -171,7 +171,7 @@ def answer_in_clouds(
 
 
 def _density_changes(events: Events, density: Floats) -> Floats:
-    """Return the change of the total cloud density at each event, (V,)."""
+    """Return by how much the density of clouds changes at each event on a ray, (V,)."""
     kinds, change = events["kind"], np.zeros(len(events))
     entering = EventKind.ENTER, EventKind.START_INSIDE
     for kinds_of, sign in ((entering, 1.0), ((EventKind.LEAVE,), -1.0)):
@@ -183,7 +183,7 @@ def _density_changes(events: Events, density: Floats) -> Floats:
 def _find_answers(
     events: Events, change: Floats, budgets: Floats
 ) -> tuple[Rows, Floats, Rows]:
-    """Find the range at which the power lost in clouds reaches each beam's budget.
+    """Find the range at which each beam has lost a given power in clouds.
 
     Returns:
         For the A beams that return in a cloud: (A,) the number of the beam, the range,
@@ -192,7 +192,7 @@ def _find_answers(
     budget, (scans, size) = budgets.ravel(), budgets.shape
     rays, t = events["ray"], events["t"]
     first = np.searchsorted(rays, np.arange(len(budget)))[rays]
-    # Each scan is summed separately, so other scans do not change rounding errors.
+    # Each scan has its own sum, so its rounding errors do not depend on other scans.
     cuts = np.searchsorted(rays, np.arange(1, scans) * size)
     # The sum of all density changes before each event, over all rays of a scan.
     before = _sums(change, cuts) - change
@@ -213,7 +213,7 @@ def _sums(values: Floats, cuts: Rows) -> Floats:
 def _innermost_clouds(
     events: Events, change: Floats, beams: Rows, before: Rows
 ) -> Rows:
-    """Return the event at which each beam entered the innermost cloud, (A,).
+    """Return the event at which each beam entered the cloud that returned it, (A,).
 
     Args:
         events: All events.
@@ -222,8 +222,8 @@ def _innermost_clouds(
         before: (A,) next event behind each return.
     """
     rays, parts, rows = events["ray"], events["part"], np.flatnonzero(change)
-    # A ray must leave a part before it can enter the part again, so the next event of
-    # the part on the same ray is the exit.
+    # The next event of the same part on the same ray is the exit, since a ray must
+    # leave a part before it can enter the part again.
     order = rows[np.lexsort((rows, parts[rows], rays[rows]))]
     one, other = order[:-1], order[1:]
     same = (rays[one] == rays[other]) & (parts[one] == parts[other])

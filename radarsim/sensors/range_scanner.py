@@ -27,7 +27,7 @@ SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
 
 
 class RangeScanner:
-    """A radar or a laser.
+    """A scanning radar or laser.
 
     Attributes:
         name: Name of the preset.
@@ -45,7 +45,7 @@ class RangeScanner:
         fmcw: Mapping[str, Any] | None = None,
         noise: Noise | None = None,
     ) -> None:
-        """Create a scanner.
+        """Create a scanner with given settings.
 
         Args:
             name: Name of the preset.
@@ -71,7 +71,7 @@ class RangeScanner:
 
     @property
     def has_side_rays(self) -> bool:
-        """Whether beams can have several rays."""
+        """Whether a beam can have several rays."""
         return self.settings.has_side_rays
 
     @cached_property
@@ -81,8 +81,8 @@ class RangeScanner:
         The copy draws the same random numbers and reads the same ranges. A scanner with
         another return mode is returned unchanged.
         """
-        # In the other modes, the ranges depend on the kept echoes, so keeping all
-        # echoes would change the ranges.
+        # In the other return modes, the ranges depend on the kept echoes, so keeping
+        # all echoes would change the ranges.
         if self.settings.return_mode != "last":
             return self
         together = self.settings.combines_rays
@@ -129,8 +129,8 @@ class RangeScanner:
             return ranges
         if rng is None:
             raise ValueError(f"no rng, expected a Generator for the noise of {self!r}")
-        # The noise function gets a spawned generator, so scan_many gives the same noise
-        # as repeated calls of scan.
+        # The noise function gets its own spawned generator, so scan_many gives the same
+        # noise as repeated calls of scan.
         (child,) = rng.spawn(1)
         noisy = np.asarray(self.noise(ranges.copy(), child), np.float64)
         if noisy.shape != ranges.shape:
@@ -213,7 +213,7 @@ class RangeScanner:
         pose: Pose2 | Pose3 | Sequence[float],
         rng: np.random.Generator | int | None = None,
     ) -> Scan:
-        """Scan a scene.
+        """Scan a scene from one pose.
 
         Args:
             scene: From ``load_map``.
@@ -287,7 +287,7 @@ class RangeScanner:
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
-    """Create a scanner from a preset, with some of its settings changed.
+    """Create a scanner from a preset; keyword arguments change its settings.
 
     Args:
         name: Name of the preset.
@@ -303,7 +303,7 @@ def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
 
 
 def sensor_pose(scene: Scene, pose: Pose2 | Pose3 | Sequence[float]) -> Pose3:
-    """Convert a pose given as x, y, z, roll, pitch, yaw, or as x, y, yaw only.
+    """Convert x, y, z, roll, pitch, yaw, or only x, y, yaw, to the pose of a sensor.
 
     A ``Pose3`` provides six numbers, and a ``Pose2`` three.
 
@@ -334,7 +334,7 @@ def sensor_pose(scene: Scene, pose: Pose2 | Pose3 | Sequence[float]) -> Pose3:
 def sensor_poses(
     scene: Scene, poses: Sequence[Pose2 | Pose3 | Sequence[float]] | Floats
 ) -> Floats:
-    """Convert many sensor poses to x, y, z, roll, pitch, yaw, (M, 6).
+    """Convert M sensor poses to rows of x, y, z, roll, pitch, yaw, (M, 6).
 
     Raises:
         ValueError: If a pose is invalid.
@@ -348,7 +348,7 @@ def sensor_poses(
     if table.ndim == 2 and np.isfinite(table).all():
         if table.shape[1] == 6:
             return table
-        # Converting poses one by one would take as long as tracing them.
+        # Converting poses one by one would take as long as tracing their scans.
         floors = {start.pose.z for start in scene.starts}
         if table.shape[1] == 3 and len(floors) <= 1:
             placed = np.zeros((len(table), 6))

@@ -1,4 +1,4 @@
-"""The sensor readings of many robots, computed in one call of the engine.
+"""Computes the sensor readings of many robots in one call of the engine.
 
 ``readings.hpp`` describes how each reading is computed.
 """
@@ -23,7 +23,7 @@ _DEPLETED: Final = 0  # column of a robot's row that is 1 if random numbers are 
 
 
 class Job(NamedTuple):
-    """An instruction to compute one reading from the state of a sensor.
+    """An instruction for the engine to compute one reading from a sensor's state.
 
     Attributes:
         kind: A ``Reading`` of ``readings.hpp``.
@@ -35,7 +35,7 @@ class Job(NamedTuple):
 
 
 class Program(NamedTuple):
-    """A range of jobs in the job table.
+    """Consecutive jobs in the job table, which compute the readings of a robot.
 
     Attributes:
         first: Index of the first job.
@@ -49,7 +49,7 @@ class Program(NamedTuple):
 
 
 class ReadingTable:
-    """The sensor states of robots, one row per slot of the fleet, and the job table."""
+    """The states of all robots' sensors, one row per robot, and the table of jobs."""
 
     def __init__(self, fleet: "Fleet") -> None:
         self._fleet = fleet
@@ -61,8 +61,8 @@ class ReadingTable:
     def program(self, jobs: Sequence[Job], size: int) -> Program:
         """Return a program of jobs that write ``size`` numbers; programs are cached."""
         key = tuple(jobs)
-        # Robots of one class have their states in the same columns, so a hundred robots
-        # need only a dozen programs.
+        # Robots of one class store states in the same columns and share programs, so a
+        # hundred robots need only a dozen programs.
         program = self._programs.get(key)
         if program is None:
             first = len(self._jobs)
@@ -73,7 +73,7 @@ class ReadingTable:
     def run(
         self, due: Sequence[tuple[int, Program]], ticks: int
     ) -> tuple[list[float], bool]:
-        """Run the programs of robots.
+        """Compute the readings of robots.
 
         Args:
             due: Slot and program of each robot.
@@ -103,12 +103,12 @@ class ReadingTable:
         )
 
     def row(self, slot: int, width: int) -> Floats:
-        """Return the row of a slot, enlarged to ``width`` numbers if it is shorter."""
+        """Return the row of a robot, enlarged to ``width`` numbers if it is shorter."""
         rows, columns = self._rows.shape
         if slot >= rows or width > columns:
             shape = max(rows, len(self._fleet.table)), max(columns, width)
-            # The number of rows follows the table of the fleet, which doubles when it
-            # is full, so copies are rare.
+            # The table has as many rows as the fleet's table, which doubles when it is
+            # full, so copies are rare.
             more = np.zeros(shape)
             more[:rows, :columns] = self._rows
             self._rows = more
@@ -117,14 +117,14 @@ class ReadingTable:
 
 
 class RobotState:
-    """The states of the sensors of one robot.
+    """The row of the reading table with the states of one robot's sensors.
 
     Attributes:
         table: The table that has the row of this robot.
     """
 
     def __init__(self, table: ReadingTable, slot: int) -> None:
-        """Create a row without sensors.
+        """Create the row of a robot without sensors.
 
         Args:
             table: The table that has the row of this robot.
@@ -145,7 +145,7 @@ class RobotState:
         self._row[_DEPLETED] = value
 
     def add(self, states: NDArray[Any]) -> slice:
-        """Add numbers, or structures of numbers, and return their columns."""
+        """Append a sensor's state to the row, and return the columns of the state."""
         numbers = states.view(np.float64)
         places = slice(self._width, self._width + len(numbers))
         self._width = places.stop
@@ -153,7 +153,7 @@ class RobotState:
         return places
 
     def __getitem__(self, places: slice) -> Floats:
-        """Return a view of columns of the row, which is valid until the table grows."""
+        """Return a view of some columns of the row, valid until the table grows."""
         return self._row[places]
 
     @property

@@ -70,13 +70,13 @@ class Target:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the target as JSON types; the density is None if opaque."""
+        """Return the target as JSON types; the density of an opaque target is None."""
         density = self.density if math.isfinite(self.density) else None
         return asdict(self) | {"density": density}
 
 
 def _share_left(loss: float, power: float) -> float:
-    """Return the share of the power that is left after a loss, 0 to 1."""
+    """Return the share of a ray's power that is left after a loss, from 0 to 1."""
     if loss == 0:
         return 1.0
     if math.isinf(loss) or power == 0:
@@ -121,7 +121,7 @@ class Echoes:
     settings: SensorSettings = field(repr=False)
 
     def answers_in_clouds(self) -> dict[int, Material]:
-        """Return the material of the cloud that returned each beam, by beam number."""
+        """Return the material of the cloud in which each beam ends, by beam number."""
         if not self.settings.reads_first_returns:
             return {}
         entering = self.kinds == EventKind.ENTER
@@ -134,13 +134,13 @@ class Echoes:
 
     @property
     def decibels(self) -> Floats:
-        """The strengths in dB, (E,), at most 0; -inf for an echo without strength."""
+        """The strengths of the echoes, (E,) dB, at most 0; -inf for a strength of 0."""
         with np.errstate(divide="ignore"):
             return np.asarray(10 * np.log10(self.strength))
 
     @property
     def targets(self) -> dict[int, Target]:
-        """The objects that returned the echoes; the keys are part indices."""
+        """The objects that returned the echoes, by the index of their part."""
         return {part: self.target(part) for part in np.unique(self.parts).tolist()}
 
     def target(self, part: int, robot_names: Mapping[int, str] | None = None) -> Target:
@@ -158,7 +158,7 @@ class Echoes:
         return Target.of(found.object_name, found.material, self.settings)
 
     def to_lists(self) -> list[list[dict[str, Any]]]:
-        """Return a list of echoes for each beam, as JSON types."""
+        """Return the echoes as JSON types: a list of dictionaries for each beam."""
         targets = {part: target.to_dict() for part, target in self.targets.items()}
         lists: list[list[dict[str, Any]]] = [[] for _ in range(self.settings.beams)]
         decibels = self.decibels.tolist()
@@ -228,7 +228,7 @@ class Targets(NamedTuple):
     radial_velocity: Floats
 
 
-# The class is not frozen, since creating a frozen instance takes three times as long.
+# This class is not frozen, since creating frozen instances takes three times as long.
 @dataclass(slots=True, eq=False, repr=False)
 class Scan:
     """One scan of a radar or a laser.
@@ -272,13 +272,13 @@ class Scan:
         )
 
     def _repr_html_(self) -> str | None:
-        """Return the picture as SVG, for notebooks; None without a map."""
+        """Return the plot of the scan as SVG, for notebooks; None without a map."""
         if self.scene is None:
             return None
         return radarsim.as_svg(self.plot())
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw rays, echoes and readings over the plan of the map.
+        """Draw the rays, echoes and ranges of the scan over the plan of the map.
 
         Rays that pass through an object are the boldest lines.
 
@@ -297,7 +297,7 @@ class Scan:
 
     @property
     def cast(self) -> Rays:
-        """The ray that gave each beam's range; an arbitrary ray if it has no range."""
+        """The ray that gave each beam's range; any ray of a beam without range."""
         return self.find_cast()
 
     @property
@@ -306,7 +306,7 @@ class Scan:
         return self.find_echoes()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scan as JSON types; a range without echo is None."""
+        """Return the scan as JSON types; the range of a beam without echo is None."""
         ranges = [r if math.isfinite(r) else None for r in self.ranges.tolist()]
         return {
             "sensor": self.sensor,
@@ -321,7 +321,7 @@ class Scan:
         }
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Return a dataset: ranges and rays by ``angle``, and the rest as attributes.
+        """Return an xarray dataset with ranges and rays by ``angle``, and attributes.
 
         Raises:
             MissingPackage: If xarray is not installed.

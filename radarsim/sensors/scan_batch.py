@@ -1,4 +1,4 @@
-"""Compute scans, one or many at once.
+"""Computes one scan or many scans at once.
 
 Theory of operation
 ===================
@@ -72,7 +72,7 @@ class ScanRequest(NamedTuple):
 
 
 class ScanArrays(NamedTuple):
-    """M scans of a sensor with N beams.
+    """The ranges of M scans of a sensor with N beams.
 
     Attributes:
         poses: (M, 6) x, y, z, m, and roll, pitch, yaw, rad, of the sensor, map frame.
@@ -109,7 +109,7 @@ class ScanBatch:
     rays: Sides | None
 
     def __init__(self, pattern: BeamPattern, tracer: Tracer, places: Floats) -> None:
-        """Allocate the arrays of random numbers.
+        """Allocate the arrays for the random numbers of all scans.
 
         How many numbers are drawn depends only on the sensor and on whether the scene
         has rain or clouds, so moving robots do not change later random numbers.
@@ -136,7 +136,7 @@ class ScanBatch:
     def draw(
         self, row: int | slice, rng: np.random.Generator | None, sensor: str
     ) -> None:
-        """Draw the random numbers of a scan.
+        """Draw the random numbers that a scan needs.
 
         Args:
             row: Number of the scan; or a slice of all scans if there is only one kind.
@@ -186,7 +186,7 @@ class ScanBatch:
     def scan(
         self, row: int, sensor: str, pose: Pose3, scene: Scene | None = None
     ) -> Scan:
-        """Return one of the scans.
+        """Return a scan of the batch.
 
         Args:
             row: Number of the scan.
@@ -212,11 +212,11 @@ class ScanBatch:
 
     @cached_property
     def reported(self) -> Floats:
-        """The ranges that robots report, (J, N) m; the maximum if nothing returned."""
+        """The ranges that robots report, (J, N) m; the maximum range if no return."""
         return np.minimum(self.ranges, self.pattern.settings.max_range)
 
     def all_rays(self, row: int) -> Rays:
-        """Return the M rays of a scan."""
+        """Return all M rays that were traced for a scan."""
         *numbers, carrier = self._places[row].tolist()
         drawn = self._random_rays(row)
         return self.pattern.aim(Pose3(*numbers), int(carrier), self.nodes[row], drawn)
@@ -233,14 +233,14 @@ class ScanBatch:
         return rays.take(rows - row * len(self.pattern.shares))
 
     def _select_rays(self) -> Rows:
-        """Select one ray of each beam at random; return their indices, (J * N,)."""
+        """Select one ray of each beam at random; return the rays' indices, (J * N,)."""
         per_beam = self.pattern.rays
         weights = self._all_shares().reshape(-1, per_beam)
         chances = weights * backscatter(self._traces).reshape(-1, per_beam)
         empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam hit anything
         chances[empty] = weights[empty]
-        # Each beam uses one number drawn before tracing, so later random numbers do not
-        # depend on the objects that the rays hit.
+        # Each beam uses one random number drawn before tracing, so later random numbers
+        # do not depend on the objects that rays hit.
         edges = np.cumsum(chances, axis=1)
         drawn = self.drawn["selected"].ravel() * edges[:, -1]
         node = (edges[:, :-1] <= drawn[:, None]).sum(axis=1)
@@ -253,7 +253,7 @@ class ScanBatch:
     def _read_ends(self) -> Floats:
         """Return the ranges, (J * N,) m, at which the rays of the beams end."""
         traces, rows, settings = self._traces, self._rows, self.pattern.settings
-        # The exact ranges are kept, since echoes are computed from them on demand.
+        # Errors are added to a copy, since echoes need the exact ranges later.
         ranges = traces.ranges.copy() if rows is None else traces.ranges[rows]
         self._add_errors(ranges, self.drawn.get("errors"))
         if settings.spent_reads != "range":
@@ -266,7 +266,7 @@ class ScanBatch:
         """Return the ranges, (J * N,) m, of the echoes selected for the beams."""
         pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
-        # A beam without a selected ray is represented by its middle ray.
+        # Without a selected ray, the middle ray represents a beam.
         middle = np.arange(per_beam // 2, self.nodes.size, per_beam)
         rows = middle if self._rows is None else self._rows
         echoes = self._all_echoes(rows)
@@ -280,7 +280,7 @@ class ScanBatch:
         return ranges
 
     def _all_echoes(self, rows: Rows) -> EchoTable:
-        """Return all echoes, including rain, merged and with range errors.
+        """Return the echoes of all scans, including rain, with range errors.
 
         Args:
             rows: (J * N,) index of the ray that represents each beam.
@@ -306,7 +306,7 @@ class ScanBatch:
         return echoes
 
     def _end_echoes(self) -> EchoTable:
-        """Return the echoes at the ends of the rays, with range errors."""
+        """Return only the echoes at the ends of rays, with range errors."""
         settings, rows = self.pattern.settings, self._rows
         rows = np.arange(self.nodes.size) if rows is None else rows
         echoes = extract_ray_ends(self._traces, rows, settings)
@@ -316,7 +316,7 @@ class ScanBatch:
         return echoes
 
     def _move_echoes(self, echoes: EchoTable) -> None:
-        """Add the random errors of beams to their echoes, in place."""
+        """Add the random range error of each beam to its echoes, in place."""
         errors = self.drawn.get("errors")
         if errors is not None:
             errors = errors.ravel()[echoes["beam"]]
@@ -371,7 +371,7 @@ class ScanBatch:
 def take_scans(
     tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
 ) -> list[tuple[ScanBatch, int]]:
-    """Compute many scans at once.
+    """Compute the requested scans; scans with equal settings are traced together.
 
     Args:
         tracer: Tracer of the scene.
@@ -414,7 +414,7 @@ def scan_poses(
     poses: Floats,
     rng: np.random.Generator | None,
 ) -> ScanArrays:
-    """Compute a scan from each pose, in order, on all processors.
+    """Compute a scan from each of M poses, on all processors.
 
     Args:
         scanner: The sensor.
@@ -449,7 +449,7 @@ def scan_poses(
             for row in whole or range(len(places[start : start + step])):
                 batch.draw(row, rng, scanner.name)
             pending.append(pool.submit(take, start, batch))
-            # At most one chunk per thread is queued, so memory does not grow with the
+            # At most one batch per thread waits, so memory does not grow with the
             # number of poses.
             if len(pending) > workers:
                 pending.popleft().result()

@@ -36,7 +36,7 @@ BREATH: Final = 0.1  # m; within this distance, breath is not diluted by the air
 
 
 class SearchSettings(BaseModel, extra="forbid", frozen=True):
-    """All settings of a sensor that detects victims or tags.
+    """The settings of a sensor that detects victims or tags.
 
     Attributes:
         max_range: Largest distance of detected targets, m.
@@ -48,7 +48,7 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class SearchSensor(Sensor, Generic[Target]):
-    """Base of sensors that detect a type of target in a scene.
+    """Base class of sensors that detect one type of target, such as victims or tags.
 
     Attributes:
         needs_sight: Whether obstacles hide targets.
@@ -64,7 +64,7 @@ class SearchSensor(Sensor, Generic[Target]):
         found = list(self.targets(mounting.scene))
         self._targets = [target for target, _ in found]
         self._places = np.array([place for _, place in found]).reshape(-1, 3)
-        # State of the last call of `rays`: indices of the targets in view, and
+        # Results of the last call of `rays`: indices of the targets in view, and
         # positions of all targets in the sensor frame.
         self._near = np.zeros(0, np.int64)
         self._local = self._places
@@ -94,8 +94,8 @@ class SearchSensor(Sensor, Generic[Target]):
         is_near = (distances <= self._max_range) & (angles <= self._half_fov)
         self._near = np.flatnonzero(is_near)
         aimed = self._near if self.needs_sight else self._near[:0]
-        # A target at the sensor's position has no direction, so the forward axis is
-        # used.
+        # For a target at the sensor's position, which has no direction, the ray points
+        # forward.
         offsets = np.where(distances[:, None] > LEAST, places, AHEAD)[aimed]
         lengths = np.linalg.norm(offsets, axis=1)
         return sight_rays(
@@ -106,7 +106,7 @@ class SearchSensor(Sensor, Generic[Target]):
         )
 
     def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
-        """Return the report for the detected targets in a list, or an empty list."""
+        """Return a list with the report of the detected targets, or an empty list."""
         seen = self._near
         if self.needs_sight:
             seen = seen[traces.outcomes == Outcome.NOTHING]
@@ -116,7 +116,7 @@ class SearchSensor(Sensor, Generic[Target]):
 
 
 class RfidReader(SearchSensor[str], types=["RFID"]):
-    """A reader of RFID tags; without a tag it reports nothing."""
+    """A reader of RFID tags, which reports nothing if it detects no tag."""
 
     def targets(self, scene: Scene) -> Iterable[tuple[str, Place]]:
         return [(str(tag.id), tag.position) for tag in scene.tags]
@@ -124,8 +124,8 @@ class RfidReader(SearchSensor[str], types=["RFID"]):
     def report(
         self, time: float, seen: Sequence[str], places: Floats
     ) -> SensorReport | None:
-        # Clients read the first tag of a line without checking whether the line has any
-        # tag.
+        # No report is sent without a tag, since clients read the first tag without
+        # checking.
         if not seen:
             return None
         return rescue.RfidTags(time, self.item.name, _sightings(seen, places))
@@ -159,7 +159,7 @@ class MotionSensor(SearchSensor[Victim], types=["HumanMotion"]):
 
 
 class Microphone(SearchSensor[Victim], types=["Sound"]):
-    """A microphone, which receives the calls of victims."""
+    """A microphone, which detects the calls of victims."""
 
     needs_sight = False
 

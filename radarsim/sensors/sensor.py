@@ -30,7 +30,7 @@ from radarsim.sensors.readings import Job, RobotState
 
 Reading: Final = engine.enumerations["Reading"]  # described in ``readings.hpp``
 SONAR_CLASS: Final = RayClass(SONAR)
-# Item types in the order of their readings within a tick; other types follow in the
+# Readings within a tick are in this order of item types; other types follow in the
 # order of mounting. Clients expect a pose before the scan of the same time.
 _ORDER: Final = (
     *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Accel"),
@@ -38,7 +38,7 @@ _ORDER: Final = (
     *("MissionTime", "Sonar"),
 )
 
-# A sample report, and the jobs that compute the numbers of each attribute.
+# A sample report, and the jobs that compute the numbers of each of its attributes.
 Source: TypeAlias = tuple[LineReport, Mapping[str, Sequence[Job]]]
 _KINDS: Final[dict[str, "type[Sensor]"]] = {}
 
@@ -99,7 +99,7 @@ class Sensor:
         return self.robot.body.compose(self.item.mount)
 
     def rays(self) -> Rays:
-        """Return the rays of the next reading; the caller traces all rays together."""
+        """Return the rays that the caller must trace for the next reading, if any."""
         return sight_rays(np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
 
     def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
@@ -119,7 +119,7 @@ class Sensor:
 
 
 class EngineSensor(Sensor):
-    """A sensor without rays, whose readings the engine computes for all robots at once.
+    """A sensor without rays; the engine computes the readings of all robots at once.
 
     The state of the sensor is an array of structures in the row of its robot.
 
@@ -134,17 +134,17 @@ class EngineSensor(Sensor):
         self._state = mounting.state
 
     def _remember(self, start: NDArray[Any]) -> list[int]:
-        """Add numbers or structures to the robot's row; return the column of each."""
+        """Append a state to the robot's row; return the columns of its structures."""
         self._dtype, self._places = start.dtype, self._state.add(start)
         return list(range(self._places.start, self._places.stop, start.itemsize // 8))
 
     @property
     def _memory(self) -> NDArray[Any]:
-        """The state of the sensor, as a view that is valid until the table grows."""
+        """The state of this sensor as a view, which is valid until the table grows."""
         return self._state[self._places].view(self._dtype)
 
     def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
-        """Set ``source``; ``jobs`` has the jobs of each attribute except the time."""
+        """Set the sample report, and the jobs for all of its attributes except time."""
         self.source = sample, {"time": [Job(Reading.TIME)], **jobs}
 
 
@@ -173,13 +173,13 @@ def sight_rays(
 
 
 def rank(item_type: str) -> int:
-    """Return the position of an item type in the order of readings."""
+    """Return the position of an item type in the order of readings within a tick."""
     return _ORDER.index(item_type) if item_type in _ORDER else len(_ORDER)
 
 
 @cache
 def kinds() -> Mapping[str, type[Sensor]]:
-    """Return all sensor classes by the item types that they handle."""
+    """Import all sensors, and return the sensor class of each item type."""
     for module in pkgutil.iter_modules(radarsim.sensors.__path__):
         importlib.import_module(f"radarsim.sensors.{module.name}")
     return _KINDS

@@ -1,4 +1,4 @@
-"""Sonars: each reads the range of the nearest surface in its cone that returns sound.
+"""Sonars, which read the range of the nearest surface in a cone that returns sound.
 
 Theory of operation
 ===================
@@ -45,7 +45,7 @@ RAYS_PER_CONE: Final = len(_ANGLES)
 
 
 class SonarSettings(BaseModel, extra="forbid", frozen=True):
-    """All settings of a sonar.
+    """The settings of a sonar.
 
     Attributes:
         beam_angle_deg: Full angle of the cone, degrees.
@@ -68,7 +68,7 @@ class Sonars(Sensor, types=["Sonar"]):
     is_joined = True
 
     def __init__(self, *mountings: Mounting) -> None:
-        """Compute the rays of all cones in the body frame."""
+        """Compute the rays of all sonars in the body frame."""
         super().__init__(*mountings)
         self._in_one_report = "Sonar" in mountings[0].dialect.joined
         self._names = [mounting.item.name for mounting in mountings]
@@ -91,7 +91,7 @@ class Sonars(Sensor, types=["Sonar"]):
         )
 
     def rays(self) -> Rays:
-        """Return the rays of all cones, cone by cone."""
+        """Return the rays of all sonars, sonar by sonar, map frame."""
         body = self.robot.body
         rotation = body.rotation().T
         return replace(
@@ -101,7 +101,7 @@ class Sonars(Sensor, types=["Sonar"]):
         )
 
     def read(self, time: float, traces: Traces) -> Sequence[Sonar]:
-        """Return all ranges in one report, or one report for each sonar.
+        """Return the ranges of all sonars in one report, or a report for each sonar.
 
         A sonar without a return reads its maximum range.
         """
@@ -120,7 +120,7 @@ class Sonars(Sensor, types=["Sonar"]):
 
 
 def _cone(beam_angle: float) -> Floats:
-    """Return unit vectors around the x axis, (33, 3); the first is the axis itself."""
+    """Return unit vectors in a cone around the x axis, (33, 3); the axis is first."""
     left, up = (_ANGLES * beam_angle / 2).T
     level = np.cos(up)
     return np.column_stack([level * np.cos(left), level * np.sin(left), np.sin(up)])

@@ -17,7 +17,7 @@ ENCODER_RESOLUTION: Final = 0.01745  # rad per tick, as in readings.hpp
 
 
 class Odometry(EngineSensor, types=["Odometry"]):
-    """Reads the pose that is integrated from the rotation of the wheels."""
+    """Reads the pose that the robot estimates from the rotation of its wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -27,7 +27,7 @@ class Odometry(EngineSensor, types=["Odometry"]):
         self._report(sample, pose=[Job(Reading.WHEEL_POSE, place)])
 
     def reset(self) -> None:
-        """Reset the estimated pose to zeros."""
+        """Reset the pose estimated by odometry to zeros."""
         for name in ("x", "y", "yaw"):
             self.robot.fleet.odometry[name][self._row] = 0.0
 
@@ -51,7 +51,7 @@ class Tachometer(EngineSensor, types=["Tachometer"]):
         )
 
     def reset(self) -> None:
-        """Count angles from zero again."""
+        """Count the rotation angles of the wheels from zero again."""
         self._memory["zero"] = self.robot.side_angles
 
 
@@ -73,12 +73,12 @@ class Encoder(EngineSensor, types=["Encoder"]):
         self._report(sample, ticks=jobs)
 
     def reset(self) -> None:
-        """Count ticks from zero again."""
+        """Count the encoder ticks from zero again."""
         encoders, (left, right) = self._memory, self.robot.side_angles
         encoders["zero"] = np.where(encoders["side"], right, left)
 
     def draw(self) -> None:
-        """Draw random errors for further readings if all earlier ones are used up."""
+        """Draw random errors for later readings if all previous errors are used up."""
         encoders = self._memory
         draws = encoders["draws"]
         if (encoders["used"] >= draws.shape[1]).any():
@@ -87,7 +87,7 @@ class Encoder(EngineSensor, types=["Encoder"]):
 
 
 def encoded_wheels(name: str, sides: Sequence[str]) -> list[tuple[str, int, int]]:
-    """Return the wheels that the name of an encoder lists.
+    """Return the wheels that the name of an encoder lists, such as ``W1``.
 
     ``W1`` counts wheel 1. ``ECLeft`` counts the first left wheel, with negative ticks
     for forward motion, as clients of UT2004 servers expect.
@@ -111,11 +111,11 @@ def encoded_wheels(name: str, sides: Sequence[str]) -> list[tuple[str, int, int]
 
 
 def join_encoders(sources: Iterable[Source]) -> list[Source]:
-    """Join consecutive encoders into one report; other sources stay unchanged."""
+    """Join consecutive encoder reports into one; other reports stay unchanged."""
     joined: list[Source] = []
     for sample, jobs in sources:
         before, its_jobs = joined[-1] if joined else (None, {})
-        # Clients of the older servers read the encoders of both sides from one line.
+        # Clients of older USARSim servers read the encoders of both sides in one line.
         if isinstance(before, reports.Encoder) and isinstance(sample, reports.Encoder):
             both = replace(before, ticks=(*before.ticks, *sample.ticks))
             joined[-1] = both, {**jobs, "ticks": [*its_jobs["ticks"], *jobs["ticks"]]}

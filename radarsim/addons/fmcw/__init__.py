@@ -1,1 +1,1 @@
-"""Rotating FMCW radars: from rays through a scene to the power in each range bin."""
+"""Simulates rotating FMCW radars: traces rays, and computes the power in range bins."""

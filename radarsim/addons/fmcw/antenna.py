@@ -1,4 +1,4 @@
-"""The antenna of an FMCW radar: its pattern, and its poses during a revolution.
+"""The antenna of an FMCW radar: its beam pattern, and its poses during a revolution.
 
 One-way patterns are relative to the middle of the beam. Echoes pass the antenna twice,
 so their power is multiplied by the square of the pattern. Settings of shoulders and
@@ -25,14 +25,14 @@ from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3, wrap_angle
 from radarsim.presets.fmcw_settings import FmcwSettings
 
-# The angle, in beamwidths, at which the main lobe is cut off. Its two-way level there
-# is -38 dB.
+# The main lobe is cut off at this angle, in beamwidths, where its two-way level is -38
+# dB.
 REACH: Final = 1.25
 _STEPS = 20_001  # samples of the numerical integrals over angles
 
 
 def gaussian(angles: ArrayLike, beamwidth: float) -> Floats:
-    """Return the one-way power pattern of a Gaussian beam, which is 1 in its middle.
+    """Return the one-way power pattern of a Gaussian beam, which is 1 in the middle.
 
     Args:
         angles: Angles from the middle of the beam.
@@ -42,7 +42,7 @@ def gaussian(angles: ArrayLike, beamwidth: float) -> Floats:
 
 
 def azimuth_pattern(settings: FmcwSettings, angles: ArrayLike) -> Floats:
-    """Return the one-way pattern in azimuth at angles, rad, without sidelobes."""
+    """Return the antenna's one-way power pattern in azimuth, without sidelobes."""
     widths = np.abs(angles) / math.radians(settings.beamwidth_az_deg)
     fallen = settings.shoulder_db - settings.shoulder_slope_db * (widths - 1)
     shoulders = np.where(widths < 1, 0.0, 10 ** (fallen / 20))
@@ -50,7 +50,7 @@ def azimuth_pattern(settings: FmcwSettings, angles: ArrayLike) -> Floats:
 
 
 def elevation_pattern(settings: FmcwSettings, elevations: ArrayLike) -> Floats:
-    """Return the one-way pattern at elevations above the horizon, rad."""
+    """Return the antenna's one-way power pattern at elevations, rad."""
     angles = np.asarray(elevations, np.float64)
     width = math.radians(settings.beamwidth_el_deg)
     power = gaussian(angles, width)
@@ -85,7 +85,7 @@ def directivity(settings: FmcwSettings) -> float:
 
 
 def rows_in_beam(settings: FmcwSettings) -> int:
-    """Return how many azimuths on each side of a point have a beam that covers it.
+    """Return how many azimuths on each side of a point receive the point's echo.
 
     The beam is the main lobe, and the part of its shoulders that exceeds the sidelobes.
     """
@@ -95,7 +95,7 @@ def rows_in_beam(settings: FmcwSettings) -> int:
 
 
 def pattern_table(settings: FmcwSettings) -> Floats:
-    """Return the two-way pattern in azimuth, (F, 2 half + 2).
+    """Return the antenna's two-way power pattern in azimuth, (F, 2 half + 2).
 
     Row ``f`` is for columns that begin f / F of an azimuth step clockwise from an
     azimuth of the radar; the entries are for the azimuths from ``half`` before it to
@@ -127,14 +127,14 @@ class Viewpoints(NamedTuple):
     times: Floats
 
     def of(self, which: NDArray[np.int64] | slice) -> "Viewpoints":
-        """Return the viewpoints at the given indices."""
+        """Return the states of the antenna at the given indices."""
         return Viewpoints._make(column[which] for column in self)
 
 
 def fixed_viewpoints(
     pose: Pose3, times: Floats, velocity: Velocity = STANDING
 ) -> Viewpoints:
-    """Return the viewpoints of an antenna at a fixed pose."""
+    """Return the states of an antenna at a fixed pose, for each azimuth."""
     count = len(times)
     return Viewpoints(
         np.tile(pose.position(), (count, 1)),
@@ -147,7 +147,7 @@ def fixed_viewpoints(
 def moving_viewpoints(
     start: Pose3, end: Pose3, times: Floats, velocity: Velocity
 ) -> Viewpoints:
-    """Return the viewpoints of an antenna that moves at constant speed.
+    """Return the states of an antenna that moves at constant speed, for each azimuth.
 
     Args:
         start: Pose of the antenna at the first azimuth.

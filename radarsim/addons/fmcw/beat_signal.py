@@ -1,4 +1,4 @@
-"""Computes range spectra from the amplitudes of echoes, by simulating the beat signal.
+"""Simulates the beat signal of echoes, and computes its range spectra.
 
 Theory of operation
 ===================
@@ -59,7 +59,7 @@ class NumberedStreams:
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Create the streams from a random generator.
+        """Create streams from a generator that is spawned from a random generator.
 
         Args:
             rng: Generator from which a new generator is spawned; no numbers are drawn.
@@ -81,7 +81,7 @@ class NumberedStreams:
 
 
 class Tones(NamedTuple):
-    """The beat components of the echoes of N points.
+    """The components of the beat signal that are echoes of N points.
 
     Attributes:
         rows: Index of the azimuth that receives each component, (N,) int64.
@@ -96,7 +96,7 @@ class Tones(NamedTuple):
     power: Floats
 
     def of_rows(self, rows: range) -> "Tones":
-        """Return the beat components of some azimuths."""
+        """Return the components that some azimuths receive."""
         which = (self.rows >= rows.start) & (self.rows < rows.stop)
         return Tones._make(column[which] for column in self)
 
@@ -105,7 +105,7 @@ NO_TONES = Tones(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 def join_tones(parts: Iterable[Tones]) -> Tones:
-    """Concatenate beat components."""
+    """Concatenate several sets of beat components."""
     return Tones._make(map(np.concatenate, zip(NO_TONES, *parts, strict=True)))
 
 
@@ -116,7 +116,7 @@ def beat_rows(
     tones: Tones,
     streams: NumberedStreams,
 ) -> Power:
-    """Return the power in each bin for some azimuths of a revolution, (N, B).
+    """Return the power in each range bin of N azimuths of a revolution, (N, B).
 
     The numbers are the same as in a computation of the whole revolution.
 
@@ -153,7 +153,7 @@ def _fill_power(
     streams: NumberedStreams,
     power: Power,
 ) -> None:
-    """Compute the power in each bin of some azimuths; arguments as in ``beat_rows``."""
+    """Compute the power in all bins of azimuths, with arguments as in ``beat_rows``."""
     sweep = sample_sweeps(settings, first, field, tones, streams)
     sweep[:, : sample_count(settings)] *= window_of(settings).astype(np.float32)
     spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
@@ -168,13 +168,13 @@ def sample_sweeps(
     tones: Tones,
     streams: NumberedStreams,
 ) -> Power:
-    """Return the samples of sweeps, padded for the FFT; arguments as in ``beat_rows``.
+    """Return sweeps as ADC samples, padded for the FFT; arguments as in ``beat_rows``.
 
     A beat component with unit power in a bin has an amplitude of 2.
     """
     samples, length = sample_count(settings), fft_length(settings)
     shape, leakage = noise_shape(settings), _leakage(settings)
-    # The converter clips samples to these limits.
+    # The analog-to-digital converter clips samples to these limits.
     full_scale = watts(settings.full_scale_dbm)
     limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
     limits = np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
@@ -185,8 +185,8 @@ def sample_sweeps(
     streams.fill_normal(first, random)
     ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
     sweeps[:, : len(leakage)] += leakage * ways
-    # The sweep is twice the real part of the sum of the components, so that its FFT
-    # gives their amplitudes.
+    # The signal is twice the real part of the sum of all components, so that an FFT of
+    # the signal gives their amplitudes.
     sweep: Power = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
     sweep[:, samples:] = 0  # samples after the end of the sweep are padding
     signal = sweep[:, :samples]
@@ -206,9 +206,9 @@ def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
         signal: The sweeps, (N, S).
         white: Standard normal numbers, (N, S), which are overwritten.
     """
-    # White noise of this amplitude has a mean power of 1 in a bin.
+    # White noise of this amplitude has a mean power of 1 in each range bin.
     thermal = 1 / math.sqrt(float((window_of(settings) ** 2).sum()))
-    # Of longer rows numpy rounds the sum of one differently from those of several.
+    # numpy's sum of a long row depends on the number of rows, so rows are split.
     parts = np.split(signal, range(ROUNDED_ALIKE, signal.shape[1], ROUNDED_ALIKE), 1)
     energy = sum(np.einsum("ns,ns->n", part, part) for part in parts)
     received = energy / (2 * signal.shape[1])
@@ -218,22 +218,22 @@ def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
 
 
 def _add_tones(settings: FmcwSettings, sweeps: Power, first: int, tones: Tones) -> None:
-    """Add the beat components of points to the azimuths from ``first`` on."""
+    """Add the beat components of points to sweeps, the first at azimuth ``first``."""
     shape = noise_shape(settings)
     rows, ranges, phases, power = tones.of_rows(range(first, first + len(sweeps)))
     places = ranges / settings.bin_size
     level = np.interp(places, np.arange(len(shape)), shape)
     turns = 2 * np.pi * places / fft_length(settings)
     amplitudes, samples = 2 * np.sqrt(power / level), sample_count(settings)
-    # Phases are given for the middle of the sweep, where the window has its maximum.
-    # The engine needs the phases at the first sample.
+    # Phases are given for the middle of the sweep, where the window has its maximum,
+    # but the engine needs the phases at the first sample.
     phases = phases - turns * samples / 2
     engine.add_cosines(sweeps, samples, rows - first, turns, phases, amplitudes)
 
 
 @lru_cache(maxsize=16)
 def _leakage(settings: FmcwSettings) -> Power:
-    """Return the rms amplitudes of the leakage in each bin, (L,).
+    """Return the rms amplitude of the transmitter's leakage in each range bin, (L,).
 
     The level is constant up to ``leakage_range``; from there to twice that range it
     falls linearly in dB to the level of the noise.

@@ -1,4 +1,4 @@
-"""The link budget of an azimuth: gains and losses of the power in decibels.
+"""The link budget of an azimuth: the gains and losses of its echoes in decibels.
 
 A ray in the middle of the beam represents the whole beam, as if the surfaces that it
 meets filled the beam. The entries of an echo sum to its received power.
@@ -39,7 +39,7 @@ _WIDTH = 38  # width of the labels, characters
 def print_budget(
     scanner: RangeScanner, scene: Scene, pose: Pose3, azimuth: int, as_json: bool
 ) -> None:
-    """Print the link budget of an azimuth.
+    """Print the link budget of one azimuth of a radar.
 
     Raises:
         click.BadParameter: If the sensor is not an FMCW radar, or has no such azimuth.
@@ -80,7 +80,7 @@ def _as_text(budget: Mapping[str, Any]) -> Iterator[str]:
 def link_budget(
     radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int
 ) -> dict[str, Any]:
-    """Return the link budget of an azimuth.
+    """Return the gains and losses, dB, of all echoes that one azimuth receives.
 
     Args:
         radar: The radar.
@@ -122,8 +122,7 @@ def link_budget(
             kind, label, gamma = echo
             part = tracer.parts[event.part]  # the scene has no robots
             own = {f"1 / R^2 at {event.t:.2f} m": -20 * math.log10(event.t)}
-            # The given losses are one-way. They are doubled, since the echo returns on
-            # the same path.
+            # These one-way losses are doubled, since the echo returns on the same path.
             own |= {f"lost in {name}": -2 * db for name, db in lost.items()}
             own[label] = _db(gamma)
             echoes.append(
@@ -165,8 +164,8 @@ def _echo_of(
     scattering: NDArray[np.void],
     radar: FmcwRadar,
 ) -> tuple[str, str, float] | None:
-    """Return kind, cause and gamma of an event's echo; None for no echo."""
-    # All robots share the last row of the table.
+    """Return the kind, cause and gamma of the echo of an event on a ray, if any."""
+    # The last row of the scattering table is for all robots.
     part = scattering[min(event.part, len(scattering) - 1)]
     if event.kind is EventKind.HIT:
         cosine = max(incidence, GRAZING)
@@ -193,7 +192,7 @@ def _echo_of(
 def _with_losses(
     events: Sequence[Event], radar: FmcwRadar, parts: Sequence[Part]
 ) -> Iterator[tuple[Event, Mapping[str, float]]]:
-    """Yield each event with the one-way loss, dB, in each material before the event."""
+    """Yield each event on a ray, and each material's one-way loss, dB, before it."""
     power, inside = radar.full_power, list[int]()
     lost: dict[str, float] = defaultdict(float)
 

@@ -47,7 +47,7 @@ class PlacedRadar(PlacedSensor):
     path: Annotated[Path | None, RARE] = None
 
     def load_scanner(self) -> RangeScanner:
-        """Create the scanner.
+        """Create the scanner with the changed settings.
 
         Raises:
             click.BadParameter: If the sensor is not an FMCW radar, or a setting is
@@ -88,7 +88,7 @@ class Shown:
     max_range: Annotated[float | None, Gt(0), Unit("m"), RARE] = None
 
     def refuse(self, text: str) -> None:
-        """Check that no option of this plan is given.
+        """Raise an error if an option of the picture is given.
 
         Raises:
             click.BadParameter: If an option is given.
@@ -116,7 +116,7 @@ class Detector:
     strongest: Annotated[int, Ge(1), RARE] = 12
 
     def detect(self, turn: Spectrum) -> Detections:
-        """Return the targets in a revolution."""
+        """Return the targets that the detector finds in a revolution."""
         name = self.detector or "ca"
         return turn.detections(name, pfa=self.pfa, count=self.strongest)
 
@@ -179,8 +179,8 @@ def spectrum(
     scanner = plan.load_scanner()
     scene = load_map(map_)
     pose = plan.find_pose(scene)
-    # All revolutions use one random generator, so a larger number of revolutions does
-    # not change the first ones.
+    # All revolutions use one random generator, so further revolutions do not change the
+    # first revolutions.
     rng = generator_for(plan.seed, plan.sensor)
     turns = [scanner.spectrum(scene, pose, rng) for _ in range(count)]
     if layout is not None:
@@ -224,7 +224,7 @@ def _as_picture(
 
 
 def _as_npz(turns: list[Spectrum]) -> bytes:
-    """Return the data of revolutions as a NumPy archive."""
+    """Return the data of revolutions as the bytes of a NumPy archive."""
     import numpy as np
 
     data = io.BytesIO()
@@ -241,7 +241,7 @@ def _as_npz(turns: list[Spectrum]) -> bytes:
 
 
 def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
-    """Return CSV with a row for each detection; the default detector is ``ca``."""
+    """Return CSV with a row per detected target; the default detector is ``ca``."""
     import numpy as np
 
     text = io.StringIO("turn,azimuth,angle,range,dbm,rcs_dbsm,snr_db,radial_velocity\n")
@@ -256,7 +256,7 @@ def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
 
 
 def _load_path(path: Path, scene: Scene) -> DrivenPath:
-    """Read the path of an antenna; if all heights are 0, use a scanner's height.
+    """Read an antenna's path; if all heights are 0, use a usual scanner height.
 
     Raises:
         click.BadParameter: If the file cannot be read, or has no valid path.
@@ -335,8 +335,8 @@ def _write_sequence(
         lines.append(list_line(layout, name, time_us))
         middle = epoch_us / 1e6 + time + settings.azimuths * settings.sweep_time / 2
         poses.append(tum_line(middle, turn.pose))
-    # Lists are written after the images, so an interrupted sequence has no list that
-    # names missing images.
+    # Lists of images are written last, so that the lists of an interrupted sequence
+    # name no missing images.
     for list_name in LAYOUTS[layout][1:]:
         write_file(folder / list_name, "".join(lines).encode())
     write_file(folder / "poses.tum", "".join(poses).encode())
@@ -359,7 +359,7 @@ class NavtechOptions:
     navtech: Annotated[str | None, Option(metavar="PORT[:ROBOT]", is_rare=True)] = None
 
     def extension(self, _: ServedMap) -> NavtechExtension | None:
-        """See ``ExtensionOptions.extension``."""
+        """Return the extension that the option requests, or None if it is not given."""
         if self.navtech is None:
             return None
         port, colon, robot = self.navtech.partition(":")
@@ -376,23 +376,23 @@ class NavtechOptions:
 
 
 class NavtechExtension(ServeExtension):
-    """Serves the radar of a robot in addition to the server of the robot."""
+    """Serves a robot's radar on a separate port, in addition to the USARSim server."""
 
     def __init__(self, port: int, robot: str | None) -> None:
-        """Store the arguments of ``NavtechServer``; the server is created later."""
+        """Store the arguments for a ``NavtechServer``, which is created later."""
         self.ports = {_NAVTECH: port}
         self._robot = robot
         self._server: NavtechServer
 
     def attach(self, host: Host) -> None:
-        """See ``ServeExtension.attach``."""
+        """Create the radar server, and add it to the host as an observer."""
         from radarsim.addons.fmcw.navtech_server import NavtechServer
 
         self._server = NavtechServer(port=self.ports[_NAVTECH], robot=self._robot)
         host.add_observer(self._server)
 
     async def start(self, address: str) -> None:
-        """See ``ServeExtension.start``."""
+        """Start to listen for clients of the radar on an address."""
         await self._server.start(address)
 
     def announce(self, _: tuple[str, int]) -> None:
@@ -400,5 +400,5 @@ class NavtechExtension(ServeExtension):
         print_now(f"radarsim: radar on {join_address(*self._server.address)}")
 
     async def stop(self) -> None:
-        """See ``ServeExtension.stop``."""
+        """Close the radar server and its connections."""
         await self._server.stop()

@@ -76,7 +76,7 @@ class Detections(NamedTuple):
 def strongest_mask(
     counts: NDArray[np.uint8], most: int, allowed: Mask, least: int
 ) -> Mask:
-    """Return a mask of the strongest bins per azimuth, (A, B); nearer bins win ties.
+    """Return a mask of each azimuth's strongest bins, (A, B), nearer ones if equal.
 
     Args:
         counts: Counts of the radar, (A, B).
@@ -97,7 +97,7 @@ def strongest_mask(
 
 
 def peaks_of(mask: Mask, power: NDArray[np.float32]) -> Mask:
-    """Return a mask of the strongest bin in each run of set bins, (A, B)."""
+    """Return a mask of the strongest bin of each group of adjacent set bins, (A, B)."""
     peaks = np.zeros(mask.shape, np.bool_)
     engine.find_peaks(mask, power, peaks)
     return peaks
@@ -109,7 +109,7 @@ SPACING: Final = 2.0  # resolutions between training bins
 
 
 class Training(NamedTuple):
-    """The training bins with which a bin is compared.
+    """The training bins: bins around a tested bin, with which it is compared.
 
     Attributes:
         bins: Number of training bins, N, half of them on each side.
@@ -132,14 +132,14 @@ def training_of(settings: FmcwSettings) -> Training:
 def training_correlation(
     settings: FmcwSettings, training: Training
 ) -> tuple[float, ...]:
-    """Return the correlation of the noise of two bins for each distance in bins."""
+    """Return the noise correlation of two bins for each distance between the bins."""
     half = training.bins // 2
     farthest = training.guard + 1 + (half - 1) * training.step
     return (*noise_correlation(settings, np.arange(2.0 * farthest + 1)).tolist(),)
 
 
 def ca_factor(count: int, pfa: float) -> float:
-    """Return alpha of CA: the threshold factor on the mean of the training bins.
+    """Return alpha of CA-CFAR: the threshold relative to the mean of the training bins.
 
     Args:
         count: Number of independent training bins, N.
@@ -156,7 +156,7 @@ def ca_factor(count: int, pfa: float) -> float:
 def correlated_factor(
     training: Training, sides: int, pfa: float, correlation: tuple[float, ...]
 ) -> float:
-    """Return alpha of CA for correlated bins.
+    """Return alpha of CA, the threshold factor, for bins with correlated noise.
 
     Args:
         training: The training bins.
@@ -181,7 +181,7 @@ def correlated_factor(
 
 @lru_cache(maxsize=64)
 def os_factor(count: int, order: int, pfa: float) -> float:
-    """Return alpha of OS: the threshold factor on the k-th weakest training bin.
+    """Return alpha of OS-CFAR: the threshold relative to the k-th weakest training bin.
 
     Args:
         count: Number of training bins, N.
@@ -202,7 +202,7 @@ def _check_pfa(pfa: float) -> None:
 
 
 def _root(log_pfa: Callable[[float], float], pfa: float) -> float:
-    """Return the factor for which the probability of false alarm is ``pfa``."""
+    """Return the threshold factor for a probability of false alarm of ``pfa``."""
     high = 1.0
     while log_pfa(high) > math.log(pfa):
         high *= 2
@@ -218,7 +218,7 @@ def ca_mask(
     pfa: float,
     correlation: tuple[float, ...] | None = None,
 ) -> Mask:
-    """Return a mask of bins above the mean of their training bins, (A, B).
+    """Return a mask of bins that exceed the CA-CFAR threshold, (A, B).
 
     Near the first and the last bin only the training bins on one side are used.
 
@@ -245,7 +245,7 @@ def ca_mask(
 def os_mask(
     power: NDArray[np.float32], training: Training, pfa: float, order: int
 ) -> Mask:
-    """Return a mask of bins above their training bin of a given rank, (A, B).
+    """Return a mask of bins that exceed the OS-CFAR threshold, (A, B).
 
     Near the first and the last bin only the training bins on one side are used, with a
     proportional rank.
@@ -257,7 +257,7 @@ def os_mask(
         order: Rank of the training bin, from the weakest.
     """
     found = np.zeros(power.shape, np.bool_)
-    # The engine uses a histogram with levels of 1/8 dB, from -100 dB on.
+    # The engine sorts powers into a histogram with steps of 1/8 dB from -100 dB on.
     levels = np.log10(np.maximum(power, np.float32(1e-10)))
     levels *= np.float32(10 * LEVELS_PER_DB)
     levels += np.float32(100 * LEVELS_PER_DB)

@@ -1,4 +1,4 @@
-"""Revolutions as images in the file formats of radar data sets.
+"""Writes and reads revolutions as images in the file formats of radar data sets.
 
 ``oxford`` and ``boreas``: 8-bit greyscale images with a row for each azimuth, clockwise
 from straight ahead. A row begins with 11 bytes: the time in us, int64; the encoder,
@@ -40,7 +40,7 @@ VALID: Final = 255
 def put_metadata(
     counts: NDArray[np.uint8], times: NDArray[np.int64], encoder: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
-    """Return image rows in the layout of the Oxford data set, (R, 11 + B).
+    """Return counts as image rows in the layout of the Oxford data set, (R, 11 + B).
 
     Args:
         counts: Counts of each azimuth, (R, B).
@@ -56,7 +56,7 @@ def put_metadata(
 
 
 def encoder_counts(azimuths: int) -> NDArray[np.int64]:
-    """Return the encoder count of each azimuth, (A,); 0 is straight ahead."""
+    """Return the encoder count of each azimuth, (A,), which is 0 straight ahead."""
     counts: NDArray[np.int64] = np.arange(azimuths) * ENCODER_COUNTS // azimuths
     return counts
 
@@ -71,8 +71,8 @@ _FASTEST: Final = 1  # compression level of PNG files
 
 LEAST_TIME_US: Final = 10**15  # the least time with 16 digits, like current times
 EPOCH_US: Final = 1_600_000_000_000_000
-# The library pyboreas assumes fine bins for data after this time, so sequences with
-# fine bins begin after it.
+# For data after this time, the library pyboreas assumes fine bins, so sequences with
+# fine bins begin later.
 BOREAS_CHANGE_US: Final = 1_632_182_400_000_000
 _LATE_EPOCH_US: Final = 1_650_000_000_000_000
 COARSE_BIN, FINE_BIN = 0.0596, 0.04381  # m, bins in pyboreas before and after that time
@@ -84,7 +84,7 @@ RADIATE_QUALITY: Final = 80  # JPEG quality of the images
 
 
 def epoch_of(layout: str, bin_size: float, start_us: int) -> int:
-    """Return the epoch that is added to the times of a sequence, us.
+    """Return the offset, us, that is added to the times of a sequence.
 
     Args:
         layout: Name of the data set.
@@ -139,7 +139,7 @@ def sequence_notes(
 
 
 def through_jpeg(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return counts after the JPEG compression that RADIATE uses, (A, B)."""
+    """Compress counts as JPEG, as in RADIATE, and return the changed counts, (A, B)."""
     data = io.BytesIO()
     columns = Image.fromarray(np.ascontiguousarray(counts.T))
     columns.save(data, "JPEG", quality=RADIATE_QUALITY)
@@ -148,7 +148,7 @@ def through_jpeg(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def cartesian_image(spectrum: Spectrum) -> bytes:
-    """Return a revolution from above as a PNG file in the format of RADIATE."""
+    """Return a revolution, seen from above, as a PNG file in the format of RADIATE."""
     from scipy.ndimage import map_coordinates  # noqa: PLC0415 - slow
 
     settings = spectrum.settings
@@ -157,8 +157,8 @@ def cartesian_image(spectrum: Spectrum) -> bytes:
     row = np.remainder(np.arctan2(right, ahead), 2 * np.pi) / settings.step
     places = np.stack([row, np.hypot(right, ahead) / settings.bin_size])
     counts = through_jpeg(spectrum.counts)
-    # The first azimuth is appended, so that values between the last and the first
-    # azimuth can be interpolated.
+    # The first azimuth is appended to allow interpolation between the last and the
+    # first azimuth.
     turn = np.concatenate([counts, counts[:1]]).astype(np.float32)
     pixels = map_coordinates(turn, places, order=1, cval=0.0)
     return _as_png(np.rint(pixels).astype(np.uint8))
@@ -171,7 +171,7 @@ def _as_png(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
-    """Return a revolution as a PNG file.
+    """Return a revolution as a PNG file in the format of a data set.
 
     Args:
         spectrum: The revolution.
@@ -193,7 +193,7 @@ def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
 
 
 def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
-    """Return the time at which each row was recorded, (A,) us."""
+    """Return the time at which each azimuth of a revolution was recorded, (A,) us."""
     sweep_us = 1e6 * spectrum.settings.sweep_time
     elapsed = np.rint(np.arange(len(spectrum.angles)) * sweep_us)
     times: NDArray[np.int64] = elapsed.astype(np.int64) + time_us
@@ -263,7 +263,7 @@ class RadarTurn:
         frame: str,
         metadata_bytes: int = METADATA_BYTES,
     ) -> Self:
-        """Create a revolution from rows in Oxford's layout.
+        """Create a revolution from image rows in the layout of the Oxford data set.
 
         Args:
             rows: Rows of the image, (A, metadata_bytes + B).
@@ -272,7 +272,7 @@ class RadarTurn:
             metadata_bytes: Number of bytes in a row before the counts.
         """
         head, counts = np.split(rows, [metadata_bytes], axis=1)
-        # Views of another type need contiguous bytes, so the columns are copied.
+        # The columns are copied, since views of another type need contiguous bytes.
         times = head[:, :8].copy().view("<i8")[:, 0]
         encoder = head[:, 8:10].copy().view("<u2")[:, 0]
         angles = -2 * np.pi / ENCODER_COUNTS * encoder

@@ -24,7 +24,7 @@ _TIME: Final = struct.Struct("<2I")
 
 
 class MessageType(IntEnum):
-    """Types of messages; other types are ignored."""
+    """Types of messages; messages of other types are ignored."""
 
     CONFIGURATION = 10
     CONFIGURATION_REQUEST = 20
@@ -34,7 +34,7 @@ class MessageType(IntEnum):
 
 
 def encode_message(kind: int, payload: bytes = b"") -> bytes:
-    """Return the bytes of a message."""
+    """Return the bytes of a message with a type and a payload."""
     return _HEAD.pack(SIGNATURE, VERSION, kind, len(payload)) + payload
 
 
@@ -58,7 +58,7 @@ def configuration_message(
     """
     thousandths, tenths_mm = rotation_hz * 1e3, bin_size * 1e4
     numbers = azimuths, tenths_mm, bins, encoder_counts, thousandths, packet_rate
-    # struct would raise an error for larger numbers.
+    # Numbers are limited, since ``struct`` raises an error for larger numbers.
     limited = (min(round(number), 0xFFFF) for number in numbers)
     gain, offset = 1.0, 0.0  # correction of ranges; these values change nothing
     payload = _CONFIGURATION.pack(*limited, gain, offset)
@@ -66,7 +66,7 @@ def configuration_message(
 
 
 def direction_message(sweep: int, encoder: int, time: int, counts: bytes) -> bytes:
-    """Return the message with the data of an azimuth.
+    """Return the bytes of the message with the data of one azimuth.
 
     Args:
         sweep: Counter of azimuths, 0 to 65535, which wraps around.
@@ -87,16 +87,16 @@ class MessageBuffer:
     """
 
     def __init__(self) -> None:
-        """Create an empty buffer."""
+        """Create a buffer without received bytes."""
         self.problem = ""
         self._received = bytearray()
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Add received bytes; return types and payloads of complete messages."""
+        """Add received bytes; return the type and payload of each complete message."""
         received, messages = self._received, []
         received += data
         while received and not self.problem:
-            # An error is reported as soon as the bytes cannot be a signature.
+            # An error is reported as soon as the first bytes differ from the signature.
             if not SIGNATURE.startswith(received[: len(SIGNATURE)]):
                 self.problem = f"{bytes(received[:16])!r}, expected Navtech's signature"
                 break

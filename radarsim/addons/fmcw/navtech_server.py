@@ -1,4 +1,4 @@
-"""A server for the FMCW radar of a robot, in the protocol of the radar's maker.
+"""A server that sends the data of a robot's FMCW radar in Navtech's protocol.
 
 Theory of operation
 ===================
@@ -47,10 +47,10 @@ PATIENCE: Final = 10.0  # s
 
 
 class NavtechServer(PeerServer, HostObserver):
-    """Serves the data of a robot's radar; it observes the host of the simulation."""
+    """Serves the data of a robot's radar to clients; observes the simulation's host."""
 
     def __init__(self, *, port: int = PORT, robot: str | None = None) -> None:
-        """Create a server that does not listen yet.
+        """Create a radar server that does not listen yet.
 
         Args:
             port: Port to listen on; 0 for a free port.
@@ -67,7 +67,7 @@ class NavtechServer(PeerServer, HostObserver):
         return RadarClient(self)
 
     def begin(self, simulation: Simulation) -> None:
-        """Serve a radar of a simulation."""
+        """Start to serve a radar of a simulation."""
         self._simulation = simulation
 
     async def stop(self) -> None:
@@ -76,7 +76,7 @@ class NavtechServer(PeerServer, HostObserver):
         await super().stop()
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
-        """Find the radar, since robots come and go; subscribe if clients want data."""
+        """Find the robot's radar in each tick; subscribe if a client wants data."""
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
             each
@@ -104,7 +104,7 @@ class NavtechServer(PeerServer, HostObserver):
         self._listen_to(antenna if is_wanted else None)
 
     def _listen_to(self, antenna: Antenna | None) -> None:
-        """Subscribe to the data of an antenna; None ends the subscription."""
+        """Subscribe to the data of an antenna; None ends the current subscription."""
         if self._antenna is None:
             return
         listeners = self._antenna.listeners
@@ -114,11 +114,11 @@ class NavtechServer(PeerServer, HostObserver):
             listeners.append(self._hear)
 
     def tell(self, client: RadarClient) -> None:
-        """Send the configuration, if there is a radar."""
+        """Send the radar's configuration to a client, if there is a radar."""
         client.send(self._configuration)
 
     def _hear(self, sector: Sector, time: float) -> None:
-        """Send azimuths, the first at ``time``, s, to all clients that want data."""
+        """Send azimuths, the first recorded at ``time``, s, to subscribed clients."""
         settings = sector.spectrum.settings
         data = b"".join(
             direction_message(
@@ -129,14 +129,14 @@ class NavtechServer(PeerServer, HostObserver):
             )
             for k, row in enumerate(sector.rows)
         )
-        # The loop needs a copy, since closing a client removes the client from the set.
+        # The set is copied, since closing a client removes the client from the set.
         for client in list(self.peers):
             if client.wants_data:
                 client.send(data)
 
 
 class RadarClient(PeerConnection):
-    """The connection of a client.
+    """The connection of a client of the radar.
 
     Attributes:
         wants_data: Whether the client has requested data.
@@ -146,7 +146,7 @@ class RadarClient(PeerConnection):
     MOST = MAX_CLIENTS
 
     def __init__(self, server: NavtechServer) -> None:
-        """Create the connection and add it to the server."""
+        """Create a connection and add it to the radar server."""
         super().__init__(server)
         self.wants_data = False
         self._server = server
@@ -157,7 +157,7 @@ class RadarClient(PeerConnection):
         self._server.tell(self)
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Handle received messages, then pause reading."""
+        """Handle the messages in received bytes, and then pause reading."""
         messages = self._messages.feed(bytes(self._buffer[:nbytes]))
         types = [kind for kind, _ in messages]
         if MessageType.CONFIGURATION_REQUEST in types:
@@ -181,7 +181,7 @@ class RadarClient(PeerConnection):
             self._read_at = now
         if unsent <= MOST_UNSENT:
             self._transport.write(data)
-        # Rule 1: complete azimuths are left out, never parts of messages.
+        # Rule 1: whole azimuths are dropped, never a part of a message.
         elif now - self._read_at > PATIENCE:
             log.warning("%s: closed: the client does not read", self.peer)
             self.close()

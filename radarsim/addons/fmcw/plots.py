@@ -1,4 +1,4 @@
-"""Pictures of spectra: from above, by azimuth and range, and the A-scope of an azimuth.
+"""Draws spectra: from above, by azimuth and range, or the A-scope of one azimuth.
 
 The outlines of the map at the height of the sensor are drawn over them, if known.
 """
@@ -57,7 +57,7 @@ def plot_spectrum(
     detections: "Detections | None" = None,
     scene: "Scene | None" = None,
 ) -> Axes:
-    """Draw a revolution.
+    """Draw the spectrum of a revolution.
 
     Args:
         spectrum: The revolution.
@@ -104,9 +104,8 @@ def plot_spectrum(
 
 
 def echo_reach(spectrum: "Spectrum") -> float:
-    """Return the longest range with echoes above the noise, plus a margin, m."""
-    # The mean power of echoes is used, since random peaks of noise would extend the
-    # range.
+    """Return the longest range, m, at which echoes exceed the noise, plus a margin."""
+    # Echoes without noise are used, since random peaks of noise would extend the range.
     noise = spectrum.noise_floor * np.float32(10 ** (VISIBLE / 10))
     loud = (spectrum.echo_power > noise).sum(axis=0) >= LEAST_LOUD
     last = np.flatnonzero(loud).max(initial=0)
@@ -132,8 +131,8 @@ def outline_pieces(spectrum: "Spectrum", scene: "Scene") -> Floats:
     pose = spectrum.pose
     cuts = [slice_mesh(part.vertices, part.faces, pose.z) for part in scene.parts]
     ends = np.concatenate([np.zeros((0, 2, 2)), *cuts])
-    # If only a corner of a triangle reaches the height, the section is a single point.
-    # Such points are removed.
+    # A triangle of which only a corner reaches the height gives a single point, which
+    # is removed.
     lines = shapely.linestrings(ends[(ends[:, 0] != ends[:, 1]).any(axis=1)])
     coordinates, line = shapely.get_coordinates(
         shapely.segmentize(lines, PIECE), return_index=True
@@ -149,12 +148,12 @@ def _polar_lines(pieces: Floats) -> Floats:
     x, y = pieces[..., 0], pieces[..., 1]
     degrees = np.degrees(np.arctan2(-y, x)) % 360
     lines = np.stack([np.hypot(x, y), degrees], axis=2)
-    # Lines that cross 0 degrees would span the whole picture, so they are left out.
+    # Lines across 0 degrees are left out, since they would span the whole picture.
     return np.asarray(lines[np.ptp(degrees, axis=1) < 180])
 
 
 def _draw_outlines(axes: Axes, lines: Floats) -> None:
-    """Draw outlines of the map over a picture, with a legend."""
+    """Draw the outlines of the map over a picture of a spectrum, with a legend."""
     limits = axes.get_xlim(), axes.get_ylim()
     # The lines are thin, so that they do not hide the echoes.
     style: dict[str, Any] = {"colors": TRUTH, "linewidths": 0.6, "alpha": 0.8}
@@ -169,8 +168,8 @@ def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> No
     """Draw a line at each range at which an azimuth crosses an outline."""
     cos, sin = math.cos(angle), math.sin(angle)
     pieces = pieces @ np.array([[cos, -sin], [sin, cos]])
-    # Adjacent pieces share an end, so an azimuth through this end crosses at least one
-    # of the pieces.
+    # Adjacent pieces share an end, so an azimuth through this end crosses one of these
+    # pieces or both.
     (x0, y0), (x1, y1) = pieces[:, 0].T, pieces[:, 1].T
     share = np.divide(y0, y0 - y1, out=np.full(len(y0), np.inf), where=y0 != y1)
     ranges = (x0 + share * (x1 - x0))[(share >= 0) & (share <= 1)]
@@ -213,7 +212,7 @@ def _from_above(spectrum: "Spectrum", reach: float) -> NDArray[np.float32]:
     column = np.hypot(right, ahead) / spectrum.settings.bin_size
     low, near = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
     across, along = np.float32(row - low), np.float32(column - near)
-    # Linear interpolation also needs the next bin.
+    # The last bin is outside, since linear interpolation also needs the next bin.
     outside = near >= bins - 1
     near = np.minimum(near, bins - 2)
     low, high = low % count, (low + 1) % count

@@ -1,4 +1,4 @@
-"""Echoes of points with multipath: propagation paths and their beat components.
+"""Computes the echoes of points on direct and reflected paths (multipath).
 
 Theory of operation
 ===================
@@ -54,7 +54,7 @@ _DIGITS: Final = 4  # digits to which planes are rounded to merge their faces
 
 
 class Points(NamedTuple):
-    """N reflecting points.
+    """N points that reflect radar waves.
 
     Attributes:
         positions: Positions, (N, 3) m, map frame.
@@ -65,7 +65,7 @@ class Points(NamedTuple):
     rcs: Floats
 
 
-# Flat surfaces that reflect.
+# Flat surfaces that reflect radar waves like mirrors.
 _PLANE: Final = np.dtype(
     [
         ("area", np.float64),  # m^2
@@ -111,11 +111,11 @@ class Sight(NamedTuple):
     carrier_id: int
 
     def losses(self, starts: Floats, ends: Floats) -> Floats:
-        """Return one-way losses between positions, (N,) dB; inf if hidden."""
+        """Return one-way losses between N pairs of positions, dB; inf if hidden."""
         loss = np.full(len(ends), np.inf)
         rows = np.flatnonzero(np.linalg.norm(ends - starts, axis=1) > 2 * CLEARANCE)
         if len(rows):
-            # A mirror in between hides the point like any other surface.
+            # A mirror between two positions hides them like any other surface.
             traces, _ = self._trace(starts[rows], ends[rows], -CLEARANCE)
             passed = traces.outcomes == Outcome.NOTHING
             loss[rows[passed]] = self._decibels(traces.power[passed])
@@ -124,7 +124,7 @@ class Sight(NamedTuple):
     def losses_to_parts(
         self, ends: Floats, parts: NDArray[np.int64], absorbed_db: Floats
     ) -> Floats:
-        """Return one-way losses to positions on parts, (N,) dB; inf if hidden."""
+        """Return one-way losses from antenna to parts, (N,) dB; inf if hidden."""
         starts = np.broadcast_to(self.origin, ends.shape)
         traces, reach = self._trace(starts, ends, CLEARANCE)
         met = (traces.outcomes == Outcome.HIT) & (traces.parts == parts)
@@ -134,7 +134,7 @@ class Sight(NamedTuple):
     def _trace(
         self, starts: Floats, ends: Floats, longer: float
     ) -> tuple[Traces, Floats]:
-        """Trace rays that end ``longer`` m behind ``ends``; also return lengths, m."""
+        """Trace rays to ``longer`` m behind ``ends``; return traces and lengths, m."""
         offsets = ends - starts
         distance = np.linalg.norm(offsets, axis=1)
         reach, directions = distance + longer, offsets / distance[:, None]
@@ -163,7 +163,7 @@ def reflecting_planes(tracer: Tracer) -> NDArray[np.void]:
 
 
 def _find_planes(tracer: Tracer) -> Iterator[tuple[object, ...]]:
-    """Yield a row for each plane of each part."""
+    """Yield a row of ``_PLANE`` for each plane of each reflecting part."""
     for number, part in enumerate(tracer.parts):
         reflected, material = head_on_reflection(part.material), part.material
         if reflected <= 0 or not part.faces.size:
@@ -213,7 +213,7 @@ def fresnel_reflections(head_on: Floats, cosine: Floats) -> tuple[Floats, Floats
 
 
 def straight_ways(sight: Sight, points: Points, _wavelength: float) -> Ways:
-    """Return the direct paths to all points that are visible directly."""
+    """Return the direct paths from the antenna to all visible points."""
     places = points.positions
     loss = sight.losses(np.broadcast_to(sight.origin, places.shape), places)
     seen = np.flatnonzero(np.isfinite(loss))
@@ -221,7 +221,7 @@ def straight_ways(sight: Sight, points: Points, _wavelength: float) -> Ways:
 
 
 def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
-    """Return the paths to points: direct paths, and paths with a single reflection.
+    """Return the direct paths to points, and the paths with a single reflection.
 
     Args:
         sight: Lines of sight of the antenna.
@@ -231,8 +231,8 @@ def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
     origin, places = sight.origin, points.positions
     found = [straight_ways(sight, points, wavelength)]
     planes = reflecting_planes(sight.tracer)
-    # The copy is contiguous, since numpy rounds products of other memory layouts
-    # differently.
+    # Normals are copied to contiguous memory, since numpy's rounding depends on the
+    # layout.
     directions = planes["normal"].copy()
     height = directions @ origin - planes["offset"]
     heights = places @ directions.T - planes["offset"]  # (N, M)
@@ -261,7 +261,7 @@ def reflected_share(
 ) -> Floats:
     """Return the share of the power that planes reflect specularly."""
     head_on = planes["reflected"]
-    # Height variations of the surface change the phase by this rms value, rad.
+    # The surface's roughness changes the phase of the wave by this rms value, rad.
     turn = 4 * math.pi * ROUGHNESS * cosine / wavelength
     across, along = fresnel_reflections(head_on, cosine)
     smooth = (across + along) / 2 * np.exp(-(turn**2))
@@ -271,7 +271,7 @@ def reflected_share(
 def point_tones(
     settings: FmcwSettings, view: Viewpoints, rows: range, points: Points, ways: Ways
 ) -> Tones:
-    """Return the beat components of points at azimuths.
+    """Return the beat components that azimuths receive from points.
 
     Args:
         settings: Settings of the radar.
@@ -287,7 +287,7 @@ def point_tones(
     across = across + np.arctan2(seen[..., 1], seen[..., 0])
     across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
     elevation = np.arcsin(np.clip(seen[..., 2] / np.maximum(distance, 1e-9), -1, 1))
-    # The level of one-way sidelobes in dB is half of the two-way level.
+    # In dB, the one-way level of sidelobes is half of their two-way level.
     pattern = azimuth_pattern(settings, across)
     pattern = np.maximum(pattern, 10 ** (settings.sidelobe_db / 20))
     pattern *= elevation_pattern(settings, elevation)
@@ -301,8 +301,8 @@ def point_tones(
     row, pair = np.nonzero((power > FAINT) & (distance[:, first] > CLEARANCE))
     length = (distance[row, first[pair]] + distance[row, second[pair]]) / 2
     approach = (speed[row, first[pair]] + speed[row, second[pair]]) / 2
-    # The phase depends on the true distance, the beat frequency also on the Doppler
-    # shift. In an up-sweep both rise with the distance, as for speckle.
+    # The phase depends on the true distance, and the beat frequency also on the Doppler
+    # shift. In an up-sweep, phase and frequency rise with the distance, as for speckle.
     phases = 4 * math.pi * length / settings.wavelength
     phases += np.where(both[row, pair] < 0, math.pi, 0.0)
     shifted = length + doppler_shift(settings, approach)

@@ -48,19 +48,19 @@ def sample_count(settings: FmcwSettings) -> int:
 
 @lru_cache(maxsize=16)
 def window_of(settings: FmcwSettings) -> Floats:
-    """Return the window over the samples of a sweep, (S,), with a sum of 1."""
-    # The window is periodic, as the FFT assumes: the next sample would equal the first.
+    """Return the window function over the samples of a sweep, (S,), with a sum of 1."""
+    # The window is periodic, as an FFT requires: the next sample would equal the first.
     phase = np.linspace(-np.pi, np.pi, sample_count(settings) + 1)[:-1]
     shares = enumerate(_COSINES[settings.window])
     window = sum((a * np.cos(k * phase) for k, a in shares), np.zeros_like(phase))
-    # A beat component with amplitude 1 has a peak of 1 for every window.
+    # With this scale, a beat component of amplitude 1 has a peak of 1 for every window.
     window /= window.sum()
     window.setflags(write=False)
     return window
 
 
 def noise_correlation(settings: FmcwSettings, bins: Floats) -> Floats:
-    """Return the real part of the correlation between the noise of two bins.
+    """Return the real part of the correlation between the noise of two range bins.
 
     Args:
         settings: Settings of the radar.
@@ -108,7 +108,7 @@ def noise_power(settings: FmcwSettings) -> float:
 
 @lru_cache(maxsize=16)
 def noise_shape(settings: FmcwSettings) -> NDArray[np.float32]:
-    """Return the noise power of each bin relative to ``noise_power``, (B,).
+    """Return the noise power of each range bin relative to ``noise_power``, (B,).
 
     It falls by ``noise_tilt_db`` over all bins; the mean of its decibels is 0.
     """

@@ -1,4 +1,4 @@
-"""The rotating antenna of an FMCW radar that moves.
+"""The rotating antenna of an FMCW radar that moves while it records.
 
 Theory of operation
 ===================
@@ -44,7 +44,7 @@ from radarsim.sensors.scan import Targets
 
 
 class Sector(NamedTuple):
-    """Consecutive azimuths of a revolution.
+    """The received data of consecutive azimuths of a revolution.
 
     Attributes:
         turn: Number of the revolution, from 0.
@@ -58,7 +58,7 @@ class Sector(NamedTuple):
 
     @property
     def rows(self) -> range:
-        """Indices of the azimuths."""
+        """Indices of the sector's azimuths in the revolution."""
         return range(self.first, self.first + len(self.spectrum.angles))
 
     @property
@@ -68,7 +68,7 @@ class Sector(NamedTuple):
 
 
 def join_sectors(sectors: Iterable[Sector]) -> Spectrum:
-    """Join the sectors of a revolution to a spectrum, with the pose at its start."""
+    """Join the sectors of a revolution to one spectrum, with the pose at its start."""
     parts = [each.spectrum for each in sectors]
     return replace(
         parts[0],
@@ -89,7 +89,7 @@ class _TracedLook(NamedTuple):
 
 
 class Rotation:
-    """The rotating antenna of a radar.
+    """The rotating antenna of an FMCW radar.
 
     Attributes:
         radar: The radar.
@@ -128,7 +128,7 @@ class Rotation:
         velocity: Velocity = STANDING,
         receives: bool = True,
     ) -> list[Sector]:
-        """Rotate the antenna, and return the azimuths that are received.
+        """Rotate the antenna, and return the data of azimuths that are now complete.
 
         Args:
             pose: Pose of the antenna after the rotation, map frame.
@@ -143,7 +143,7 @@ class Rotation:
         """
         azimuths = self.radar.settings.azimuths
         begin = self._traced + sum(len(view.times) for view, _ in self._passed)
-        # The first revolution, which is not received, has the number -1.
+        # The first revolution, of which no data is returned, has the number -1.
         numbers = np.arange(begin, begin + count) - azimuths
         times = np.asarray(self.radar.settings.sweep_time * numbers, np.float64)
         view = moving_viewpoints(start or pose, pose, times, velocity)
@@ -165,7 +165,7 @@ class Rotation:
         return sectors
 
     def _trace_passed(self, boxes: Boxes | None, carrier_id: int) -> None:
-        """Trace all azimuths that have been passed."""
+        """Trace all azimuths that the antenna has passed since the last call."""
         views = zip(*(view for view, _ in self._passed), strict=True)
         view = Viewpoints._make(map(np.concatenate, views))
         poses = [pose for seen, pose in self._passed for _ in seen.times]
@@ -188,7 +188,7 @@ class Rotation:
         boxes: Boxes | None,
         carrier_id: int,
     ) -> Tones:
-        """Add the echoes of azimuths to a revolution; return the echoes of points."""
+        """Trace azimuths: add surface echoes to the revolution; return point echoes."""
         radar, scene = self.radar, self._scene
         if turn not in self._echoes:
             self._echoes[turn] = radar.new_turn(scene)
@@ -201,11 +201,11 @@ class Rotation:
             self._streams = NumberedStreams(self._rng)
             self._echoes.pop(turn - 2, None)
         own, before = self._echoes[turn], self._echoes[turn - 1]
-        # At the end of a revolution, echoes of the next one are needed. It has begun by
-        # then.
+        # The last azimuths of a revolution also need echoes of the next revolution,
+        # which has begun by then.
         after = self._echoes.get(turn + 1, own)
         echoes = own.rows(rows.start, rows.stop, before, after)
-        # Several calls may have traced these azimuths, together with other azimuths.
+        # Several calls of ``_trace`` may have traced these azimuths and others.
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
         offset = start - looks[0].rows.start
@@ -219,29 +219,29 @@ class Rotation:
         return self.radar.receive(pose, rows, view, echoes, tones, self._streams)
 
 
-# The number of a revolution, its targets, and the settings of the scanner at its
-# beginning.
+# The number and the targets of a revolution, and the scanner's settings when the
+# revolution began.
 FoundTurn: TypeAlias = tuple[int, Targets, SensorSettings]
 Received: TypeAlias = tuple[list[Sector], FoundTurn | None]
 
 
 class TurnReceiver(Rotation):
-    """The rotating antenna of a radar with the detector of its scanner."""
+    """The rotating antenna of a radar whose scanner detects targets."""
 
     def __init__(
         self, radar: FmcwRadar, scene: Scene, rng: np.random.Generator
     ) -> None:
         """Create an antenna that points straight ahead; see ``Rotation``."""
         super().__init__(radar, scene, rng)
-        # The settings at the beginning of the current revolution, which apply until its
-        # end; None without detector.
+        # Settings of the scanner when the revolution began, which apply until its end;
+        # None without detector.
         self._settings: SensorSettings | None = None
         self._targets: list[Targets] = []
 
     def receive(
         self, settings: SensorSettings, is_recorded: bool, /, *args: Any, **kwargs: Any
     ) -> Received:
-        """Rotate the antenna, and detect targets in the azimuths that are received.
+        """Rotate the antenna, and detect targets in the azimuths that are now complete.
 
         Args:
             settings: Settings of the scanner.

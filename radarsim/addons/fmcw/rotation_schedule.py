@@ -1,4 +1,4 @@
-"""The rotating antennas of FMCW radars on robots, and the schedule of their reception.
+"""The rotating antennas of FMCW radars on robots, and the times when their data is due.
 
 Theory of operation
 ===================
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from radarsim.sensors.scan import Targets
     from radarsim.simulation.simulation import Simulation
 
-# Maximum number of antennas that rotate, since each needs a large part of a processor.
+# Maximum number of rotating antennas; each uses a large part of a processor.
 MOST_TURNING: Final = 1
 LATENCY: Final = 5  # ticks until received data is available
 RECEPTION_TICKS: Final = 2  # ticks that are computed together, which is faster
@@ -55,7 +55,7 @@ Listener: TypeAlias = Callable[["Sector", float], None]
 
 @dataclass(slots=True, eq=False)
 class Antenna:
-    """The antenna of a scanner.
+    """The antenna of an FMCW radar on a robot.
 
     Attributes:
         vehicle: The robot.
@@ -89,7 +89,7 @@ class Antenna:
     def advance(
         self, scene: Scene, ticks: int, boxes: Boxes, worker: BackgroundThread
     ) -> None:
-        """Rotate the antenna for a tick; after a rest a new revolution begins.
+        """Rotate the antenna for a tick; begin a new revolution after a pause.
 
         Args:
             scene: The map.
@@ -99,8 +99,8 @@ class Antenna:
         """
         from radarsim.addons.fmcw import rotation  # noqa: PLC0415 - scipy is slow
 
-        # The robot may have moved while the antenna did not rotate, so a revolution
-        # must not contain azimuths from before and after the rest.
+        # The robot may have moved while the antenna did not rotate, so no revolution
+        # may contain azimuths from before and after the pause.
         if self.receiver is None or self.turned != ticks - 1:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
             self.receiver = rotation.TurnReceiver(radar, scene, rng)
@@ -111,7 +111,7 @@ class Antenna:
         pose = self.vehicle.sensor_pose(self.mounted.item)
         before = self.pose or pose
         vx, vy, vz = ((pose.position() - before.position()) / TICK).tolist()
-        # The arguments are all data that the thread needs; it does not access the
+        # The arguments contain all data for the thread, which must not access the
         # simulation.
         result = worker.submit(
             self.receiver.receive,
@@ -129,7 +129,7 @@ class Antenna:
         self.turned, self.pose = ticks, pose
 
     def receive(self, ticks: int) -> list[DueScan]:
-        """Pass data to listeners, and return the scans of complete revolutions."""
+        """Pass due data to listeners; return the scans of complete revolutions."""
         scans = []
         while self.computed and self.computed[0][0] + LATENCY <= ticks:
             _, since, result = self.computed.popleft()
@@ -141,7 +141,7 @@ class Antenna:
                     f"in the thread of antennas: {name!r} of robot {robot!r}"
                 )
                 raise
-            # The robot may have been removed in the meantime; then its data is dropped.
+            # If the robot has been removed in the meantime, its data is dropped.
             if not self.vehicle.alive:
                 continue
             for sector in sectors:
@@ -156,7 +156,7 @@ class Antenna:
     def _read(
         self, number: int, targets: Targets, settings: SensorSettings, since: int
     ) -> DueScan:
-        """Return the scan with the targets of a revolution."""
+        """Return the scan that reports the targets of a revolution."""
         assert self.receiver is not None
         vehicle, item = self.vehicle, self.mounted.item
         time = _time_after(number + 1, self.receiver.radar.settings, since)
@@ -184,7 +184,7 @@ class Antennas:
     """
 
     def __init__(self, scene: Scene, clock: Clock) -> None:
-        """Create an empty collection.
+        """Create a collection without antennas.
 
         Args:
             scene: The map.
@@ -196,27 +196,27 @@ class Antennas:
         self._before = -1, Boxes(np.zeros((0, 8)))  # the last tick with boxes
 
     def add(self, vehicle: Vehicle) -> None:
-        """Add the antennas of a robot."""
+        """Add the antennas of a robot's FMCW radars."""
         carried = [Antenna(vehicle, each) for each in vehicle.scanners if each.has_fmcw]
         self.all = [*self.all, *carried]
 
     def remove(self, vehicle: Vehicle) -> None:
-        """Remove the antennas of a robot."""
+        """Remove the antennas of a robot's FMCW radars."""
         self.all = [each for each in self.all if each.vehicle is not vehicle]
 
     def of(self, vehicle: Vehicle) -> list[Antenna]:
-        """Return the antennas of a robot."""
+        """Return the antennas of a robot's FMCW radars."""
         return [each for each in self.all if each.vehicle is vehicle]
 
     @property
     def turning(self) -> list[Antenna]:
-        """The rotating antennas, limited to the robots that were spawned first."""
+        """The antennas that rotate, at most ``MOST_TURNING``, in order of spawning."""
         return [each for each in self.all if each.turns][:MOST_TURNING]
 
     def read_due(
         self, find_boxes: Callable[[], Boxes], faults: Faults
     ) -> list[DueScan]:
-        """Rotate all active antennas for a tick, and return the received scans.
+        """Rotate all active antennas for a tick, and return the scans that are due.
 
         Args:
             find_boxes: Returns the boxes of robots.
@@ -260,7 +260,7 @@ def antennas_of(simulation: Simulation) -> Antennas:
 
 
 class TurnCollection:
-    """Collects the data of an antenna into complete revolutions.
+    """Joins the data that an antenna receives to complete revolutions.
 
     Attributes:
         newest: The last complete revolution, with the pose at its beginning; None
@@ -272,7 +272,7 @@ class TurnCollection:
         self._sectors: list[Sector] = []
 
     def take(self, sector: Sector, _: float) -> None:
-        """Add consecutive azimuths."""
+        """Add the data of consecutive azimuths of a revolution."""
         if sector.first == 0:
             self._sectors.clear()  # the previous revolution may be incomplete
         elif not self._sectors:  # the beginning of this revolution was not received

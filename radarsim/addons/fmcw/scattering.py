@@ -1,4 +1,4 @@
-"""The absorption and backscatter of the parts of a scene, as the engine needs them.
+"""Computes the backscatter of the parts of a scene for the engine.
 
 The backscatter of a surface is given by gamma = sigma0 / cos: its radar cross section
 per square metre across the ray. By Lambert's law a wall has a gamma of gamma0 cos; open
@@ -115,7 +115,7 @@ def _is_open(tracer: Tracer, part: int) -> bool:
 
 
 def _look_down(tracer: Tracer, open_part: int, cell: float) -> NDArray[np.int64]:
-    """Return the index of the part that is open ground at each position, (X, Y).
+    """Return, for each position of a raster, the index of the ground's part, (X, Y).
 
     Positions that other objects cover from above have the index ``open_part``.
     """
@@ -135,11 +135,11 @@ def _look_down(tracer: Tracer, open_part: int, cell: float) -> NDArray[np.int64]
 
 @lru_cache(maxsize=1)
 def ground_heights() -> NDArray[np.float32]:
-    """Return the heights of ground with a roughness of 1 cm^3, (N, N) m."""
+    """Return a raster of heights of ground with a roughness of 1 cm^3, (N, N) m."""
     noise = generator_for(0, "relief").standard_normal([TEXTURE_CELLS] * 2)
     waves = np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_CELL)  # per metre
     steep = np.maximum(np.hypot(*np.meshgrid(waves, waves)), waves[1])
-    # A density of C / k^3 in the plane gives a density of 4 C / k^2 along a line.
+    # A power density of C / k^3 in the plane gives a density of 4 C / k^2 along a line.
     density = 1e-6 * 0.1**2 / 4 / steep**3
     heights = np.fft.ifft2(np.fft.fft2(noise) * np.sqrt(density)).real / TEXTURE_CELL
     return np.asarray(heights - heights.mean(), np.float32)
@@ -157,7 +157,7 @@ _known: WeakKeyDictionary[Tracer, dict[RayClass, Packed]] = WeakKeyDictionary()
 
 
 def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
-    """Return the scattering of a scene with P parts for a class of rays.
+    """Return the scattering properties of a scene's P parts for a class of rays.
 
     Returns:
         The engine's ``Scattering``: the air, the ground, and ``parts``, (P + 1,), with
@@ -174,7 +174,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
             sway: Rms speed at which the wind moves volumes and sheets, m/s.
             edges: Minimum x and y, then maximum x and y of level ground, m, map frame.
     """
-    # Tracers are held by weak references, so an entry vanishes with its tracer.
+    # Tracers are held by weak references, so cached entries vanish with their tracer.
     known = _known.setdefault(tracer, {})
     if ray_class in known:
         return known[ray_class]
@@ -191,7 +191,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
         air = albedo[-1] * air_density / (per_db * NEPER_DB) + rain[-1]
     areas = [mirror_area(part) for part in tracer.parts] * ~round_parts(tracer)
     lobes = np.array(list(map(lobe_of, materials, areas))).reshape(-1, 2)
-    # Gamma of opaque surfaces at normal incidence, dB.
+    # Gamma, the backscatter coefficient, of opaque surfaces at normal incidence, dB.
     surface_db = [MIRROR_DB if m.radar_mirror else m.backscatter_db for m in materials]
     rows = np.zeros(len(materials) + 1, engine.rows["PartScattering"])
     rows[-1]["gamma"] = 10 ** (ROBOT_DB / 10)
@@ -222,7 +222,7 @@ def mirror_area(part: Part) -> float:
 
 
 def lobe_of(material: Material, area: float = DENT_AREA) -> tuple[float, float]:
-    """Return ``glint`` and ``narrowness`` of an opaque surface.
+    """Return the values ``glint`` and ``narrowness`` of a surface's specular lobe.
 
     Args:
         material: Material of the surface.

@@ -1,4 +1,4 @@
-"""Sequences: the revolutions that a radar records while it moves along a path."""
+"""Records the revolutions of a radar that moves along a path."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -32,12 +32,12 @@ class DrivenPath:
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last pose, s."""
+        """Time from the first to the last pose of the path, s."""
         return float(self.times[-1] - self.times[0])
 
     def poses_at(self, times: Floats) -> list[Pose3]:
-        """Return the poses at times, s, which are clipped to the times of the path."""
-        # Slerp raises an error for times outside of the path, so they are clipped.
+        """Return the radar's poses at times, s, clipped to the times of the path."""
+        # Times are clipped, since Slerp raises an error for times outside of the path.
         inside = np.clip(times, self.times[0], self.times[-1])
         turns = Slerp(self.times, Orientation.from_quat(self.orientations))(inside)
         angles = turns.as_euler("ZYX")
@@ -93,7 +93,7 @@ def tum_line(time: float, pose: Pose3) -> str:
 def turns_along(
     radar: FmcwRadar, scene: Scene, path: DrivenPath, rng: np.random.Generator
 ) -> Iterator[tuple[float, Spectrum]]:
-    """Yield the revolutions that end before the path ends, with their start times, s.
+    """Yield all revolutions that fit into the time of the path, with start times, s.
 
     The pose of a revolution is the pose in its middle. Before the path begins, the
     radar stays at the first pose for a revolution.
@@ -107,12 +107,12 @@ def turns_along(
     settings = radar.settings
     rotation = Rotation(radar, scene, rng)
     (start,) = path.poses_at(path.times[:1])
-    # The first revolution is not received, since its sidelobes need the previous one.
+    # Sidelobes need the previous revolution, so the first revolution gives no data.
     sectors = rotation.advance(start, settings.azimuths)
     step = max(settings.azimuths // STEPS_IN_TURN, 1)
     period = settings.azimuths * settings.sweep_time
     looked, done = 0, 0
-    # Rounding errors must not remove the last revolution of the path.
+    # The tolerance keeps rounding errors from removing the path's last revolution.
     count = int(path.duration / period + 1e-9)
     while done < count:
         seconds = step * settings.sweep_time

@@ -86,7 +86,7 @@ class Spectrum:
 
     @cached_property
     def counts(self) -> NDArray[np.uint8]:
-        """The received power as the radar stores it, 0 to 255, (A, B).
+        """The received power as counts from 0 to 255, as the radar stores it, (A, B).
 
         A count is ``count_db`` decibels; the noise has a median of ``floor_count``.
         """
@@ -94,7 +94,7 @@ class Spectrum:
 
     @cached_property
     def mean(self) -> NDArray[np.float32]:
-        """The mean power over many seeds, (A, B) W: without speckle, with mean noise.
+        """The expected power, (A, B) W: the mean over many random seeds.
 
         The window spreads each echo over several bins.
         """
@@ -102,7 +102,7 @@ class Spectrum:
         shape = self.noise_floor / np.float32(noise_power(self.settings))
         spread = np.abs(fft.fft(window_of(self.settings), length)) ** 2
         scale = np.float32(noise_power(self.settings))
-        # Convolve with the spectrum of the window by FFT; rounding errors may give
+        # FFTs convolve echoes with the window's spectrum; rounding errors may give
         # negative values.
         echoes = fft.rfft(self.echo_power / scale / shape, length, axis=1)
         echoes *= fft.rfft(spread).astype(np.complex64)
@@ -112,7 +112,7 @@ class Spectrum:
     def detections(
         self, detector: str = "ca", *, pfa: float = 1e-4, count: int = 12
     ) -> Detections:
-        """Detect targets.
+        """Detect targets in the spectrum.
 
         Args:
             detector: ``ca`` compares each bin with the mean of training bins around it,
@@ -126,7 +126,7 @@ class Spectrum:
         """
         allowed = self.ranges >= MIN_RANGE
         if detector == "k":
-            # The published algorithm uses the counts that radars store, not watts.
+            # The published detector ``k`` uses the counts that radars store, not watts.
             mask = strongest_mask(self.counts, count, allowed, MIN_COUNT)
         elif detector in DETECTORS:
             training, power = training_of(self.settings), self.power / self.noise_floor
@@ -140,7 +140,7 @@ class Spectrum:
             raise ValueError(f"detector {detector!r}, expected one of {DETECTORS}")
         rows, bins = np.nonzero(mask)
         ranges, dbm = self.ranges[bins], dbm_of(self.power[rows, bins])
-        # The power of a point falls with the fourth power of the range.
+        # The echo power of a point falls with the fourth power of the range.
         rcs_dbsm = dbm - dbm_of(radar_constant(self.settings)) + 40 * np.log10(ranges)
         snr_db = dbm - dbm_of(self.noise_floor[bins])
         velocity = self.radial_velocity[rows, bins].astype(np.float64)
@@ -151,7 +151,7 @@ class Spectrum:
     def plot(
         self, ax: "Axes | None" = None, *, view: str = "cartesian", azimuth: int = 0
     ) -> "Axes":
-        """Draw the revolution.
+        """Draw the spectrum of the revolution.
 
         Args:
             ax: Axes of matplotlib; None for a new figure.
@@ -168,9 +168,9 @@ class Spectrum:
 
 
 def counts_of(settings: FmcwSettings, power: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Convert powers, W, to the counts that a radar stores."""
+    """Convert received powers, W, to the counts, 0 to 255, that a radar stores."""
     median = noise_power(settings) * MEDIAN
-    # Logarithms of 0 are avoided. Arrays are changed in place, as they are large.
+    # ``tiny`` avoids logarithms of 0. The large arrays are changed in place.
     tiny = np.float32(np.finfo(np.float32).tiny)
     counts = np.log10(np.maximum(power, tiny))
     counts -= np.float32(np.log10(median))

@@ -1,4 +1,4 @@
-"""Conversion of the targets in a spectrum to the ranges of a range scanner's beams.
+"""Converts targets in a spectrum to the ranges of a range scanner's beams.
 
 Theory of operation
 ===================
@@ -36,7 +36,7 @@ def find_targets(spectrum: "Spectrum", settings: SensorSettings) -> Targets:
     )
     beams = beams_of(found.angles, settings)
     seen = (beams >= 0) & (found.ranges <= settings.max_range)
-    # The fields of ``Targets`` after the beams are the last fields of ``Detections``.
+    # The fields of ``Targets`` are the beams and the last fields of ``Detections``.
     columns = (column[seen] for column in (beams, *found[3:]))
     return join_targets([Targets._make(columns)])
 
@@ -49,11 +49,11 @@ def join_targets(parts: Sequence[Targets]) -> Targets:
 
 
 def beams_of(angles: Floats, settings: SensorSettings) -> NDArray[np.int64]:
-    """Return the nearest beam for each angle, rad; -1 outside the field of view."""
+    """Return the beam nearest to each angle, rad; -1 outside the field of view."""
     turned = np.degrees(np.remainder(angles + math.pi, 2 * math.pi) - math.pi)
     steps = (turned + settings.fov_deg / 2) / settings.resolution_deg
-    # Angles in the middle between two beams belong to the left beam; the tolerance
-    # accounts for rounding errors.
+    # Angles in the middle between two beams belong to the left beam; 1e-9 is a
+    # tolerance for rounding errors.
     beams = np.floor(steps + 0.5 + 1e-9).astype(np.int64)
     # On a full circle the first beam follows the last one.
     beams %= max(round(360 / settings.resolution_deg), settings.beams)

@@ -1,4 +1,4 @@
-"""Simulates robots of one class in a scene, one decision period at a time.
+"""Simulates robots of one class in a scene, in steps of one decision period.
 
 Motion, collisions and scans are computed as in a simulation. Nothing is reported
 between two decisions, so a period takes only a few calls of the engine.
@@ -34,7 +34,7 @@ MOST_SECONDS: Final = 10_000.0  # s; longest period, as the engine cannot stop e
 
 
 class Arena:
-    """A scene with N robots.
+    """A scene in which N robots drive and scan.
 
     Attributes:
         scene: The map.
@@ -94,7 +94,7 @@ class Arena:
 
     @property
     def radius(self) -> float:
-        """Radius of the circle around a robot's footprint, m."""
+        """Radius of the smallest circle around a robot's footprint, m."""
         return Footprint(self.model.length, self.model.width).radius
 
     @property
@@ -109,7 +109,7 @@ class Arena:
         return [(x, y) for x, y, _ in self.poses[others & self._meets].tolist()]
 
     def place(self, row: int, pose: Pose2) -> None:
-        """Place a robot at a pose, at rest; the pose is not checked for obstacles."""
+        """Place a robot at rest at a pose, which is not checked for obstacles."""
         self._present[row] = True
         self._fleet.place(self._robots[row], pose, self._obstacles_at(pose.x, pose.y))
 
@@ -160,7 +160,7 @@ class Arena:
         chosen: NDArray[np.bool_],
         values: Sequence[str],
     ) -> dict[str, Floats]:
-        """Scan with the chosen robots.
+        """Scan once with the scanner of each chosen robot.
 
         Args:
             rngs: Random generator of each robot.
@@ -187,7 +187,7 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        # Robots that cannot collide do not appear in each other's scans either.
+        # Robots that cannot hit each other do not appear in each other's scans.
         boxes = Boxes(self._fleet.boxes()[self._present]) if self._meets else None
         taken = take_scans(self._tracer, requests, boxes)
         for row, request, (batch, k) in zip(rows, requests, taken, strict=True):
@@ -201,20 +201,20 @@ class Arena:
 
     def _obstacles_at(self, x: float, y: float) -> Obstacles:
         floor = self.scene.floor_at(x, y)
-        # Obstacles depend on the height of the floor. There are few heights, so the
-        # obstacles at each height are cached.
+        # Obstacles depend on the floor's height. Maps have few floor heights, so the
+        # obstacles for each height are cached.
         if floor not in self._obstacles:
             self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._obstacles[floor]
 
 
 def _power_left(scan: Scan) -> Floats:
-    """Return the shares of penetration power, (beams,), left at the measured ranges."""
+    """Return each beam's share of penetration power left at its range, (beams,)."""
     echoes, shares = scan.echoes, np.zeros(len(scan.ranges))
-    # A beam reports the range of one of its echoes; this mask selects these echoes.
+    # This mask selects the echoes whose ranges are the ranges of their beams.
     is_read = echoes.ranges == scan.ranges[echoes.beams]
     left, sent = echoes.power[is_read], echoes.settings.penetration_power
-    # Infinite penetration power never decreases, so the remaining share is 1.
+    # An infinite penetration power never decreases, so its remaining share is 1.
     read, limited = np.ones(len(left)), np.isfinite(left)
     read[limited] = left[limited] / sent if sent else 0.0
     shares[echoes.beams[is_read]] = read

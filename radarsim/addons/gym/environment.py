@@ -22,8 +22,8 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.map_warnings import Position, component_around, free_space
 
-# Smallest and largest value of each optional observation of a beam. The range is always
-# observed.
+# Smallest and largest value of each optional observation of a beam. The range of a beam
+# is always observed.
 BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
     "power": (0.0, 1.0),
     "rays": (-1.0, 1.0),
@@ -31,7 +31,7 @@ BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
 
 
 class Transition(NamedTuple):
-    """The result of one decision period for N robots.
+    """The result of a decision period: actions, distances and contacts of N robots.
 
     Attributes:
         actions: (N, 2) chosen wheel speeds, left and right, -1 to 1.
@@ -112,7 +112,7 @@ class FreePlaces:
     """
 
     def __init__(self, scene: Scene, clearance: float) -> None:
-        """Find the free floor.
+        """Find the free floor of a map.
 
         Args:
             scene: The map.
@@ -133,7 +133,7 @@ class FreePlaces:
             )
         self._pieces = tuple(pieces.values())
         self._floor = MultiPolygon(self._pieces)
-        # Prepared geometries have an index, which makes many point tests fast.
+        # Prepared shapely geometries have an index, which makes many point tests fast.
         shapely.prepare([self._floor, *self._pieces])
 
     def draw(
@@ -144,7 +144,7 @@ class FreePlaces:
         *,
         reached_from: Position | None = None,
     ) -> Position:
-        """Draw a position, x and y, m, uniformly distributed over the floor.
+        """Draw a random position, x and y, m, uniformly distributed over the floor.
 
         Args:
             rng: Random generator.
@@ -187,7 +187,7 @@ Observations: TypeAlias = dict[str, NDArray[np.float32]]
 
 
 def as_actions(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Return actions as an array of float64.
+    """Return the actions of robots as an array of float64, after a check of its shape.
 
     Raises:
         ValueError: If the array does not have this shape.
@@ -237,7 +237,7 @@ class GoToTask:
 
     @property
     def observation_space(self) -> spaces.Space[Any]:
-        """The space of one robot's observation."""
+        """The Gymnasium space of one robot's observation."""
         beams = len(self.arena.scanner.angles)
         low, high = np.array([0, -1, -1], np.float32), np.ones(3, np.float32)
         values = {name: BEAM_VALUES[name] for name in self.settings.beam_values}
@@ -255,7 +255,7 @@ class GoToTask:
 
     @property
     def action_space(self) -> spaces.Space[Any]:
-        """Speeds of the left and right wheels as shares of the highest speed."""
+        """The actions: speeds of the left and right wheels, relative to the maximum."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def reset(
@@ -316,8 +316,7 @@ class GoToTask:
         touched = self.arena.drive(actions)
         self.steps += 1
         x, y, yaw = (self.arena.poses - poses).T
-        # The chord of an arc points in the mean direction of the first and the last
-        # heading.
+        # On an arc, the chord points halfway between the first and the last heading.
         heading = poses[:, 2] + yaw / 2
         forward = x * np.cos(heading) + y * np.sin(heading)
         # The difference of two headings is wrapped to -pi to pi.
@@ -358,14 +357,14 @@ class GoToTask:
         }
 
     def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:
-        """Return two arrays, (N,): whether episodes are terminated and truncated."""
+        """Return whether each episode is terminated, (N,), and truncated, (N,)."""
         terminated = transition.reached.copy()
         if self.settings.ends_at_collision:
             terminated |= transition.touched
         return terminated, self.steps >= self.settings.max_steps
 
     def info(self, row: int, touched: NDArray[np.bool_]) -> dict[str, Any]:
-        """Return the ``info`` of a robot.
+        """Return the dictionary ``info`` of a robot, as Gymnasium defines it.
 
         Args:
             row: Index of the robot.
@@ -383,7 +382,7 @@ class GoToTask:
 
 
 def _start_pose(scene: Scene, start: str | Sequence[float]) -> Pose2 | None:
-    """Return a start pose; None for a random start."""
+    """Return the start pose that a setting requests, or None for a random start."""
     if not isinstance(start, str):
         return Pose2(*_finite_numbers(start, 3, "start", "x, y and yaw"))
     if start == "random":
@@ -399,7 +398,7 @@ def _start_pose(scene: Scene, start: str | Sequence[float]) -> Pose2 | None:
 
 
 def _goal_position(scene: Scene, goal: str | Sequence[float]) -> Sequence[float] | None:
-    """Return x and y of a goal, m; None for a random goal."""
+    """Return x and y, m, of the goal that a setting requests, or None if random."""
     if not isinstance(goal, str):
         return _finite_numbers(goal, 2, "goal", "x and y")
     if goal == "random":

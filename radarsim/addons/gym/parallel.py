@@ -1,4 +1,4 @@
-"""A PettingZoo environment: several robots that detect and touch each other."""
+"""A PettingZoo environment with several robots that detect and touch each other."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar, TypeAlias
@@ -32,7 +32,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
     def __init__(
         self, num_robots: int = 2, *, render_mode: str | None = None, **settings: Any
     ) -> None:
-        """Load the map.
+        """Load the map and create the robots.
 
         Args:
             num_robots: Number of robots.
@@ -70,7 +70,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Start an episode with all robots.
+        """Start a new episode with all robots.
 
         Args:
             seed: Seed of the first robot; each further robot has the next higher seed.
@@ -85,8 +85,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         if seed is not None:
             self._rngs = [np_random(seed + row)[0] for row in range(len(self._rows))]
         self.agents = list(self.possible_agents)
-        # Robots of the last episode are removed, so that they do not restrict new
-        # positions.
+        # Robots of the last episode are removed, so that they do not block positions in
+        # the new episode.
         for row in range(len(self._rows)):
             self.task.arena.take_out(row)
         for row in range(len(self._rows)):

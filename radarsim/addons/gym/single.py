@@ -28,7 +28,7 @@ _DPI = 100
 
 
 class Picture:
-    """Draws the robots and goals of a task from above, on the plan of the scene."""
+    """Draws a task's robots and goals on the plan of the scene, seen from above."""
 
     def __init__(self, task: GoToTask, render_mode: str | None) -> None:
         """Open the window of render mode ``human``.
@@ -65,10 +65,10 @@ class Picture:
         return axes
 
     def draw(self, rows: Sequence[int]) -> NDArray[np.uint8] | None:
-        """Draw some robots and goals; show them, or return an image, (H, W, 3)."""
+        """Draw robots and their goals; show the picture, or return it as (H, W, 3)."""
         if not self._has_pictures:
             return None
-        # Drawing the plan takes most of the time, so only robots and goals are drawn
+        # Drawing the plan is slow, so it stays and only robots and goals are drawn
         # again.
         for artist in self._drawn:
             artist.remove()
@@ -88,7 +88,7 @@ class Picture:
         return np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the window of the picture, if there is one."""
         if self._window is not None:
             self._window.close()
 
@@ -116,7 +116,7 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     }
 
     def __init__(self, *, render_mode: str | None = None, **settings: Any) -> None:
-        """Load the map.
+        """Load the map and create the robot.
 
         Args:
             render_mode: ``rgb_array``; ``human`` for a window that follows the robot;
@@ -137,7 +137,7 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode.
+        """Start a new episode.
 
         Args:
             seed: Seed of all random numbers from now on; None to continue them.

@@ -1,4 +1,4 @@
-"""A vectorized environment: many robots in one scene that ignore each other."""
+"""A vectorized environment, in which many robots ignore each other in one scene."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -40,7 +40,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
     def __init__(
         self, num_envs: int = 1, *, render_mode: str | None = None, **settings: Any
     ) -> None:
-        """Load the map, or the maps.
+        """Load the map or the maps, and create the robots.
 
         Args:
             num_envs: Number of environments, N.
@@ -83,7 +83,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observations, Infos]:
-        """Start an episode in all environments, or in some.
+        """Start an episode in all environments, or in the environments of a mask.
 
         Args:
             seed: Seed of the first environment; each further environment has the next
@@ -130,10 +130,10 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             rewards[rows] = task.settings.reward(transition)
             touched[rows] = transition.touched
             terminated[rows], truncated[rows] = task.ended(transition)
-            # Ended robots have driven with the action 0, and are reset after the drive.
+            # Robots with ended episodes drove with the action 0, and are reset now.
             for k in np.flatnonzero(again[rows]).tolist():
                 task.reset(k, self._rngs[rows[k]])
-        # Gymnasium requires zeros for environments whose step only resets them.
+        # Gymnasium requires zeros in a step that only resets an environment.
         for column in (rewards, touched, terminated, truncated):
             column[again] = 0
         self._ended = terminated | truncated
@@ -142,7 +142,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return self._observe(everywhere), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Return a picture of each environment, (H, W, 3); None without a render mode.
+        """Return a picture of each environment, (H, W, 3), or None without render mode.
 
         Each picture shows only the robot of its environment.
         """
@@ -176,7 +176,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return list(seed)
 
     def _observe(self, mask: NDArray[np.bool_]) -> Observations:
-        """Update the observations in the mask; return those of all environments."""
+        """Update the observations of some environments; return all observations."""
         for task, rows in zip(self._tasks, self._rows, strict=False):
             chosen = mask[rows]
             if not chosen.any():  # no environment of this map
@@ -189,7 +189,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         return {name: values.copy() for name, values in self._observations.items()}
 
     def _infos(self, touched: NDArray[np.bool_], mask: NDArray[np.bool_]) -> Infos:
-        """Return ``info`` of the environments in the mask, with 0 for all others."""
+        """Return ``info`` of the environments in a mask; other environments have 0."""
         distances, poses = np.zeros(self.num_envs), np.zeros((self.num_envs, 3))
         for task, rows in zip(self._tasks, self._rows, strict=False):
             distances[rows], poses[rows] = task.distances, task.arena.poses

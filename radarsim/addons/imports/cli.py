@@ -43,7 +43,7 @@ _Material = Annotated[tuple[str, str], Form("PATTERN=NAME", _read_pattern)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """Options of an import, for information that the file lacks.
+    """Options of an import: information that the imported file lacks.
 
     Attributes:
         start: Start pose, map frame; by default in the widest free area of a map_server
@@ -97,7 +97,7 @@ def import_(
         from radarsim.simulation.config import SimulationConfig
 
         model, notes = import_ini(file, robot)
-        # A server checks the robot class in the same way when it loads the file.
+        # This check is the same as when a server loads the file of the robot class.
         SimulationConfig(robots=(model,)).check()
         content = model.model_dump(mode="json", exclude_defaults=True)
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
@@ -143,7 +143,7 @@ def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
 
 
 def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
-    """Check that the materials in options are in the library or in the file."""
+    """Check that all materials named by options are in the library or in the file."""
     from radarsim.scene.material import library_names
 
     known = [*library_names(), *imported.materials]

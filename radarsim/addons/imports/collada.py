@@ -24,12 +24,12 @@ from radarsim.scene.shapes import Mesh, concatenate
 MAX_ELEMENTS: Final = 2_000_000
 MAX_NODES: Final = 100_000
 MAX_PROBLEMS: Final = 8  # number of errors that are reported per file
-# Images, materials and scripts are removed before pycollada parses the file.
+# Other elements, such as images and scripts, are removed before pycollada parses.
 _READ: Final = ("library_geometries", "library_nodes", "library_visual_scenes", "scene")
 
 
 class _TreeBuilder(ElementTree.TreeBuilder):
-    """Builds a limited number of elements, and refuses document types."""
+    """Builds a limited number of XML elements, and refuses document types."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ class _TreeBuilder(ElementTree.TreeBuilder):
 
 
 def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
-    """Read the scene of a file.
+    """Read the triangles of the scene in a COLLADA file.
 
     Args:
         content: The file.
@@ -97,8 +97,8 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
         del instance[:]  # remove references to materials, which were removed above
     for mesh in root.iter(f"{namespace}mesh"):
         _reduce_to_positions(mesh, namespace)
-    # pycollada gets only the XML that was checked above. It would also unpack zip
-    # files, and may use an installed parser that accepts entities and other encodings.
+    # pycollada gets only XML that was checked above, since pycollada also unpacks zip
+    # files, and may use another parser that accepts entities and other encodings.
     reduced = io.BytesIO(ElementTree.tostring(root))
     file = collada.Collada(reduced, ignore=[collada.DaeError])
     if file.scene is None:
@@ -133,7 +133,7 @@ def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:
 
 
 def _meshes(scene: Any, collada: Any) -> list[tuple[str, Mesh]]:
-    """Return the mesh of each geometry in a scene, in the unit of the file."""
+    """Return the mesh of each geometry in a scene, in the file's unit of length."""
     found: list[tuple[str, Mesh]] = []
     budget, count = MeshBudget(), 0
     left = [("", np.eye(4), node) for node in reversed(scene.nodes)]
@@ -162,7 +162,7 @@ _NOTHING: Final[Mesh] = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 
 
 def _triangles(primitive: Any, collada: Any) -> Mesh:
-    """Return the triangles of a part of a geometry; a part with lines has none."""
+    """Return the triangles of a primitive of a geometry; lines have no triangles."""
     if isinstance(primitive, collada.polylist.Polylist):
         # The counts are checked first, because pycollada allocates memory for all
         # indices that the polygons declare.
@@ -172,7 +172,7 @@ def _triangles(primitive: Any, collada: Any) -> Mesh:
         primitive = primitive.triangleset()
     if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
         return _NOTHING
-    # All parts share one array of vertices; only the used vertices are kept.
+    # All primitives share one array of vertices, so only the used vertices are kept.
     used, corner = np.unique(primitive.vertex_index, return_inverse=True)
     if used[0] < 0:
         raise MeshError(f"vertex index {used[0]}, expected at least 0")

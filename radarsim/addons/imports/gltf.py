@@ -73,7 +73,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
 def _known_keys(
     path: Path, imported: ImportedMap, material: Material
 ) -> dict[str, object]:
-    """Return the extras that are keys of map materials; values are not checked."""
+    """Return the extras that are keys of map materials, without checking the values."""
     extras = material.extras if isinstance(material.extras, dict) else {}
     name = short_repr(material.name)
     if material.extras is not None and material.extras is not extras:

@@ -1,4 +1,4 @@
-"""Builds a map from the objects in a file of another program."""
+"""Builds a map file from the objects in a file of another program."""
 
 import math
 from collections import Counter
@@ -23,7 +23,7 @@ LOW: Final = 0.05  # m; an object that begins higher above the start is no floor
 
 
 class ImportedMap:
-    """Collects the objects of a map.
+    """Collects the objects of an imported map.
 
     Attributes:
         options: Options of the import.
@@ -38,7 +38,7 @@ class ImportedMap:
     """
 
     def __init__(self, source: Path, options: ImportOptions) -> None:
-        """Create a map without objects.
+        """Create an imported map that has no objects yet.
 
         Args:
             source: The file that is imported.
@@ -68,7 +68,7 @@ class ImportedMap:
         self.notes.append(place(path, line, text))
 
     def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
-        """Count a model; it counts as left out if most of its shapes are left out.
+        """Count a model of the file, as left out if most of its shapes are left out.
 
         Args:
             reasons: The reason for each shape that is left out, such as "without a
@@ -83,12 +83,12 @@ class ImportedMap:
 
     @property
     def count(self) -> int:
-        """The number of objects."""
+        """The number of objects in the map."""
         return len(self._objects)
 
     @property
     def is_mostly_left_out(self) -> bool:
-        """Whether more than half of the models are left out."""
+        """Whether more than half of the models in the file are left out."""
         return 2 * self._left_out.total() > self.models
 
     def summary(self) -> str:
@@ -120,7 +120,7 @@ class ImportedMap:
         return known or self.options.default_material
 
     def warnings(self) -> list[str]:
-        """Return warnings: unused patterns, default materials and a missing floor."""
+        """Return warnings of unused patterns, default materials and a missing floor."""
         lines = [f"--material {each!r} matches no object" for each in self._unused]
         names = list(dict.fromkeys(self.defaulted))
         if names:
@@ -136,7 +136,7 @@ class ImportedMap:
     def add(
         self, name: str, shape: Mapping[str, object], pose: Pose3, material: str = ""
     ) -> None:
-        """Add an object.
+        """Add an object to the map.
 
         Args:
             name: Name of the object; a number is appended if the name is taken.
@@ -156,7 +156,7 @@ class ImportedMap:
             "position": rounded(pose.position()),
         }
         angles = rounded(map(math.degrees, (pose.roll, pose.pitch, pose.yaw)))
-        # Composed rotations have rounding errors, so tiny angles count as 0.
+        # Tiny angles count as 0, since composed rotations have rounding errors.
         if max(abs(pose.roll), abs(pose.pitch)) > LEVEL:
             keys["rotation_deg"] = angles
         elif abs(pose.yaw) > LEVEL:

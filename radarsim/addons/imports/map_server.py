@@ -29,7 +29,7 @@ FLOOR_DEPTH: Final = 0.2  # m; thickness of the floor
 
 
 class MapServerKeys(BaseModel):
-    """The keys of the YAML file.
+    """The keys of the YAML file of a map.
 
     Attributes:
         image: Path of the picture, relative to the file.
@@ -65,8 +65,8 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     file, keys = _read(path)
     line = int(file.place(["image"]).rsplit(":", 2)[1])
     folders = (path.parent, *options.model_path)
-    # The path may come from another machine, so the file name alone is searched as
-    # well.
+    # The picture's path may be from another machine, so its file name alone is tried
+    # too.
     name = PurePath(keys.image).name
     picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:
@@ -131,7 +131,7 @@ def _read(path: Path) -> tuple[YamlFile, MapServerKeys]:
 
 
 def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
-    """Read a grey picture.
+    """Read the grey picture of a map.
 
     Returns:
         Brightness, 0 to 255, and whether a pixel is opaque, (H, W) each.
@@ -160,7 +160,7 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
 
 
 def rectangles(cells: Mask) -> Iterator[tuple[int, int, int, int]]:
-    """Yield rectangles that cover each of the given cells exactly once.
+    """Yield rectangles that together cover each of the given cells exactly once.
 
     A rectangle is (top, left, bottom, right); bottom and right are exclusive.
 
@@ -187,7 +187,7 @@ def roomiest(free: Mask) -> tuple[int, int] | None:
 
     if not free.any():
         return None
-    # The padding makes the area outside the picture count as not free.
+    # With this padding, the area outside the picture counts as not free.
     room = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(np.argmax(room), room.shape)
     return int(row), int(column)

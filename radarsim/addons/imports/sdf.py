@@ -26,10 +26,10 @@ MAX_LEVELS: Final = 100  # depth of nested models and includes
 MAX_INCLUDED: Final = 2_000_000  # number of elements in all includes
 NEWEST: Final = (1, 12)  # SDFormat version; newer files are used if there are no others
 LEFT_OUT: Final = ("road", "population", "actor")  # elements that are not imported
-# URI schemes of files in Gazebo's resource folders, which --model-path replaces.
+# URI schemes of files in Gazebo's resource folders; --model-path names these folders.
 SEARCHED: Final = ("model://", "package://", "file://")
-# Suns and ground planes are left out: scanners need no light, and robots drive at z =
-# 0.
+# Suns and ground planes are not imported: scanners need no light, and robots drive at z
+# = 0.
 _NOT_NEEDED: Final = re.compile(r".*/(sun|ground[ _]plane)(/[0-9]+|/tip)?")
 _FUEL: Final = re.compile(
     r"https?://([^/]+)/(?:1\.0/)?([^/]+)/models/([^/]+)(?:/(\d+|tip))?(?:/files/(.*))?"
@@ -39,7 +39,7 @@ _FUEL: Final = re.compile(
 
 @np.errstate(all="ignore")  # numbers that are not finite raise errors later
 def import_sdf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
-    """Import a world.
+    """Import a Gazebo world as a map.
 
     Args:
         path: The file.
@@ -85,7 +85,7 @@ class _Importer:
         state: XmlElement | None,
         level: int = 0,
     ) -> None:
-        """Add the models of a world, a model or a file.
+        """Add the models in a world, a model or a file to the map.
 
         Args:
             scope: Element of the world, the model or the file.
@@ -201,7 +201,7 @@ class _Importer:
                 self._map.note(file, other.line, note)
                 self._map.count_model(["not the first in an included file"])
         model, size = self._files[file]
-        # Without this limit, the number of nested includes could double at each level.
+        # The count is limited, since nested includes could double at each level.
         self._included += size + 1
         if self._included > MAX_INCLUDED:
             too_many = f"more than {MAX_INCLUDED} elements in includes"
@@ -242,7 +242,7 @@ class _Importer:
 def _restored(
     state: XmlElement | None, place: Pose3
 ) -> tuple[Pose3, list[float], dict[str, Pose3]]:
-    """Return the pose, scale and link poses that a saved state has for a model."""
+    """Return the pose, scale and link poses of a model in a saved state of a world."""
     if state is None:
         return place, [1.0, 1.0, 1.0], {}
     pose, scale = state.first("pose"), state.first("scale")
@@ -260,7 +260,7 @@ def _restored(
 
 
 def _model_file(folder: Path) -> Path | None:
-    """Return the newest SDF file that the model.config of a folder lists."""
+    """Return the newest SDF file that the model.config in a folder lists."""
     name = "model.sdf"
     with suppress(ForeignFileError):  # model.config is missing or malformed
         files = [
@@ -279,7 +279,7 @@ def _version(text: str) -> tuple[int, ...]:
 
 
 def _fuel_references(uri: re.Match[str], folders: Sequence[Path]) -> Iterator[str]:
-    """Yield the paths at which users or Fuel's tools may have stored a Fuel model."""
+    """Yield paths at which users or Fuel's tools may have stored a model of Fuel."""
     host, owner, name, version, file = uri.groups(default="")
     for base in (name, f"{host}/{owner}/models/{name}".lower(), name.lower()):
         yield f"{base}/{file}"

@@ -19,7 +19,7 @@ _HERE: Final = ("", "world", "__model__")
 
 
 class LeftOut(Exception):
-    """Raised if a part of a file is left out.
+    """Raised if a part of an SDF file cannot be imported and is left out.
 
     Attributes:
         element: The element that contains the part, or refers to it.
@@ -54,7 +54,7 @@ class Frames:
     def pose(
         self, element: XmlElement, base: Pose3 = ORIGIN, *, depth: int = 0
     ) -> Pose3:
-        """Return the pose of an element in the scope's frame.
+        """Return the pose of an element in the frame of the model or world.
 
         Args:
             element: An element of the scope, or a child of such an element.
@@ -80,7 +80,7 @@ class Frames:
         return pose
 
     def _frame(self, name: str, user: XmlElement, depth: int) -> Pose3:
-        """Return the pose of the frame with this name; ``user`` refers to the frame."""
+        """Return the pose of a named frame; ``user`` is the element that names it."""
         if name not in self._poses:
             if depth >= MAX_CHAIN:
                 text = f"more than {MAX_CHAIN} poses relative to each other"
@@ -100,14 +100,14 @@ class Frames:
 
     def _inside(self, model: XmlElement) -> "Frames":
         """Return the cached frames of a nested model."""
-        # Two poses of a model may depend on frames of the model inside it. Without the
-        # cache, the time would double at each level of nesting.
+        # Two poses of a model may depend on frames of a nested model. Without a cache,
+        # the time would double at each level of nesting.
         if id(model) not in self._inner:
             self._inner[id(model)] = Frames(model, self._model_of)
         return self._inner[id(model)]
 
     def _find(self, name: str) -> XmlElement | None:
-        """Return the link, frame, joint or model with a name in the scope, or None."""
+        """Return the link, frame, joint or model with a name, or None if missing."""
         if self._named is None:
             self._named = {}
             for child in self._scope.children:
@@ -123,7 +123,7 @@ class Frames:
 
 
 def parse_pose(pose: XmlElement) -> Pose3:
-    """Parse a ``pose`` element; the frame in ``relative_to`` is not applied.
+    """Parse the numbers of a ``pose`` element, without applying ``relative_to``.
 
     Raises:
         ForeignFileError: If the pose is malformed.

@@ -33,10 +33,10 @@ FARTHEST: Final = 1e5  # m; largest coordinate of a point
 
 
 class MeshCopies:
-    """Creates the mesh files of a map; each original is read once."""
+    """Creates the mesh files of a map, and reads each original file once."""
 
     def __init__(self, imported: ImportedMap, folder: str) -> None:
-        """Create an object that has not copied any meshes yet.
+        """Create an empty collection of mesh files.
 
         Args:
             imported: The map, to which the files are added.
@@ -52,7 +52,7 @@ class MeshCopies:
     def add(
         self, file: Path, scale: list[float], part: str = "", *, centred: bool = False
     ) -> dict[str, object]:
-        """Return the keys of a map file for a mesh file, which is copied if needed.
+        """Copy a mesh file if needed; return the keys of a map object with this mesh.
 
         Args:
             file: The original file.
@@ -80,7 +80,7 @@ class MeshCopies:
         return shape if uniform == 1 else {**shape, "scale": uniform}
 
     def add_mesh(self, name: str, mesh: Mesh) -> dict[str, object]:
-        """Return the keys of a map file for a computed mesh.
+        """Write a computed mesh; return the keys of a map object with this mesh.
 
         Raises:
             MeshError: If a map cannot contain the mesh.
@@ -91,7 +91,7 @@ class MeshCopies:
         return self._shape(key)
 
     def _shape(self, key: tuple[object, ...]) -> dict[str, object]:
-        """Return the map keys of another object that reuses an existing mesh."""
+        """Return the map keys of an object that uses a mesh written before."""
         made = self._made[key]
         if isinstance(made, Exception):
             raise made
@@ -104,7 +104,7 @@ class MeshCopies:
     def _placed(
         self, file: Path, scale: tuple[float, ...], part: str, *, centred: bool
     ) -> list[Mesh]:
-        """Return the scaled meshes of a file, centred at the origin if ``centred``."""
+        """Return the scaled meshes of a file; ``centred`` moves them to the origin."""
         if file not in self._originals:
             self._originals[file] = self._read(file)
         original = self._originals[file]
@@ -169,7 +169,7 @@ class MeshCopies:
 def read_shape(
     geometry: XmlElement, scale: Sequence[float], copies: MeshCopies
 ) -> dict[str, object]:
-    """Return the keys of a map file for a shape other than a mesh file.
+    """Return the keys of a map object for an SDF shape other than a mesh file.
 
     Args:
         geometry: Element ``geometry`` that contains the shape.
@@ -219,7 +219,7 @@ def read_shape(
 def read_mesh(
     mesh: XmlElement, file: Path, factors: Sequence[float], copies: MeshCopies
 ) -> dict[str, object]:
-    """Return the keys of a map file for a mesh file.
+    """Return the keys of a map object for an SDF shape with a mesh file.
 
     Raises:
         LeftOut: If the mesh cannot be used.
@@ -296,7 +296,7 @@ def _extruded(geometry: XmlElement) -> Mesh:
     if not len(found):
         text = "<polyline>s without an area are left out"
         raise LeftOut(first, text, "with a wrong <polyline>")
-    # The ring of a triangle has four points, because it repeats the first corner.
+    # The outline of a triangle has four points, because it ends at its first corner.
     corners = found.reshape(-1, 4, 2)[:, :3]
     vertices, faces = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     solid = creation.extrude_triangulation(vertices, faces.reshape(-1, 3), 1.0)

@@ -22,25 +22,25 @@ MAX_ELEMENTS: Final = 500_000
 
 
 def wrong(path: Path, line: int, text: str) -> ForeignFileError:
-    """Return an error about a line of a file."""
+    """Return an error whose message names a file and a line."""
     return ForeignFileError(place(path, line, text))
 
 
 def place(path: Path, line: int, text: str) -> str:
-    """Return a message that names a file and a line."""
+    """Return a message that begins with the path of a file and a line number."""
     return f"{path}:{line}: {text}"
 
 
 def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
-    """Read a file.
+    """Read the bytes of a file of limited size.
 
     Raises:
         ForeignFileError: If the file cannot be read, or is too large.
     """
     try:
         with path.open("rb") as file:
-            # Reading one byte more than allowed detects files that are too large, even
-            # devices.
+            # One byte more than allowed is read, to detect files that are too large,
+            # even devices.
             content = file.read(most + 1)
     except OSError as error:
         raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
@@ -71,7 +71,7 @@ def read_text(path: Path) -> str:
 
 
 def find_in(folders: Iterable[Path], reference: str) -> Path | None:
-    """Find a file or folder by a relative path, and resolve links.
+    """Find a file or folder by a relative path in some folders, and resolve links.
 
     Args:
         folders: Folders to search, in order.
@@ -92,13 +92,13 @@ def find_in(folders: Iterable[Path], reference: str) -> Path | None:
 
 
 def rounded(numbers: Iterable[float]) -> list[float]:
-    """Round numbers to the five decimals of map files, which is 0.01 mm for lengths."""
+    """Round numbers to five decimals for map files, which is 0.01 mm for lengths."""
     return [round(float(number), 5) + 0.0 for number in numbers]
 
 
 @dataclass(slots=True, eq=False)
 class XmlElement:
-    """An XML element.
+    """An XML element with its line in the file.
 
     Attributes:
         tag: Name of the element.
@@ -139,11 +139,11 @@ class XmlElement:
         return self.attributes.get("name") or self.tag
 
     def wrong(self, text: str) -> ForeignFileError:
-        """Return an error about the line of this element."""
+        """Return an error whose message names the file and line of this element."""
         return wrong(self.path, self.line, text)
 
     def numbers(self, count: int) -> list[float]:
-        """Parse the text as numbers that are separated by white space.
+        """Parse the element's text as numbers that are separated by white space.
 
         Raises:
             ForeignFileError: If the text is not ``count`` finite numbers.
@@ -207,7 +207,7 @@ def read_xml(path: Path) -> XmlElement:
 
 
 def _encoding(content: bytes) -> str | None:
-    """Return Latin-1 if a file should be UTF-8 but is not valid UTF-8, else None."""
+    """Return Latin-1 for a file that should be UTF-8 but is not, otherwise None."""
     declared = _DECLARED.match(content)
     is_utf_8 = declared is None or declared[1].lower() == b"utf-8"
     if content.startswith((b"\xff\xfe", b"\xfe\xff", b"<\0")) or not is_utf_8:

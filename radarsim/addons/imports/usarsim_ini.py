@@ -27,7 +27,7 @@ from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_settings, short_repr
 
 BASE: Final = "P3AT"  # classes that are not shipped use the body of this class
-# Item types whose names equal the class of the part, ignoring upper and lower case.
+# Item types that have the same name as the Unreal class of the part, ignoring case.
 _TYPES: Final = (
     *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Sonar"),
     *("GPS", "IMU", "AcceleroMeter", "AltitudeSensor", "MagneticCompass"),
@@ -46,7 +46,7 @@ ITEMS: Final = {each.casefold(): (each, None) for each in _TYPES} | {
 _UNCOMMENTED: Final = re.compile(r'(?:[^;"]|"[^"]*(?:"|$))*')
 _SECTION: Final = re.compile(r"\[(?:\w+\.)?(\w+)\]")
 _KEY: Final = re.compile(r"[+.!-]?(\w+)\s*=\s*(.*)")
-# Tokens: quoted texts, class names, field names, parentheses and tabs.
+# Tokens of structs: quoted texts, class names, field names, parentheses and tabs.
 _TOKEN: Final = re.compile(r"\"[^\"]*\"|\w*'([^']*)'|(\w+)\s*=|[()\t]")
 _SIGNS: Final = {"(": "{", ")": "}", "\t": " "}  # replacements in YAML
 
@@ -55,7 +55,7 @@ Sections: TypeAlias = dict[str, list[tuple[int, str, str]]]  # lines: number, ke
 
 
 def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str]]:
-    """Import the items of a robot class, and add them to the body of a shipped class.
+    """Import a robot class: the items of the file on the body of a shipped class.
 
     Args:
         path: The file.
@@ -86,7 +86,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
             notes.append(place(path, number, text))
         else:
             items.append(item)
-    # Size, wheels and dynamics are those of the shipped class; only items differ.
+    # Size, wheels and dynamics are copied from the shipped class; only items differ.
     content = body.model_dump(exclude_unset=True) | {"name": name, "items": items}
     try:
         return RobotModel.model_validate(content), notes
@@ -96,7 +96,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
 
 
 def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
-    """Return the name of the section of a class."""
+    """Return the name of the section that describes a robot class."""
     named = [
         name
         for name, lines in sections.items()
@@ -115,7 +115,7 @@ def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
 
 
 def _read_sections(path: Path) -> Sections:
-    """Return the keys of all sections, by class name."""
+    """Return the keys of all sections of the file, by class name."""
     sections: Sections = {}
     lines = None
     for number, line in enumerate(read_text(path).split("\n"), 1):
@@ -153,7 +153,7 @@ def _parse_struct(path: Path, number: int, text: str) -> Struct:
 
 
 def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
-    """Return the item for a part; None if the class of the part is unknown."""
+    """Return the robot item for a part of the file; None if its class is unknown."""
     known = ITEMS.get(_class_of(part).casefold())
     if known is None:
         return None

@@ -1,4 +1,4 @@
-"""The common part of the WebSocket protocols for ROS clients, without I/O.
+"""The common part of the rosbridge and Foxglove protocols, without I/O.
 
 A ``Board`` holds the topics for all clients. Each protocol is a subclass of
 ``BoardClient``, whose objects subscribe to topics and receive velocity commands.
@@ -27,7 +27,7 @@ WRONG: Final = (
 
 
 class Board:
-    """All topics of a bridge.
+    """All topics that a bridge publishes, and all velocity topics that it serves.
 
     Attributes:
         protocol: Class of the clients.
@@ -37,7 +37,7 @@ class Board:
     """
 
     def __init__(self, protocol: "type[BoardClient]") -> None:
-        """Create a board without topics."""
+        """Create a board that has no topics yet."""
         self.protocol = protocol
         self.types: dict[str, str] = {}
         self.drivers: dict[str, DriveCallback] = {}
@@ -46,7 +46,7 @@ class Board:
         self._encoded: dict[str, Any] = {}  # latched messages, encoded on demand
 
     def add(self, message: TopicMessage, wanted: bool) -> Any:
-        """Store a message; return the encoded message if ``wanted``, else None."""
+        """Store a topic's message; return the encoded message if wanted, else None."""
         topic = message.topic
         self.types[topic] = message.type
         if topic == CLOCK:
@@ -59,7 +59,7 @@ class Board:
         return self.protocol.encode(message) if wanted else None
 
     def latched(self, topic: str) -> Any:
-        """Return the encoded last message of a latched topic, or None without one."""
+        """Return the last message of a latched topic, encoded, or None without one."""
         if topic in self._latched and topic not in self._encoded:
             self._encoded[topic] = self.protocol.encode(self._latched[topic])
         return self._encoded.get(topic)
@@ -77,7 +77,7 @@ class Board:
 
 
 class BoardClient:
-    """One client: its subscriptions, and the messages that wait to be sent to it.
+    """A connected ROS client, with its subscriptions and the messages to send.
 
     Attributes:
         name: Name of the protocol, for display.
@@ -90,11 +90,11 @@ class BoardClient:
     subprotocols: tuple[str, ...] = ()
 
     def __init__(self, board: Board) -> None:
-        """Create a client without subscriptions."""
+        """Create a client that subscribes to no topic yet."""
         self.waiting: deque[Any] = deque()
         self.handlers: Mapping[str, Callable[[Json], object]] = {}
         self._board = board
-        # Shortest time between two messages, s, by topic and id of the subscription.
+        # Shortest time between messages to the client, s, by topic and subscription id.
         self._subscriptions: dict[str, dict[str | int, float]] = {}
 
     @staticmethod
@@ -104,7 +104,7 @@ class BoardClient:
 
     @classmethod
     def trusts(cls, origin: str) -> bool:  # noqa: ARG003
-        """Return whether a page of this origin, in lower case, may connect."""
+        """Return whether web pages of an origin, in lower case, may connect."""
         return False
 
     def wants(self, topic: str) -> bool:
@@ -125,7 +125,7 @@ class BoardClient:
         """Queue a message that announces a new topic."""
 
     def receive(self, data: str | bytes) -> None:
-        """Execute a message of the client; queue an error status if that fails."""
+        """Execute a message of the client; if it is wrong, queue an error status."""
         try:
             self._take(data)
         except WRONG as error:
@@ -137,8 +137,8 @@ class BoardClient:
         raise NotImplementedError
 
     def _add_subscription(self, topic: str, key: str | int, interval: float) -> Any:
-        """Subscribe, and return the last message of a latched topic, encoded."""
-        # The limit bounds the memory if a client subscribes endlessly.
+        """Subscribe to a topic; return its last message, encoded, if it is latched."""
+        # The limit bounds the memory for clients that subscribe without end.
         if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
             raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
         self._subscriptions.setdefault(topic, {})[key] = interval
@@ -163,7 +163,7 @@ def full_name(name: str) -> str:
 
 
 def velocity_of(message: object) -> tuple[float, float]:
-    """Return forward speed, m/s, and turn rate, rad/s, of a Twist or TwistStamped.
+    """Return the forward speed, m/s, and turn rate, rad/s, in a Twist or TwistStamped.
 
     Raises:
         ValueError: If the message is of another type.

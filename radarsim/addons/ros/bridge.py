@@ -46,9 +46,9 @@ from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.images import ImageType
 from radarsim.protocol.reports import ClockTick, CommandError, Report
 
-# Topics of recordings that are not published. The bytes are needed only to repeat a
-# run. The clock of the converter is not needed, because the server reports the time of
-# every tick.
+# Topics of recordings that the bridge does not publish: the bytes of connections are
+# needed only to repeat a run, and the converter's clock is replaced by the server's
+# time of every tick.
 UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
 TWIST: Final = "geometry_msgs/msg/Twist"  # type of ``cmd_vel``
 MAP_INTERVAL: Final = 1.0  # s of simulated time between two maps
@@ -67,10 +67,10 @@ class RosSide(Protocol):
     """Publishes topics to ROS programs, and receives their velocity commands."""
 
     def publish(self, message: TopicMessage) -> None:
-        """Publish a message without waiting."""
+        """Publish a message on its topic without waiting."""
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
-        """Pass the velocity commands on a topic to a function."""
+        """Call a function with each velocity command that a topic receives."""
 
     async def run(self) -> None:
         """Serve ROS programs until cancelled."""
@@ -85,7 +85,7 @@ class LiveTopics:
         drive_unit: DriveUnit,
         options: TopicOptions,
     ) -> None:
-        """Create topics without robots.
+        """Create topics for the robots that will join.
 
         Args:
             publish: Called with each message.
@@ -103,7 +103,7 @@ class LiveTopics:
         self._robots = WatchRecorder(self._convert)
 
     def take(self, reports: Iterable[Report]) -> bytes:
-        """Publish reports of a watcher; return queries to send to the server."""
+        """Publish the reports of a watcher as topics; return queries for the server."""
         asked = b""
         for report in reports:
             if isinstance(report, ClockTick):
@@ -130,7 +130,7 @@ async def publish_map(
     *,
     echoes: bool,
 ) -> None:
-    """Publish maps made with a robot's first scanner, a new one whenever it joins.
+    """Publish a map from a robot's first scanner, a new map whenever the robot joins.
 
     Args:
         server: Host and port of the server.
@@ -156,7 +156,7 @@ async def publish_map(
             time = mapper.trajectory.times[-1]
             if time >= due:
                 due = time + MAP_INTERVAL
-                # This runs in the mapping thread, but topics may only be used in the
+                # This runs in the mapping thread, but messages must be published in the
                 # event loop.
                 message = occupancy_grid(time, *sensed_map(mapper.grid))
                 loop.call_soon_threadsafe(publish, message)
@@ -172,7 +172,7 @@ class Driver:
     """Executes velocity commands with the robot that the bridge has spawned."""
 
     def __init__(self, client: AsyncClient, robot: RobotInfo) -> None:
-        """Take over a robot that is spawned already.
+        """Create the driver of a robot that has already been spawned.
 
         Args:
             client: The client of the robot.
@@ -185,7 +185,7 @@ class Driver:
         self._last = -math.inf  # time of the last command
 
     def take(self, speed: float, turn: float) -> None:
-        """Set the velocity; numbers that are not finite count as 0.
+        """Set the velocity of the robot; numbers that are not finite count as 0.
 
         Args:
             speed: Forward speed, m/s.
@@ -196,7 +196,7 @@ class Driver:
         self._last = asyncio.get_running_loop().time()
 
     async def run(self) -> None:
-        """Send the commands until the connection is lost.
+        """Send velocity commands to the server until the connection is lost.
 
         Raises:
             ClientError: When the connection is lost.
@@ -286,14 +286,14 @@ async def read_pictures(
 
 
 def load_shown(options: TopicOptions) -> list[TopicMessage]:
-    """Return the messages that show the map of the option ``--draw``.
+    """Return messages that draw the map of the option ``--draw`` in ROS viewers.
 
     Raises:
         MapError: If the map is wrong.
     """
     if options.draw is None:
         return []
-    # These imports are slow, and only drawing a map needs them.
+    # These slow imports are only needed to draw a map.
     from radarsim.addons.recording.scene_topics import scene_topics  # noqa: PLC0415
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
@@ -310,7 +310,7 @@ async def run_bridge(
     start: str | None = None,
     drive_unit: DriveUnit = "rad_per_s",
 ) -> None:
-    """Publish topics and execute commands until the connection to the server is lost.
+    """Publish topics and execute velocity commands until the connection is lost.
 
     Args:
         server: Host and port of the server.

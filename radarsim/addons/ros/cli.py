@@ -30,7 +30,7 @@ CLIENTS: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BridgeOptions:
-    """Options for the protocol and address on which ROS programs reach the bridge.
+    """Options for the protocol and the address at which ROS programs reach the bridge.
 
     Attributes:
         bridge: Protocol: rosbridge, for clients such as roslibpy; foxglove, which needs

@@ -42,10 +42,10 @@ _LOCAL: Final = (
 
 
 class DdsParticipant:
-    """A participant of a DDS domain."""
+    """A participant of a DDS domain, which publishes topics like a ROS 2 node."""
 
     def __init__(self, domain: int, interface: str = LOOPBACK) -> None:
-        """Join a domain.
+        """Join a DDS domain.
 
         Args:
             domain: Number of the domain, as ``ROS_DOMAIN_ID``.
@@ -70,26 +70,26 @@ class DdsParticipant:
         self._readers: list[tuple[DataReader[Any], DriveCallback]] = []
 
     def publish(self, message: TopicMessage) -> None:
-        """See ``RosSide.publish``."""
+        """Publish a message; see ``RosSide.publish``."""
         topic, type_ = message.topic, _struct_of(message.type)
         if topic not in self._writers:
             place = Topic(self._participant, f"rt{topic}", type_)
             quality = _quality(latched=message.latched)
             self._writers[topic] = DataWriter(self._participant, place, quality)
-        # The constructor would require all fields, but only the attribute ``encoded``
-        # is used.
+        # The constructor of a message requires all fields, but only ``encoded`` is
+        # used.
         sample = type_.__new__(type_)
         sample.encoded = encode(message)
         self._writers[topic].write(sample)
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
-        """See ``RosSide.subscribe``."""
+        """Subscribe to velocity commands; see ``RosSide.subscribe``."""
         place = Topic(self._participant, f"rt{topic}", _struct_of(TWIST))
         reader = DataReader(self._participant, place, _quality(latched=False))
         self._readers.append((reader, take))
 
     async def run(self) -> None:
-        """See ``RosSide.run``."""
+        """Receive commands until cancelled; see ``RosSide.run``."""
         while True:
             for reader, take in self._readers:
                 # Readers are polled, because listeners of cyclonedds are called in
@@ -102,17 +102,17 @@ class DdsParticipant:
 
 @cache
 def _struct_of(type_: str) -> Any:  # a class whose objects get other attributes
-    """Return the cyclonedds class of a message type."""
+    """Return the cyclonedds class for a ROS message type."""
     package, _, name = type_.partition("/msg/")
     fields = {name: _annotation(desc) for name, desc in typestore().fielddefs[type_][1]}
     struct = make_idl_struct(f"{name}_", f"{package}::msg::dds_::{name}_", fields)
-    # Messages are encoded as for bags, and cyclonedds only sends the encoded bytes.
+    # Messages are encoded as in ROS bags, and cyclonedds only sends the encoded bytes.
     struct.serialize = lambda sample, **_: sample.encoded  # type: ignore[method-assign]
     return struct
 
 
 def _annotation(described: FieldDesc) -> Any:  # a class, or an array of cyclonedds
-    """Return the cyclonedds type for a field that is described by rosbags."""
+    """Return the cyclonedds type of a message field that rosbags describes."""
     match described:
         case Nodetype.NAME, str(name):
             return _struct_of(name)

@@ -44,7 +44,7 @@ _INFO: Final = {
 
 
 class FoxgloveClient(BoardClient):
-    """One Foxglove client; see ``BoardClient``."""
+    """A connected Foxglove client; see ``BoardClient``."""
 
     name = "Foxglove"
     subprotocols = ("foxglove.sdk.v1", "foxglove.websocket.v1")
@@ -53,7 +53,7 @@ class FoxgloveClient(BoardClient):
     def __init__(self, board: Board) -> None:
         super().__init__(board)
         self.waiting.append(json.dumps(_INFO))
-        # Topic, encoding and type of each channel that the client advertises.
+        # Topic, encoding and message type of each channel that the client advertises.
         self._own: dict[int, tuple[str, str, str]] = {}
         self.handlers = {
             "subscribe": self._subscribe,
@@ -74,27 +74,27 @@ class FoxgloveClient(BoardClient):
 
     @property
     def _time(self) -> int:
-        """Simulated time, ns."""
+        """The simulated time, ns."""
         now: int = self._board.now.sec * NANOSECONDS + self._board.now.nanosec
         return now
 
     def wants(self, topic: str) -> bool:
-        """See ``BoardClient.wants``; every client receives the clock."""
+        """Return whether a topic is the clock or subscribed to by the client."""
         return topic == CLOCK or bool(self._subscriptions.get(topic))
 
     def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
-        """See ``BoardClient.offer``."""
+        """Queue a message of a subscribed topic; see ``BoardClient.offer``."""
         if topic == CLOCK:
             self._queue(_TIME.pack(TIME, self._time))
         for number in self._subscriptions.get(topic, ()):
             self._queue(_MESSAGE_HEAD.pack(MESSAGE, number, self._time) + data)
 
     def announce(self, topic: str) -> None:
-        """See ``BoardClient.announce``."""
+        """Queue a message that announces a new topic; see ``BoardClient.announce``."""
         self._announce([topic])
 
     def complain(self, text: str) -> None:
-        """See ``BoardClient.complain``."""
+        """Queue an error status for the client; see ``BoardClient.complain``."""
         status = {"op": "status", "level": 2, "message": text}
         self.waiting.append(json.dumps(status))
 
@@ -121,7 +121,7 @@ class FoxgloveClient(BoardClient):
         self.waiting.append(json.dumps({"op": "advertise", "channels": channels}))
 
     def _queue(self, data: bytes) -> None:
-        """Queue binary data. If too much waits, drop the oldest data, but no texts."""
+        """Queue binary data. If too much data waits, drop the oldest, but no texts."""
         self.waiting.append(data)
         if len(self.waiting) > MOST_WAITING * (1 + len(self._subscriptions)):
             oldest = next(
@@ -146,8 +146,8 @@ class FoxgloveClient(BoardClient):
             self._subscriptions[topic] = {n: 0.0 for n in numbers if n not in gone}
 
     def _advertise(self, message: Json) -> None:
-        # Topics without a robot are accepted, because panels advertise all topics that
-        # they may publish.
+        # Topics that drive no robot are accepted, because Foxglove panels advertise all
+        # topics that they may publish.
         for each in message["channels"]:
             if len(self._own) >= MOST_ENTRIES:
                 raise ValueError(f"expected at most {MOST_ENTRIES} topics")
@@ -160,7 +160,7 @@ class FoxgloveClient(BoardClient):
             self._own.pop(int(each), None)
 
     def _take_message(self, data: bytes) -> None:
-        """Execute a velocity command, which is a binary message of the client."""
+        """Execute a velocity command in a binary message of the client."""
         operation, number = _CLIENT_HEAD.unpack_from(data)
         if operation != MESSAGE:
             raise ValueError(f"operation {operation}, expected {MESSAGE}")

@@ -28,7 +28,7 @@ from radarsim.errors import MissingPackage, import_optional
 
 
 def message_json(message: TopicMessage) -> str:
-    """Return a message as JSON: uint8 arrays as base64, NaN and infinity as null."""
+    """Return a ROS message as JSON: bytes as base64, NaN and infinity as null."""
 
     def plain(value: object) -> object:
         match value:
@@ -51,7 +51,7 @@ def message_json(message: TopicMessage) -> str:
 
 
 def _id_of(message: Json) -> str:
-    """Return a subscription's id as JSON text, which keeps 1 and "1" distinct."""
+    """Return the id of a subscription as JSON text, in which 1 and "1" differ."""
     text = json.dumps(message.get("id"))
     if len(text) > LONGEST_NAME:
         raise ValueError(f"an id of {len(text)} characters, expected {LONGEST_NAME}")
@@ -71,7 +71,7 @@ def _cdr() -> ModuleType:
 
 
 class RosbridgeClient(BoardClient):
-    """One rosbridge client; see ``BoardClient``."""
+    """A connected rosbridge client; see ``BoardClient``."""
 
     name = "rosbridge"
     encode = staticmethod(message_json)
@@ -84,10 +84,10 @@ class RosbridgeClient(BoardClient):
             "unsubscribe": self._unsubscribe,
             "publish": self._publish,
             "call_service": self._call,
-            # Clients may publish without advertising their topics.
+            # These messages need no action: clients may publish without advertising.
             **dict.fromkeys(("advertise", "unadvertise", "set_level"), lambda _: None),
         }
-        # Some clients prefix these names with a slash, which ``_call`` removes.
+        # Some clients prefix names of services with a slash, which ``_call`` removes.
         self._services: dict[str, Callable[[Json], Json]] = {
             "rosapi/topics": self._topics,
             "rosapi/topics_and_raw_types": self._topics_and_raw_types,
@@ -99,7 +99,7 @@ class RosbridgeClient(BoardClient):
             "rosapi/nodes": lambda _: {"nodes": ["/radarsim"]},
             "rosapi/services": lambda _: {"services": []},
             "rosapi/get_param_names": lambda _: {"names": []},
-            # This service has different names in the versions of rosapi.
+            # Versions of rosapi use different names for this service.
             **dict.fromkeys(
                 ("rosapi/time", "rosapi/get_time"), lambda _: {"time": self._time}
             ),
@@ -112,12 +112,12 @@ class RosbridgeClient(BoardClient):
 
     @property
     def _time(self) -> Json:
-        """Simulated time with the field names of ROS 2, and of ROS 1 for roslibpy."""
+        """The simulated time with field names of ROS 2, and of ROS 1 for roslibpy."""
         sec, nanosec = self._board.now.sec, self._board.now.nanosec
         return {"sec": sec, "nanosec": nanosec, "secs": sec, "nsecs": nanosec}
 
     def offer(self, topic: str, data: Any, now: float) -> None:
-        """See ``BoardClient.offer``; the throttle rate may skip the message."""
+        """Queue a message of a subscribed topic, if the throttle rate permits it."""
         interval = min(self._subscriptions[topic].values())
         if now - self._last.get(topic, -math.inf) < interval:
             return
@@ -146,7 +146,7 @@ class RosbridgeClient(BoardClient):
         topic, own = str(message["topic"]), _id_of(message)
         left = self._subscriptions.get(topic, {})
         left.pop(own, None)
-        # Without an id, all subscriptions to the topic end.
+        # A message without an id ends all subscriptions to the topic.
         if own == "null" or not left:
             self._subscriptions.pop(topic, None)
 
@@ -186,5 +186,5 @@ class RosbridgeClient(BoardClient):
         return {"typedefs": _cdr().type_definitions(wanted)}
 
     def complain(self, text: str) -> None:
-        """See ``BoardClient.complain``."""
+        """Queue an error status for the client; see ``BoardClient.complain``."""
         self.waiting.append(json.dumps({"op": "status", "level": "error", "msg": text}))

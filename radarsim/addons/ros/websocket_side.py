@@ -30,7 +30,7 @@ class WebSocketSide:
         announce: Callable[[str, tuple[str, int]], None],
         origins: Sequence[str] = (),
     ) -> None:
-        """Create a server that does not listen yet.
+        """Create a WebSocket server that does not listen yet.
 
         Args:
             board: The topics for the clients of a protocol.
@@ -47,7 +47,7 @@ class WebSocketSide:
         self._clients: dict[BoardClient, asyncio.Event] = {}
 
     def publish(self, message: TopicMessage) -> None:
-        """See ``RosSide.publish``."""
+        """Send a message to its subscribers; see ``RosSide.publish``."""
         is_new = message.topic not in self._board.types
         wanting = [each for each in self._clients if each.wants(message.topic)]
         data = self._board.add(message, wanted=bool(wanting))
@@ -61,11 +61,11 @@ class WebSocketSide:
             self._clients[client].set()
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
-        """See ``RosSide.subscribe``."""
+        """Subscribe to velocity commands; see ``RosSide.subscribe``."""
         self._board.drivers[topic] = take
 
     async def run(self) -> None:
-        """See ``RosSide.run``.
+        """Serve WebSocket clients until cancelled; see ``RosSide.run``.
 
         Raises:
             ServerError: If the address or the port cannot be used.
@@ -81,15 +81,15 @@ class WebSocketSide:
             )
             serving = asyncio.ensure_future(server.serve([listening]))
             try:
-                # The server must not be cancelled. It is asked to exit below, and then
-                # closes its connections.
+                # The server must not be cancelled, since it closes its connections
+                # after ``should_exit`` is set below.
                 await asyncio.shield(serving)
             finally:
                 server.should_exit = True
                 await asyncio.wait({serving})
 
     async def _serve(self, socket: WebSocket) -> None:
-        # A page of another site may connect only if the origin of the page is listed or
+        # A web page of another site may connect only if the page's origin is listed or
         # trusted.
         origin = socket.headers.get("origin", "").lower()
         is_named = origin in self._origins or self._board.protocol.trusts(origin)

@@ -1,4 +1,4 @@
-"""Pytest fixtures to test USARSim clients; pytest loads them as a plugin.
+"""Pytest fixtures for tests of USARSim clients; pytest loads this module as a plugin.
 
 ``usarsim_server`` is a server that runs during one test, on a free port of 127.0.0.1.
 It has its own thread and event loop, so both blocking clients and asynchronous clients
@@ -59,7 +59,7 @@ MIN_WAIT = 0.001  # s; a socket timeout of 0 would make the socket non-blocking
 
 @dataclass(frozen=True, slots=True)
 class UsarsimServer:
-    """The address of a running server.
+    """The address of a running USARSim server.
 
     Attributes:
         host: Always 127.0.0.1.
@@ -71,7 +71,7 @@ class UsarsimServer:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port, as an argument of ``socket.create_connection``."""
+        """Host and port of the server, as ``socket.create_connection`` needs them."""
         return self.host, self.port
 
 
@@ -82,7 +82,7 @@ class UsarsimClient:
     """
 
     def __init__(self, address: tuple[str, int]) -> None:
-        """Connect to a server.
+        """Connect to a USARSim server.
 
         Raises:
             OSError: If no server listens at the address.
@@ -91,14 +91,14 @@ class UsarsimClient:
         self._unread = b""
 
     def send(self, line: str) -> None:
-        """Append CRLF to a line, and send it."""
+        """Append CRLF to a line of text, and send the line to the server."""
         if "\r" in line or "\n" in line:
             raise ValueError(f"line {line[:80]!r}, expected no line end in it")
         self._socket.settimeout(TIMEOUT)
         self._socket.sendall(line.encode("latin-1") + b"\r\n")
 
     def read_line(self, timeout: float = TIMEOUT) -> str:
-        """Wait for the next line, and return it without CRLF.
+        """Wait for the next line of the server, and return the line without CRLF.
 
         Args:
             timeout: Longest wait, s of the wall clock.
@@ -122,7 +122,7 @@ class UsarsimClient:
         return line.decode("latin-1")
 
     def read_until(self, verb: str, *parts: str, timeout: float = TIMEOUT) -> str:
-        """Read lines until one matches, and return it.
+        """Read lines until a line matches a pattern, and return this line.
 
         Args:
             verb: Start of the line.
@@ -151,7 +151,7 @@ class UsarsimClient:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker ``usarsim``."""
+    """Register the pytest marker ``usarsim``."""
     config.addinivalue_line("markers", MARKER)
 
 
@@ -183,7 +183,7 @@ def usarsim_client(usarsim_server: UsarsimServer) -> Iterator[UsarsimClient]:
 
 
 def _options(item: pytest.Item, map_: str | Path) -> dict[str, Any]:
-    """Return the options of a test; the mark closest to the test has priority."""
+    """Return a test's options; those of the mark closest to the test have priority."""
     options: dict[str, Any] = {"map": map_}
     for mark in reversed(list(item.iter_markers("usarsim"))):
         if mark.args:
@@ -193,7 +193,7 @@ def _options(item: pytest.Item, map_: str | Path) -> dict[str, Any]:
 
 
 def make_thread(options: dict[str, Any]) -> "ServerThread":
-    """Create the thread of a server with the options of a test.
+    """Create the thread that runs a server with the options of a test.
 
     Raises:
         RadarsimError: If the map or the settings are wrong.
