@@ -130,8 +130,8 @@ class ItemGeo(LineReport):
                 Segment("Name", reduce_text(name)),
                 Segment("Location", place, numbers[:3]),
             ]
-            # A pose in separate segments crashes Player's driver and makes UsarCommander
-            # lose the offset of the sensor; ROS reads both forms.
+            # A pose in separate segments crashes Player's driver, and makes
+            # UsarCommander lose the sensor's offset; ROS reads both forms.
             if dialect.joins_mounts:
                 written.append(Segment("Orientation", place, numbers[3:]))
                 written.append(Segment("Mount", _RIGID))
