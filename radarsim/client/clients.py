@@ -1,4 +1,4 @@
-"""A blocking client, and a client for an asyncio event loop.
+"""A blocking and an asynchronous client for servers of the USARSim protocol.
 
 Both clients take their methods from ``Requests``: the blocking client runs each request
 over a ``Transport``, the asynchronous client over asyncio streams.
@@ -40,17 +40,17 @@ AnyClient = TypeVar("AnyClient", bound="AsyncClient")
 
 
 class _Connected:
-    """Base class with the properties that both clients have."""
+    """Base class of ``Client`` and ``AsyncClient`` with their common properties."""
 
     _requests: Requests
 
     @property
     def session(self) -> Session:
-        """State of the connection: latest time stamp, latest scans, skipped lines."""
+        """State of the connection, such as the latest scans and time stamp."""
         return self._requests.session
 
     def newest(self, kind: type[AnyReport]) -> AnyReport | None:
-        """Return the newest received report of a class, whether it was read or not.
+        """Return the newest received report of a class, even if it was not read yet.
 
         This method does not wait and receives nothing itself: use it together with a
         loop over the client or other calls that wait. It returns None before the first
@@ -89,7 +89,7 @@ def _awaited(
 
 
 class Client(_Connected):
-    """One connection to a server, with at most one robot.
+    """A blocking client: one connection to a server, with at most one robot.
 
     Every call that waits raises ``ClientTimeout`` when its timeout expires and
     ``ClientError`` when the connection is lost. Both errors name the expected report
@@ -106,7 +106,7 @@ class Client(_Connected):
         *,
         timeout: float = 5.0,
     ) -> None:
-        """Create a client on a transport; ``close`` also closes the transport.
+        """Create a client on an open connection, which ``close`` also closes.
 
         Args:
             transport: Open connection.
@@ -119,7 +119,7 @@ class Client(_Connected):
         self._requests = Requests(
             transport.time,
             timeout=timeout,
-            # Some transports collect the reasons why commands had no effect.
+            # Some kinds of connection collect reasons why commands had no effect.
             diagnostics=getattr(transport, "diagnostics", None),
         )
         self._condition = threading.Condition()
@@ -130,7 +130,7 @@ class Client(_Connected):
     def connect(
         cls, host: str = "127.0.0.1", port: int = 3000, *, timeout: float = 5.0
     ) -> Self:
-        """Connect over TCP.
+        """Create a client that is connected to a server over TCP.
 
         Args:
             host: Name or address.
@@ -168,7 +168,7 @@ class Client(_Connected):
     wait_for = _blocking(Requests.wait_for)
 
     def __iter__(self) -> Iterator[Report]:
-        """Yield the reports one after the other, until the client is closed.
+        """Yield received reports one after the other, until the client is closed.
 
         Reports that remain when a loop ends can be read by other calls.
 
@@ -186,7 +186,7 @@ class Client(_Connected):
             yield report
 
     def close(self) -> None:
-        """Stop the robot if possible and close the connection; never raise.
+        """Stop the robot if possible, and close the connection without an error.
 
         Waiting calls in other threads raise ``ClientError``.
         """
@@ -197,7 +197,7 @@ class Client(_Connected):
         self.transport.close()
 
     def _run(self, exchange: Exchange[Value]) -> Value:
-        """Run an exchange over the transport and return its result."""
+        """Send and receive over the transport as a request asks; return its result."""
         with self._condition, closing(exchange):
             try:
                 step = next(exchange)
@@ -208,8 +208,8 @@ class Client(_Connected):
                         else:
                             self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # The exchange raises the final error, which names the report
-                        # that was expected.
+                        # The exchange replaces this error by one that names the report
+                        # for which it has waited.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)
@@ -218,7 +218,7 @@ class Client(_Connected):
                 return value
 
     def _receive(self, timeout: float) -> None:
-        """Receive data, or wait until another thread has received data."""
+        """Receive data from the server, or wait until another thread has done so."""
         if self._is_receiving:
             self._condition.wait(timeout)
             return
@@ -234,7 +234,7 @@ class Client(_Connected):
 
 
 class Connecting(Generic[AnyClient]):
-    """A connection that opens when it is awaited or entered by ``async with``."""
+    """An asynchronous client that connects when it is awaited, or in ``async with``."""
 
     def __init__(self, connect: Callable[[], Awaitable[AnyClient]]) -> None:
         self._connect = connect
@@ -253,7 +253,7 @@ class Connecting(Generic[AnyClient]):
 
 
 class AsyncClient(_Connected):
-    """The methods of ``Client`` as coroutines.
+    """An asynchronous client, which has the methods of ``Client`` as coroutines.
 
     Several tasks may wait at once; each receives the reports that it waits for.
     """
@@ -265,7 +265,7 @@ class AsyncClient(_Connected):
         *,
         timeout: float = 5.0,
     ) -> None:
-        """Create a client on two streams; ``close`` also closes the streams.
+        """Create a client on two open streams, which ``close`` also closes.
 
         Args:
             reader: Reader of the connection.
@@ -286,7 +286,7 @@ class AsyncClient(_Connected):
     def connect(
         cls, host: str = "127.0.0.1", port: int = 3000, *, timeout: float = 5.0
     ) -> "Connecting[Self]":
-        """Connect over TCP; arguments and errors as in ``Client.connect``.
+        """Create a client connected over TCP, with the arguments of ``Client.connect``.
 
         Use ``client = await AsyncClient.connect()``, or ``async with
         AsyncClient.connect() as client``.
@@ -327,7 +327,7 @@ class AsyncClient(_Connected):
     wait_for = _awaited(Requests.wait_for)
 
     async def __aiter__(self) -> AsyncIterator[Report]:
-        """Yield the reports one after the other; see ``Client.__iter__``."""
+        """Yield received reports one after the other, until the client is closed."""
         while not self._writer.is_closing():
             try:
                 report = await self._run(self._requests.next_report())
@@ -338,7 +338,7 @@ class AsyncClient(_Connected):
             yield report
 
     async def close(self) -> None:
-        """Stop the robot if possible and close the connection; never raise."""
+        """Stop the robot if possible, and close the connection without an error."""
         if self._requests.has_robot:
             # The flag is cleared before the wait, so that a second call of close() does
             # not stop the robot again.
@@ -352,7 +352,7 @@ class AsyncClient(_Connected):
             self._writer.transport.abort()
 
     async def _run(self, exchange: Exchange[Value]) -> Value:
-        """Run an exchange over the streams and return its result."""
+        """Send and receive over the streams as a request asks; return its result."""
         with closing(exchange):
             try:
                 step = next(exchange)
@@ -363,8 +363,8 @@ class AsyncClient(_Connected):
                         else:
                             await self._receive(step)
                     except (TimeoutError, ConnectionError) as error:
-                        # The exchange raises the final error, which names the report
-                        # that was expected.
+                        # The exchange replaces this error by one that names the report
+                        # for which it has waited.
                         step = exchange.throw(error)
                     else:
                         step = next(exchange)
@@ -373,7 +373,7 @@ class AsyncClient(_Connected):
                 return value
 
     async def _send(self, data: bytes) -> None:
-        # A closing stream would drop written data without an error.
+        # Without this error, a closing stream would silently drop written data.
         if self._writer.is_closing():
             raise ConnectionError(CLOSED)
         self._writer.write(data)
@@ -386,7 +386,7 @@ class AsyncClient(_Connected):
             raise lost(error) from None
 
     async def _receive(self, seconds: float) -> None:
-        """Receive data, or wait until another task has received data."""
+        """Receive data from the server, or wait until another task has done so."""
         if self._reading is not None:
             with suppress(TimeoutError):
                 async with asyncio.timeout(seconds):
@@ -394,7 +394,7 @@ class AsyncClient(_Connected):
             return
         self._reading = asyncio.Event()
         try:
-            # This lets other tasks begin to wait, so that they get the same report.
+            # The sleep lets other tasks begin to wait, so they get the same report.
             await asyncio.sleep(0)
             async with asyncio.timeout(max(seconds, SHORTEST_WAIT)):
                 data = await self._reader.read(CHUNK)

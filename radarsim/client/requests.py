@@ -1,4 +1,4 @@
-"""The requests of a client as generators that do no I/O.
+"""The requests of a client to a server, as generators that do no I/O.
 
 Theory of operation
 ===================
@@ -76,7 +76,7 @@ Exchange: TypeAlias = Generator[Step, None, Value]
 
 @dataclass(slots=True, eq=False)
 class Waiter:
-    """The state of an exchange that waits for a report.
+    """The state of a request of a client that waits for a report from the server.
 
     Attributes:
         expected: Name of the expected report in error texts.
@@ -119,7 +119,7 @@ class Requests:
         timeout: float,
         diagnostics: list[str] | None = None,
     ) -> None:
-        """Start a session.
+        """Create the requests of a new connection.
 
         Args:
             clock: Returns the time of the transport's clock, s.
@@ -147,7 +147,7 @@ class Requests:
         self._pending: list[Report] = []
 
     def receive(self, data: bytes) -> None:
-        """Decode received bytes, and give the reports to the waiting exchanges.
+        """Decode bytes from the server, and give the reports to the waiting requests.
 
         All other reports are kept, except greetings, which the session stores.
         """
@@ -155,17 +155,17 @@ class Requests:
             first = self._poses_asked[0] if self._poses_asked else None
             if isinstance(report, StartPoses) and first is not None:
                 self._poses_asked.popleft()
-            # An answer to a call that was cancelled or timed out is dropped.
+            # The answer to a request that was cancelled or timed out is dropped.
             if first is None or not (first.is_left and first.wanted(report)):
                 self._give(report)
         if len(self._passed) > MOST_PASSED:
             self._passed = without_outdated(self._passed, [])[-MOST_PASSED:]
 
     def _give(self, report: Report) -> None:
-        """Give a report to the exchanges that wait for it, or keep it."""
+        """Give a report to the requests that wait for it, or keep it for later."""
         waiting = [each for each in self._waiters if each.report is None]
         takers = [each for each in waiting if each.wanted(report)]
-        # An answer goes only to the first exchange that asked.
+        # An answer goes only to the first of the requests that have asked for it.
         if asking := [each for each in takers if each.asked]:
             takers = asking[:1]
         for waiter in takers:
@@ -190,7 +190,7 @@ class Requests:
     def start_poses(
         self, *, timeout: float | None = None
     ) -> Exchange[dict[str, Pose3]]:
-        """Request the start poses of the map; return a dictionary by name.
+        """Request the start poses of the map, and return them by their names.
 
         Args:
             timeout: Timeout, s; None for the default.
@@ -213,7 +213,7 @@ class Requests:
         pose: PoseLike | None = None,
         timeout: float | None = None,
     ) -> Exchange[None]:
-        """Spawn a robot and wait for its first report, which can still be read.
+        """Spawn a robot, and wait for its first report, which later calls can read.
 
         Servers do not report a failure: if the class is unknown or the position is not
         free, no report comes. The client also sends a question after the request, and
@@ -244,19 +244,19 @@ class Requests:
         question = questions.spawn(
             class_name, name=name, start=start, pose=pose, takes_free=takes_free
         )
-        # The flag is set even if no report comes, as the server may spawn the robot
-        # late, and close() must stop the robot then.
+        # The flag is set before any report, as the server may spawn the robot late, and
+        # close() must then stop the robot.
         had_robot, self.has_robot = self.has_robot, True
         self._diagnostics.clear()
         yield from self.send(question.data)
         if had_robot and not self._poses_asked:
-            # Servers execute commands in order, so reports before the answer belong to
-            # the previous robot.
+            # Servers execute commands in order, so reports before the answer to this
+            # question belong to the previous robot.
             with suppress(ClientTimeout):
                 yield from self.start_poses(timeout=limit)
         if had_robot:
             yield from self._check_class(class_name)
-        # A report of the previous robot must not count as the first one of this robot.
+        # Reports of the previous robot must not count as the first report of this one.
         self._passed.clear()
         self._pending.clear()
         self.session.scans.clear()
@@ -267,7 +267,7 @@ class Requests:
         self._class_name = class_name
 
     def _check_class(self, wanted: str) -> Exchange[None]:
-        """Check after INIT that the server has replaced the previous robot.
+        """Check that the server has replaced the client's previous robot by a new one.
 
         A server that refuses INIT keeps the client's previous robot.
 
@@ -286,7 +286,7 @@ class Requests:
                 raise ClientError(f"{text}: {reason}")
 
     def _choose_start(self, wanted: str | None, limit: float) -> Exchange[str | None]:
-        """Return the name of the requested start, or of the first start in the map.
+        """Return the name of the start that the client requests, or of the first start.
 
         None is returned if no start is requested, and the map has no starts or the
         server does not list its starts.
@@ -306,7 +306,7 @@ class Requests:
         return wanted
 
     def _wait_for_robot(self, waiter: Waiter, *, may_be_busy: bool) -> Exchange[Report]:
-        """Wait for the first report of the robot after INIT and return it.
+        """Wait for the first report of the robot that INIT spawns, and return it.
 
         A server does not report that it has no room for a robot. But it executes
         commands in order, so it answers a question sent after INIT when INIT is done,
@@ -317,8 +317,8 @@ class Requests:
             may_be_busy: Whether to wait longer for a busy server; False if the caller
                 has set a timeout.
         """
-        # Half of a short timeout is reserved for asking the server whether INIT is
-        # done.
+        # Half of a short timeout is reserved for a question whose answer shows that the
+        # server has executed INIT.
         now = self._clock()
         patience = min(SPAWN_PATIENCE, (waiter.until - now) / 2)
         with suppress(ClientTimeout):
@@ -338,8 +338,8 @@ class Requests:
         report = yield from self._await(news, questions.start_poses().data)
         if waiter.wanted(report):
             return report
-        # INIT is done, but no report of the robot has come. If the robot exists, its
-        # reports come soon, so the default timeout is enough.
+        # The server has executed INIT, but sent no report of the robot yet. If the
+        # robot exists, its reports come soon, so the default timeout is enough.
         last = self._waiter(waiter.expected, waiter.wanted, hint=REFUSED)
         if self._clock() < waiter.until:
             in_time = replace(waiter, hint=REFUSED)
@@ -347,14 +347,14 @@ class Requests:
         return (yield from self._skip(last))
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
-        """Send a question and return its answer."""
+        """Send a question to the server and return the answer."""
         waiter = self._waiter(question.what, question.accepts, timeout, asked=True)
         return (yield from self._await(waiter, question.data))
 
     def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request the robot's dimensions or the mounting poses of items.
+        """Request the dimensions of a robot, or the mounting poses of its items.
 
         Args:
             kind: ``Robot``, or a type of items such as ``RangeScanner``.
@@ -370,7 +370,7 @@ class Requests:
     def configuration(
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Exchange[Report]:
-        """Request the settings of the robot or items; see ``geometry`` for arguments.
+        """Request the settings of a robot or its items; arguments as in ``geometry``.
 
         Returns:
             A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
@@ -378,7 +378,7 @@ class Requests:
         return self._describe(questions.configuration(kind, name, robot))
 
     def _describe(self, question: Question) -> Exchange[Report]:
-        """Send a question about the client's robot or another robot; return the answer.
+        """Send a question about any robot to the server, and return the answer.
 
         Raises:
             ClientError: If the other robot does not exist.
@@ -407,7 +407,7 @@ class Requests:
         conf = yield from self._ask(questions.configuration(ROBOT), RobotConf)
         descriptions = ScannerDescriptions()
         yield from self._describe_scanners(descriptions, None)
-        # Some servers answer only questions about a single item.
+        # Some servers answer only questions about a single scanner.
         for name in descriptions.incomplete(self.session.scans):
             yield from self._describe_scanners(descriptions, name)
         names = {name.casefold() for name in descriptions.names(self.session.scans)}
@@ -426,7 +426,7 @@ class Requests:
         return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
     def send(self, data: bytes) -> Exchange[None]:
-        """Send whole lines unchanged, without waiting for an answer.
+        """Send whole lines to the server unchanged, without waiting for an answer.
 
         Raises:
             ClientError: If the connection is lost.
@@ -439,7 +439,7 @@ class Requests:
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
 
     def drive(self, left: float, right: float) -> Exchange[None]:
-        """Set the speeds of the left and the right wheels in the server's unit.
+        """Set the speeds of the robot's left and right wheels, in the server's unit.
 
         The speeds hold until the next call. ``RobotInfo.wheel_speeds`` computes them
         from speed and yaw rate. For a car, after a call of ``robot_info``, they are
@@ -448,7 +448,7 @@ class Requests:
         return self.send(questions.drive(left, right, self.session.car))
 
     def stop(self) -> Exchange[bool]:
-        """Stop the wheels; return whether the command was sent, and never raise."""
+        """Stop the wheels; return False instead of an error if sending fails."""
         try:
             yield from self.drive(0.0, 0.0)
         except ClientError:
@@ -456,11 +456,11 @@ class Requests:
         return True
 
     def echoes(self, scanner: str, on: bool = True) -> Exchange[None]:
-        """Switch the ``EchoLine`` reports before each scan of a scanner on or off."""
+        """Switch the reports of a scanner's echoes, ``EchoLine``, on or off."""
         return self.send(questions.echoes(scanner, on))
 
     def targets(self, scanner: str, on: bool = True) -> Exchange[None]:
-        """Switch the ``RadarTargets`` reports of a scanner's detector on or off."""
+        """Switch the reports of a radar's targets, ``RadarTargets``, on or off."""
         return self.send(questions.targets(scanner, on))
 
     def watch(
@@ -538,8 +538,8 @@ class Requests:
                 return False
             return True
 
-        # The server answers SET only with errors. But it executes commands in order, so
-        # the answer to a following question means that the settings are in effect.
+        # The server answers SET only with errors. As it executes commands in order, the
+        # answer to a later question shows that the settings are in effect.
         waiter = self._waiter(
             "answer after SET SETTING", accepts, asked=True, asks_poses=True
         )
@@ -549,7 +549,7 @@ class Requests:
             raise ClientError("; ".join(refusals))
 
     def read(self, timeout: float | None = None) -> Exchange[list[Report]]:
-        """Return the next reports, at least one, in order.
+        """Return all reports that no call has returned yet; wait for one if necessary.
 
         Reports that another call has skipped come first.
         """
@@ -562,7 +562,7 @@ class Requests:
         return reports
 
     def next_report(self) -> Exchange[Report]:
-        """Return the next report; further received reports are kept."""
+        """Return the next report, and keep further reports for later calls."""
         report, *others = yield from self.read()
         self._pending[:0] = others
         return report
@@ -574,7 +574,7 @@ class Requests:
         name: str | None = None,
         timeout: float | None = None,
     ) -> Exchange[AnyReport]:
-        """Return the first report of a class that no call has returned yet.
+        """Return the first report of a class that no call has returned; wait if needed.
 
         Skipped reports can still be read or waited for, but of the skipped readings of
         one sensor only the newest is kept.
@@ -609,7 +609,7 @@ class Requests:
     def _describe_scanners(
         self, descriptions: ScannerDescriptions, name: str | None
     ) -> Exchange[None]:
-        """Request the mounting poses and the settings of one or all scanners."""
+        """Request mounting pose and settings of one scanner of the robot, or of all."""
         geometry = questions.geometry(RANGE_SCANNER, name)
         configuration = questions.configuration(RANGE_SCANNER, name)
         missing = [geometry, configuration]
@@ -622,7 +622,7 @@ class Requests:
             missing.remove(next(each for each in missing if each.accepts(report)))
             return not missing
 
-        # Both questions are sent at once, so that a silent server costs only one wait.
+        # Both questions are sent at once, so the client waits for silent servers once.
         waiter = self._waiter(
             "scanners", accepts, SILENCE_LIMIT, asked=True, ends=complete
         )
@@ -630,7 +630,7 @@ class Requests:
             yield from self._await(waiter, geometry.data + configuration.data)
 
     def _skip(self, waiter: Waiter) -> Exchange[Report]:
-        """Return the first wanted report, waiting if necessary; keep the others."""
+        """Return the first report that a request wants, and keep skipped reports."""
         passed = list(filter(waiter.wanted, self._passed))
         fresh = list(filter(waiter.wanted, self._pending))
         if current := without_outdated(passed, fresh):
@@ -643,12 +643,12 @@ class Requests:
             del self._pending[: i + 1]
         else:
             report = yield from self._await(waiter)
-        # Skipped readings that are older than the returned one are dropped.
+        # Skipped readings are dropped if the same sensor has sent the returned report.
         self._passed = [each for each in self._passed if not is_older(each, report)]
         return report
 
     def _await(self, waiter: Waiter, data: bytes = b"") -> Exchange[Report]:
-        """Send data, if any, and return the report that ends the wait."""
+        """Send data, if any, and wait for the report that a request wants."""
         self._passed += self._pending
         self._pending = []
         if waiter.asked and not self._waiters:
@@ -672,7 +672,7 @@ class Requests:
             text = f"{error} while the client waited for the {waiter.expected}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
         except GeneratorExit:
-            # The call was cancelled after the report had come but before it returned.
+            # The call was cancelled before it could return the report that had come.
             if waiter.report is not None and not waiter.asked:
                 self._passed.append(waiter.report)
             raise
@@ -705,7 +705,7 @@ class Requests:
 
 
 def check_kind(kind: object) -> None:
-    """Check the class of the reports to wait for.
+    """Check that the reports to wait for are given as a class.
 
     Raises:
         TypeError: If ``kind`` is not a class.
@@ -716,19 +716,19 @@ def check_kind(kind: object) -> None:
 
 
 def reading_of(report: Report) -> tuple[Hashable, float] | None:
-    """Return the sensor and the time of a reading; None for other reports."""
+    """Return the sensor and the time of a reading; None if a report is no reading."""
     reading = report.report if isinstance(report, WatchedLine) else report
     if not isinstance(reading, SensorReport | Status | ClockTick):
         return None
-    # Echo and target lines have the name of their scanner.
+    # Echo and target lines count as readings of the scanner whose name they have.
     item = getattr(reading, "name", type(reading))
     return (getattr(report, "robot", None), item), reading.time
 
 
 def is_older(report: Report, other: Report) -> bool:
     """Return whether both reports are readings of one sensor and ``other`` is newer."""
-    # One call of a client method makes up to a thousand comparisons, and this fast
-    # check of the names decides most of them.
+    # A client may compare a thousand reports in one call, and this fast check of the
+    # names decides most of the comparisons.
     if getattr(report, "name", None) != getattr(other, "name", None):
         return False
     one, two = reading_of(report), reading_of(other)
@@ -740,7 +740,7 @@ def is_older(report: Report, other: Report) -> bool:
 def without_outdated(
     reports: Sequence[Report], later: Sequence[Report]
 ) -> list[Report]:
-    """Return the reports, except readings older than the newest one of their sensor.
+    """Return reports without the readings for which their sensor has sent a newer one.
 
     Args:
         reports: Reports to filter.

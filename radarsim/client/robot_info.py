@@ -1,4 +1,4 @@
-"""The properties of a robot and its scanners, from the reports of a server.
+"""Reads the properties of a robot and its scanners from reports of a server.
 
 Servers do not report all properties: the original server reports the wheel base instead
 of the size of the robot, and no server reports the unit of wheel speeds. Values that
@@ -42,7 +42,7 @@ UNLIMITED: Final[_Limits] = (math.inf, 0.0, math.nan, math.nan)
 
 @dataclass(frozen=True, slots=True)
 class ScannerInfo:
-    """The properties of one scanner.
+    """The properties of one scanner of a robot, such as its mounting pose.
 
     Attributes:
         name: Name of the scanner in its scans.
@@ -70,7 +70,7 @@ class ScannerInfo:
 
 @dataclass(frozen=True, slots=True)
 class RobotInfo:
-    """The properties of one robot.
+    """The properties of one robot: its class, dimensions, limits and scanners.
 
     Attributes:
         name: Class of the robot.
@@ -102,7 +102,7 @@ class RobotInfo:
         scanners: tuple[ScannerInfo, ...],
         drive_unit: DriveUnit,
     ) -> Self:
-        """Combine the geometry and the configuration of a robot.
+        """Create the properties of a robot from its geometry and its configuration.
 
         Raises:
             ClientError: If a wheel dimension or the size of the robot is not plausible.
@@ -114,7 +114,7 @@ class RobotInfo:
         }
         least, most = WHEEL_LIMITS
         for key, value in wheels.items():
-            # The condition is negated so that NaN fails as well.
+            # With ``not`` in this condition, NaN is out of range as well.
             if not least <= value <= most:
                 text = f"{key} {value:g} of robot {geo.name[:80]!r}"
                 raise ClientError(f"{text}, expected {least:g} to {most:g}")
@@ -137,7 +137,7 @@ class RobotInfo:
 
     @property
     def clearance(self) -> float:
-        """Radius of the free circle that the robot needs to turn, m.
+        """Radius of the free circle, m, that the robot needs to turn on the spot.
 
         It is half the diagonal of the robot's footprint.
         """
@@ -145,11 +145,11 @@ class RobotInfo:
 
     @property
     def top_speed(self) -> float:
-        """Maximum speed straight ahead, m/s."""
+        """Maximum speed of the robot straight ahead, m/s."""
         return self.max_wheel_speed
 
     def wheel_speeds(self, speed: float, turn: float) -> tuple[float, float]:
-        """Compute the speeds of the left and the right wheels in drive units.
+        """Convert speed and yaw rate to left and right wheel speeds in drive units.
 
         If a wheel would exceed its maximum speed, both speeds are scaled down by the
         same factor, so that the robot still follows the same curve.
@@ -158,8 +158,8 @@ class RobotInfo:
             speed: Forward speed, m/s.
             turn: Counter-clockwise yaw rate, rad/s.
         """
-        # Without limits, the sum of two huge floats would be infinite and their ratio
-        # NaN.
+        # Without these limits, wheel speeds could be infinite, and the ratio to the
+        # maximum NaN.
         most = LARGEST_COMMANDED
         speed, turn = (max(min(each, most), -most) for each in (speed, turn))
         across = turn * self.wheel_separation / 2
@@ -172,7 +172,7 @@ class RobotInfo:
         return left * factor, right * factor
 
     def scanner(self, name: str | None = None) -> ScannerInfo:
-        """Return the scanner with a name, in any case, or the first scanner for None.
+        """Return the robot's scanner with a name, in any case; None means the first.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -201,7 +201,7 @@ def is_plausible(scan: RangeScan) -> bool:
 
 
 def beam_angles(scan: RangeScan) -> Floats:
-    """Return the angles of a scan's beams, (N,) rad; the same as ``scan.angles``."""
+    """Return the angles of a scan's beams, (N,) rad, as ``scan.angles`` does."""
     return scan.angles
 
 
@@ -236,19 +236,19 @@ def from_centre(
         (N,) ranges, m, ``inf`` without return.
     """
     returned = ranges < no_return(max_range)
-    # A finite range is used, as arctan2 of infinities gives multiples of 45 degrees.
+    # Infinite ranges are replaced: arctan2 of infinities gives multiples of 45 degrees.
     lengths = np.where(returned, ranges, _FAR)
     angles = angles + mount.yaw
     x = mount.x + lengths * np.cos(angles)
     y = mount.y + lengths * np.sin(angles)
     bearings = np.arctan2(y, x)
-    # arctan2 gives pi for straight behind, which is -pi in the interval [-pi, pi).
+    # arctan2 may give pi for obstacles behind the robot; bearings are below pi.
     bearings[bearings >= math.pi] = -math.pi
     return bearings, np.where(returned, np.hypot(x, y), math.inf)
 
 
 def dimensions(geo: RobotGeo) -> tuple[float, float, float]:
-    """Return length, width and height of a robot, m.
+    """Return length, width and height, m, of a robot that a server has described.
 
     The original server reports wheel base and separation instead, and no height. The
     robot is then assumed to extend one wheel radius beyond its wheels on all sides,
@@ -263,7 +263,7 @@ def dimensions(geo: RobotGeo) -> tuple[float, float, float]:
 
 
 class ScannerDescriptions:
-    """Collects the answers of a server about its scanners.
+    """Collects the answers of a server to questions about a robot's scanners.
 
     Not every server answers all questions about scanners; scans supply the missing
     properties. Names that differ only in case belong to one scanner.
@@ -277,7 +277,7 @@ class ScannerDescriptions:
         self._limits: dict[str, _Limits] = {}
 
     def add(self, report: Report) -> None:
-        """Add an answer; reports of other kinds are ignored."""
+        """Add an answer of the server about scanners; ignore other reports."""
         if isinstance(report, ItemGeo):
             for name, mount in report.mounts:
                 self._mounts[self._key(name)] = mount
@@ -291,7 +291,7 @@ class ScannerDescriptions:
         return key
 
     def names(self, scans: Iterable[str]) -> list[str]:
-        """Return the names of all scanners in answers and in scans."""
+        """Return the names of all scanners that answers or scans contain."""
         names = {name.casefold(): name for name in scans} | self._names
         keys = (*self._mounts, *self._limits, *names)
         return [names[key] for key in dict.fromkeys(keys)]
@@ -302,7 +302,7 @@ class ScannerDescriptions:
         return [name for name in self.names(scans) if name.casefold() not in complete]
 
     def scanners(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerInfo, ...]:
-        """Return the scanners whose number of beams is known.
+        """Return the properties of all scanners whose number of beams is known.
 
         Args:
             scans: Latest scans by name. The number of beams of a scanner is taken from
@@ -321,7 +321,7 @@ class ScannerDescriptions:
             scan = by_key.get(key)
             layout = _beam_layout(limits, scan)
             if layout is not None:
-                # Users look up scanners by the name in scans, so its spelling is used.
+                # Users look up scanners by the name in scans, so that spelling is used.
                 spelling = name if scan is None else scan.name
                 farthest, nearest = limits[:2]
                 scanners.append(
@@ -365,5 +365,5 @@ def _beam_layout(
     _, _, resolution, fov = limits
     if not (resolution > 0 and fov >= 0):
         return None
-    # Both numbers have few digits, so the quotient may be just below an integer.
+    # Both numbers are rounded in reports, so the quotient may be just below an integer.
     return resolution, fov, int(fov / resolution + 0.02) + 1

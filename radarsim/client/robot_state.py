@@ -1,4 +1,4 @@
-"""Collects the newest state of a robot and the echoes of its scans from reports."""
+"""Collects the state of a robot, and the echoes of its scans, from its reports."""
 
 import math
 from collections import deque
@@ -19,12 +19,12 @@ from radarsim.protocol.reports import (
 )
 
 MOTION_WINDOW: Final = 0.5  # s; interval over which speeds are measured
-# The reports with poses, the most accurate first.
+# Classes of reports that contain a pose of the robot, the most accurate first.
 POSES: Final[tuple[type[Report], ...]] = GroundTruth, Ins, Odometry
 
 
 class RobotState:
-    """The newest report of each kind from one robot.
+    """The newest state of one robot, such as its pose and battery, from reports.
 
     Attributes:
         time: Time of the newest report, s; nan before the first.
@@ -44,12 +44,12 @@ class RobotState:
 
     @property
     def pose(self) -> Pose2 | None:
-        """Newest pose from the best pose sensor; None before the first pose."""
+        """Newest pose from the robot's best pose sensor; None before the first pose."""
         source = self._best_source()
         return None if source is None else self.poses[source]
 
     def take(self, report: Report) -> bool:
-        """Process a report; return False for kinds of reports that are ignored."""
+        """Update the state by a report; return False if the report has no effect."""
         match report:
             case GroundTruth() | Ins() | Odometry():
                 self._take_pose(report)
@@ -66,7 +66,7 @@ class RobotState:
         return True
 
     def motion(self) -> tuple[float, float] | None:
-        """Return the measured motion from the best pose sensor.
+        """Return the robot's motion, computed from poses of its best pose sensor.
 
         Returns:
             Forward speed, m/s, and yaw rate, rad/s counter-clockwise; None before the
@@ -76,7 +76,7 @@ class RobotState:
             return None
         (start, before), (end, after) = self._track[0], self._track[-1]
         elapsed, turned = end - start, wrap_angle(after.yaw - before.yaw)
-        # On an arc, the line between two poses has the mean of their two headings.
+        # On an arc, the chord between two poses has the mean of their headings.
         yaw = before.yaw + turned / 2
         ahead = math.cos(yaw) * (after.x - before.x)
         ahead += math.sin(yaw) * (after.y - before.y)
@@ -111,7 +111,7 @@ class EchoCollector:
         self._line_count = -1
 
     def take(self, line: EchoLine) -> None:
-        """Add a line; a line with another time discards all earlier lines."""
+        """Add an echo line; a line with a new time stamp discards earlier lines."""
         # A server may drop lines on a slow connection, so the number of the last line
         # cannot mark the end of a scan.
         if not _is_same_time(line.time, self._time):
@@ -121,7 +121,7 @@ class EchoCollector:
             self._lines[line.line] = line.echoes
 
     def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Return the echoes of a scan, one per line; None if a line is missing."""
+        """Return the echoes of a scan, an entry per line; None if a line is missing."""
         is_complete = len(self._lines) == self._line_count
         if not is_complete or not _is_same_time(scan.time, self._time):
             return None
@@ -130,5 +130,5 @@ class EchoCollector:
 
 
 def _is_same_time(one: float, other: float) -> bool:
-    """Compare time stamps; two missing time stamps, which are NaN, are equal."""
+    """Compare two time stamps; missing time stamps, which are NaN, count as equal."""
     return one == other or (math.isnan(one) and math.isnan(other))

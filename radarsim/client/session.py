@@ -1,4 +1,4 @@
-"""Decodes received bytes and encodes questions, without sockets or clocks.
+"""Decodes bytes from a server and encodes questions, without sockets or clocks.
 
 A server may send anything: a line that is not a known report is counted and skipped. A
 ``Question`` recognizes its answer within the continuous stream of readings.
@@ -57,7 +57,7 @@ PoseLike: TypeAlias = Pose2 | Pose3 | Sequence[float]
 
 
 def check_timeout(timeout: float) -> None:
-    """Check a timeout.
+    """Check that a timeout is above 0 s.
 
     Raises:
         ValueError: If the timeout is not above 0 s.
@@ -67,7 +67,7 @@ def check_timeout(timeout: float) -> None:
 
 
 class Readings:
-    """The latest readings of one robot.
+    """The latest time stamp and the latest scans of one robot.
 
     Attributes:
         time: Latest time stamp of the server, s; NaN before the first.
@@ -88,7 +88,7 @@ class Readings:
         if isinstance(report, _TIMED):
             if math.isnan(report.time):
                 report = replace(report, time=self.time)
-            # This condition also holds for the first time stamp, when self.time is NaN.
+            # With ``not`` in this condition, the time may also be NaN before.
             elif not report.time < self.time:
                 self.time = report.time
             if isinstance(report, RangeScan):
@@ -97,7 +97,7 @@ class Readings:
 
 
 class Session(Readings):
-    """The state of one connection.
+    """The state of one connection to a server: received reports and readings.
 
     Attributes:
         time: Latest time stamp of the server, s; NaN before the first.
@@ -125,22 +125,22 @@ class Session(Readings):
 
     @property
     def car(self) -> RobotGeo | None:
-        """Geometry of the robot if it is known to have car-like steering, else None."""
+        """Geometry of a robot known to steer like a car; None for other robots."""
         geo, conf = self.newest.get(RobotGeo), self.newest.get(RobotConf)
         if not (isinstance(geo, RobotGeo) and isinstance(conf, RobotConf)):
             return None
         return geo if conf.max_steering and geo.name == conf.name else None
 
     def receive(self, data: bytes) -> list[Report]:
-        """Add received bytes and return the reports that they complete, in order.
+        """Add received bytes, and return the reports of all complete lines in order.
 
         A report without a time stamp gets the latest time stamp of its robot. Invalid
         lines are skipped and never raise.
         """
         reports = []
         pieces = [data]
-        # If a line is too long, the data is fed line by line, so that only that line is
-        # lost.
+        # Data that may make a line too long is fed line by line, so that only the line
+        # that is too long is lost.
         if not self._lines.has_room_for(data):
             pieces = data.splitlines(keepends=True)
         for piece in pieces:
@@ -160,13 +160,13 @@ class Session(Readings):
                     self.newest[type(report)] = report
                     reports.append(report)
             if self._lines.overflow is not None:
-                # The rest of the overlong line is skipped as an unknown line.
+                # A new buffer skips the rest of the overlong line as an unknown line.
                 self._lines = LineBuffer()
                 self.unread += 1
         return reports
 
     def add(self, report: Report) -> Report | None:
-        """Add a report of any kind; see ``Readings.add``."""
+        """Store a report of any kind and return it; return None for an invalid scan."""
         match report:
             case Greeting():
                 self.greeting = report
@@ -187,7 +187,7 @@ class Session(Readings):
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A line to send and the answer to wait for.
+    """A question to a server: the line to send, and the answer to wait for.
 
     Attributes:
         data: Line to send, with its line end.
@@ -210,7 +210,7 @@ def start_poses() -> Question:
 
 
 def geometry(kind: str, name: str | None = None, robot: str | None = None) -> Question:
-    """Return the question for the robot's dimensions or the mounting poses of items.
+    """Return the question for a robot's dimensions, or its items' mounting poses.
 
     Args:
         kind: ``Robot``, or a type of items such as ``RangeScanner``.
@@ -237,7 +237,7 @@ def geometry(kind: str, name: str | None = None, robot: str | None = None) -> Qu
 def configuration(
     kind: str, name: str | None = None, robot: str | None = None
 ) -> Question:
-    """Return the question for settings; see ``geometry`` for the arguments.
+    """Return the question for settings of a robot; arguments as in ``geometry``.
 
     Raises:
         ValueError: If a text cannot be written on a line.
@@ -266,7 +266,7 @@ def spawn(
     pose: PoseLike | None = None,
     takes_free: bool = False,
 ) -> Question:
-    """Return the request to spawn a robot; its answer is the robot's first report.
+    """Return the request to spawn a robot, whose first report is the answer.
 
     Args:
         class_name: Class of the robot with or without its package.
@@ -295,7 +295,7 @@ def spawn(
 
 
 def _to_pose3(pose: PoseLike) -> Pose3:
-    """Convert a pose in any accepted form to a ``Pose3``.
+    """Convert a pose, also as a sequence of numbers, to a ``Pose3``.
 
     Raises:
         ValueError: If the pose has another form.
@@ -313,7 +313,7 @@ def _to_pose3(pose: PoseLike) -> Pose3:
 
 
 def drive(left: float, right: float, car: RobotGeo | None = None) -> bytes:
-    """Return the command for wheel speeds in the server's unit.
+    """Return the command that sets a robot's wheel speeds, in the server's unit.
 
     For a car, the speeds are converted to a speed and a steering angle that give the
     same curve. A car cannot turn on the spot; it drives forward in its tightest circle
@@ -338,7 +338,7 @@ def drive(left: float, right: float, car: RobotGeo | None = None) -> bytes:
 
 
 def fly(ahead: float, left: float, up: float, turn: float) -> bytes:
-    """Return the ``compat`` command for the speeds of a flying robot, m/s and rad/s.
+    """Return the command that sets the speeds of a drone, m/s and rad/s (``compat``).
 
     Raises:
         ValueError: If a number is not finite.
@@ -347,7 +347,7 @@ def fly(ahead: float, left: float, up: float, turn: float) -> bytes:
 
 
 def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> bytes:
-    """Return the command that sends an opcode to one item of a type, or to all.
+    """Return the command that sends an opcode to one item, or to all of a type.
 
     Raises:
         ValueError: If a text cannot be written on a line.
@@ -361,7 +361,7 @@ def watch(
     *,
     clock: bool = False,
 ) -> bytes:
-    """Return the command to watch robots; arguments as in ``Client.watch``.
+    """Return the command that requests copies of lines to robots (``Client.watch``).
 
     Raises:
         ValueError: If a name is empty, or contains a comma.
@@ -405,12 +405,12 @@ def change_settings(scanner: str | None, settings: Mapping[str, Any]) -> bytes:
 
 
 def _setting(value: object) -> str:
-    """Return a value as YAML."""
+    """Return the value of a setting as YAML text."""
     if isinstance(value, list | tuple):
         return f"[{','.join(map(_setting, value))}]"
     if isinstance(value, float) and math.isinf(value):
         return f"{'-' * (value < 0)}.inf"
-    # The lookup is limited to None and Booleans, because 1 and 0 equal True and False.
+    # Only None and Booleans are looked up, as 1 and 0 would find True and False.
     words = {None: "null", True: "true", False: "false"}
     return words[value] if value is None or isinstance(value, bool) else str(value)
 
@@ -422,12 +422,12 @@ def _bytes(command: Command) -> bytes:
 def _of_robot(
     accepts: Callable[[Report], bool], robot: str | None
 ) -> Callable[[Report], bool]:
-    """Return a test that applies ``accepts`` to a robot's copies; errors pass too."""
+    """Return a test for the answer to a question, which may name another robot."""
     if robot is None:
         return accepts
 
     def accepts_copy(report: Report) -> bool:
-        # An error means that the robot does not exist; it does not name the robot.
+        # The server answers with an error, without a name, if the robot does not exist.
         if not isinstance(report, WatchedLine):
             return isinstance(report, CommandError)
         if report.report is None or not same_name(report.robot, robot):

@@ -66,7 +66,7 @@ ZOOM_KEYS: Final = {"z": -1, "x": 1}
 # prompt_toolkit turns the signal SIGINT into a key of this name.
 QUIT_KEYS: Final = {"q": 0, "escape": 0, "c-c": 130, "<sigint>": 130}
 MIN_COLUMNS: Final = 64  # in a narrower terminal the panel is hidden
-# Time, s, after which a lone Esc byte is the key Esc; arrow keys also begin with it.
+# Arrow keys also send an Esc byte first; after this time, s, it was the key Esc.
 ESCAPE_TIMEOUT: Final = 0.05
 MIN_REDRAW_INTERVAL: Final = 0.04  # s between two drawings
 SILENCE_LIMIT: Final = 2.5  # s without reports until the connection counts as lost
@@ -90,7 +90,7 @@ STYLE: Final = Style(
 
 
 class Key(StrEnum):
-    """The effect of a key on the motion."""
+    """What a key of the keyboard makes the robot do."""
 
     AHEAD = "ahead"
     BACK = "back"
@@ -107,14 +107,14 @@ SPEED_CHANGES: Final = {Key.FASTER: SPEED_STEP, Key.SLOWER: -SPEED_STEP}
 
 
 class Steering:
-    """Computes the motion that the pressed keys command.
+    """Computes the speed and yaw rate that the pressed keys command.
 
     Attributes:
         speed: Driving speed that the keys adjust, m/s.
     """
 
     def __init__(self, speed: float, *, top_speed: float, wheel_separation: float):
-        """Create the steering of a robot at rest.
+        """Create the steering of a robot that stands still.
 
         Args:
             speed: Initial driving speed, m/s; limited to the top speed.
@@ -131,7 +131,7 @@ class Steering:
         self._last_time = -math.inf
 
     def press(self, key: Key, now: float) -> None:
-        """Process a key press.
+        """Change the commanded motion or speed by a key press.
 
         Args:
             key: The key.
@@ -144,7 +144,7 @@ class Steering:
             # point.
             speed = round(self.speed + SPEED_CHANGES[key], 9)
             # The minimum is one step, or the present speed if that is lower, because
-            # the key for slower must not raise the speed.
+            # the key for slower must not raise a speed below one step.
             self.speed = max(min(SPEED_STEP, self.speed), min(speed, self._top_speed))
         else:
             is_held = self._last is key and now - self._last_time < REPEAT_GAP
@@ -153,13 +153,13 @@ class Steering:
                 self._direction, self._direction_ends = DIRECTIONS[key], ends
             else:
                 self._turn, self._turn_ends = TURNS[key], ends
-                # The forward or backward key may still be held, but no longer repeats.
+                # A held forward key stops repeating when another key is pressed.
                 if now < self._direction_ends:
                     self._direction_ends = ends
         self._last, self._last_time = key, now
 
     def motion(self, now: float) -> tuple[float, float]:
-        """Return the motion at a time.
+        """Return the motion that the keys command at a given time.
 
         Returns:
             Forward speed, m/s, and yaw rate, rad/s counter-clockwise.
@@ -182,15 +182,15 @@ DRIVE_KEYS: Final = {
 
 
 class DrawnControl(UIControl):
-    """A part of the screen, which a function draws in a given width and height."""
+    """A part of the terminal screen whose lines a function draws."""
 
     def __init__(self, draw: Draw) -> None:
         self._draw = draw
 
     def create_content(self, width: int, height: int) -> UIContent:
-        """Draw the lines of the content."""
+        """Draw the lines for a width and height in characters."""
         lines = self._draw(width, height) if width > 0 and height > 0 else []
-        # Lines are copied, because prompt_toolkit expects a list of a wider type.
+        # Lines are copied, because prompt_toolkit annotates a list of a wider type.
         return UIContent(
             lambda i: [*lines[i]], line_count=len(lines), show_cursor=False
         )
@@ -221,7 +221,7 @@ async def drive(
     settings: TeleopSettings,
     on_start: Callable[[], object] = lambda: None,
 ) -> int:
-    """Connect, and drive from this terminal until the user quits or a signal arrives.
+    """Connect to a server and drive a robot by keyboard until the user quits.
 
     Args:
         host: Host of the server.
@@ -245,7 +245,7 @@ async def drive(
 
 
 async def prepare(client: AsyncClient, settings: TeleopSettings) -> DrivenRobot:
-    """Spawn the robot and request its properties.
+    """Spawn the robot, and request the properties that the display needs.
 
     Raises:
         ClientError: If the server does not answer, or has no such robot, start or
@@ -279,7 +279,7 @@ class Teleop:
         keyboard: Input | None = None,
         terminal: Output | None = None,
     ) -> None:
-        """Prepare to drive a spawned robot; an event loop must be running.
+        """Create the screen for a spawned robot; an event loop must be running.
 
         Args:
             client: The connection.
@@ -307,11 +307,11 @@ class Teleop:
 
     @property
     def radius(self) -> float:
-        """Radius of the view around the robot, m."""
+        """Radius, m, of the area around the robot that the screen shows."""
         return RADII[self._zoom]
 
     async def run(self) -> int:
-        """Drive until the user quits or a signal arrives, and restore the terminal.
+        """Drive the robot by keyboard until the user quits, then restore the terminal.
 
         Returns:
             The exit code.
@@ -336,14 +336,14 @@ class Teleop:
         while True:
             for report in await self._client.read(self._patience):
                 self.state.take(report)
-            # Any report shows that the connection is alive.
+            # A report of any kind shows that the connection is alive.
             self._heard = self._clock()
             self._app.invalidate()
 
     async def _steer(self) -> int:
         while True:
             motion = self.steering.motion(self._clock())
-            # Servers keep the last wheel speeds, so only changes are sent.
+            # Servers keep the last wheel speeds, so only changed speeds are sent.
             if motion != self.commanded:
                 left, right = self.state.robot_info.wheel_speeds(*motion)
                 await self._client.drive(left, right)
@@ -353,7 +353,7 @@ class Teleop:
     def _make_screen(
         self, keyboard: Input | None, terminal: Output | None
     ) -> Application[int]:
-        """Create the application, whose result is an exit code."""
+        """Create the screen, an application that returns an exit code."""
         app: Application[int]
 
         def is_wide() -> bool:
@@ -381,7 +381,7 @@ class Teleop:
         return app
 
     def _bind_keys(self) -> KeyBindings:
-        """Bind all keys; letters in both upper and lower case."""
+        """Bind the keys for driving, zooming and quitting; letters in either case."""
         bindings = KeyBindings()
 
         def bind(name: str, act: Callable[[], None]) -> None:
@@ -404,7 +404,7 @@ class Teleop:
         return bindings
 
     def _leave(self, code: int) -> None:
-        # exit() would raise for a second key or signal before the screen has closed.
+        # A second exit() before the screen has closed would raise an error.
         if self._app.is_running and not self._app.is_done:
             self._app.exit(result=code)
 

@@ -1,4 +1,4 @@
-"""Draws the screen of the teleoperation as text: a top view of the scan, and a panel.
+"""Draws a teleoperated robot as text: a top view of its scan, and a panel of numbers.
 
 The robot is in the centre of the view, facing up. Each Braille character provides two
 by four dots, which serve as pixels.
@@ -54,7 +54,7 @@ POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth)
 
 
 class DrivenRobot(RobotState):
-    """The state of a robot, and the scans of the displayed scanner.
+    """The state of a teleoperated robot, and the scans of its displayed scanner.
 
     Attributes:
         robot_info: Properties of the robot.
@@ -72,7 +72,7 @@ class DrivenRobot(RobotState):
         self._scan_times: deque[float] = deque(maxlen=RATE_SCANS)
 
     def take(self, report: Report) -> bool:
-        """Process a report; scans of other scanners are ignored."""
+        """Update the state by a report; ignore scans of scanners not displayed."""
         if isinstance(report, RangeScan):
             if not same_name(report.name, self.scanner.name):
                 return False
@@ -81,7 +81,7 @@ class DrivenRobot(RobotState):
         return super().take(report)
 
     def points(self) -> Floats:
-        """Return the end points of all beams with a return in the newest scan.
+        """Return the positions at which beams of the newest scan hit an obstacle.
 
         Returns:
             (N, 2) x forward and y left from the robot's centre, m.
@@ -100,18 +100,18 @@ class DrivenRobot(RobotState):
         return np.column_stack([ranges * np.cos(bearings), ranges * np.sin(bearings)])
 
     def is_blind(self) -> bool:
-        """Return whether no beam of the newest scan reads more than 0."""
+        """Return whether the scanner is blinded: no range in its scan is above 0."""
         return self.scan is not None and not (self.scan.ranges > 0).any()
 
     def scan_rate(self) -> float:
-        """Return scans per second of server time; NaN before the second scan."""
+        """Return the scans per simulated second; NaN before the second scan."""
         times = self._scan_times
         elapsed = times[-1] - times[0] if times else 0.0
         return (len(times) - 1) / elapsed if elapsed > 0 else math.nan
 
 
 class Canvas:
-    """A drawing of dots in several styles."""
+    """A drawing for a terminal, made of Braille dots in several styles."""
 
     def __init__(self, columns: int, rows: int, inks: tuple[str, ...]) -> None:
         """Create an empty canvas.
@@ -130,16 +130,16 @@ class Canvas:
 
     @property
     def height(self) -> int:
-        """Height in dots."""
+        """Height of the canvas in dots."""
         return self._dots.shape[0]
 
     @property
     def width(self) -> int:
-        """Width in dots."""
+        """Width of the canvas in dots."""
         return self._dots.shape[1]
 
     def plot(self, across: Floats, down: Floats, style: str) -> None:
-        """Draw dots at positions on the canvas.
+        """Draw dots of one style at positions on the canvas.
 
         Args:
             across: (N,) distances from the left edge, dots; dots outside the canvas are
@@ -147,20 +147,20 @@ class Canvas:
             down: (N,) distances from the upper edge, dots.
             style: One of the styles of the canvas.
         """
-        # Distances are compared as floats, because they may be too large for an
-        # integer.
+        # Positions outside are dropped as floats, because they may be too large for
+        # an integer.
         inside = (across >= 0) & (across < self.width)
         inside &= (down >= 0) & (down < self.height)
         at = down[inside].astype(np.intp), across[inside].astype(np.intp)
         self._dots[at] = np.maximum(self._dots[at], self._styles.index(style))
 
     def write(self, row: int, column: int, text: str, style: str) -> None:
-        """Write text over the dots; text beyond the canvas is cut off."""
+        """Write text on the canvas, over the dots; cut off text beyond the canvas."""
         for i, letter in enumerate(text, start=column):
             self._letters[row, i] = style, letter
 
     def lines(self) -> list[Fragments]:
-        """Return the lines from the top, each as wide as the canvas."""
+        """Return the lines of text from the top, each as wide as the canvas."""
         shape = self.rows, DOTS_DOWN, self.columns, DOTS_ACROSS
         cells = self._dots.reshape(shape).transpose(0, 2, 1, 3)
         bits = ((cells > 0) * BITS).sum(axis=(2, 3))
@@ -175,14 +175,14 @@ class Canvas:
                 braille = chr(BRAILLE + dots) if dots else " "
                 drawn = self._styles[inks[row, column]], braille
                 line.append(self._letters.get((row, column), drawn))
-            # Neighbours of one style are merged, so that less is sent to the terminal.
+            # Neighbours of one style are joined, so fewer bytes go to the terminal.
             styles = groupby(line, key=lambda cell: cell[0])
             lines.append([(each, "".join(t for _, t in run)) for each, run in styles])
         return lines
 
 
 def style_of(distance: float, clearance: float) -> str:
-    """Return the style of a point at a distance from the robot's centre.
+    """Return the style, such as red, for an obstacle at a distance from the robot.
 
     Args:
         distance: Distance from the robot's centre, m.
@@ -197,7 +197,7 @@ def style_of(distance: float, clearance: float) -> str:
 def draw_view(
     points: Floats, robot_info: RobotInfo, radius: float, columns: int, rows: int
 ) -> list[Fragments]:
-    """Draw obstacles, robot and scale.
+    """Draw a top view of the robot and the obstacles around it as lines of text.
 
     Args:
         points: (N, 2) x forward and y left from the robot's centre, m.
@@ -224,7 +224,7 @@ def draw_view(
     plot(points[near], NEAR_STYLE)
     if robot_info.length * dots_per_metre >= MIN_LENGTH:
         longest = max(robot_info.length, robot_info.width)
-        # The points on a side are at most one dot apart.
+        # Points on a side of the robot's outline are at most one dot apart.
         along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))
         half = np.full_like(along, 0.5)
         sides = [(along, half), (along, -half), (half, along), (-half, along)]
@@ -236,7 +236,7 @@ def draw_view(
 
 
 def scale_bar(dots_per_metre: float, columns: int) -> str:
-    """Return a scale bar as text: the longest bar that fits, and its length.
+    """Return the longest scale bar that fits into the view, with its length, as text.
 
     Args:
         dots_per_metre: Scale of the view, at which half the width shows at least 1 m.
@@ -255,7 +255,7 @@ def panel_lines(
     commanded: tuple[float, float],
     silence: float,
 ) -> list[Fragments]:
-    """Format the state of the robot.
+    """Return the lines of the panel beside the view, which show the robot's state.
 
     Args:
         state: Newest state of the robot.
@@ -294,7 +294,7 @@ def panel_lines(
 
 
 def help_text(width: int) -> str:
-    """Return the longest help text that fits into a width in characters.
+    """Return the longest text about the keys that fits into a width in characters.
 
     >>> help_text(40)
     'WASD drive  space stops  q quits'
@@ -304,7 +304,7 @@ def help_text(width: int) -> str:
 
 
 def nearest(state: DrivenRobot) -> tuple[str, str]:
-    """Return a style, and the distance and bearing of the nearest obstacle as text."""
+    """Return distance and bearing of the nearest obstacle as text, after its style."""
     points = state.points()
     if not len(points):
         return "", "nothing seen"
@@ -330,7 +330,7 @@ def bearing(angle: float) -> str:
 
 
 def warnings(state: DrivenRobot, silence: float) -> list[str]:
-    """Return the warnings for the driver, such as an empty battery."""
+    """Return texts that warn the driver, such as of an empty battery."""
     texts = []
     if silence > SILENCE_WARNING:
         texts.append(f"server silent for {silence:.1f} s")
@@ -352,7 +352,7 @@ def _pose(pose: Pose2 | None) -> str:
 def _motion(motion: tuple[float, float] | None) -> str:
     if motion is None:
         return f"{'-':>10}"
-    # Adding 0 converts -0 to 0, so that no minus sign flickers in the panel.
+    # Adding 0 converts -0 to 0, so that the panel shows no minus sign before 0.
     speed, turn = round(motion[0], 2) + 0.0, round(math.degrees(motion[1])) + 0
     return f"{speed:10.2f} m/s{turn:4d}°/s"
 

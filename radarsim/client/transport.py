@@ -1,4 +1,4 @@
-"""The connection between a blocking client and a server.
+"""Transports, which send and receive the bytes of a blocking client.
 
 Each transport has a clock: the wall clock for a socket, or simulated time if client and
 server run in lockstep in one process. Timeouts of clients use only this clock.
@@ -30,7 +30,7 @@ STUCK = "the server has stopped reading"
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
-    """Create the error for an unreachable server; a local address adds a hint."""
+    """Create the error for an unreachable server, with a hint for a local address."""
     at = f"no server at {join_address(host, port)}"
     is_local = host in LOCAL_HOSTS or host.startswith("127.")
     is_refused = (
@@ -43,19 +43,19 @@ def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientErro
 
 
 def lost(error: OSError) -> ConnectionError:
-    """Create the error for a broken connection."""
+    """Create the error for a connection that the operating system reports as broken."""
     return ConnectionError(f"the connection is lost: {describe_os_error(error)}")
 
 
 class Transport(Protocol):
-    """A connection to a server, such as ``SocketTransport``.
+    """The interface of a blocking connection to a server, such as ``SocketTransport``.
 
     The text of a ``ConnectionError`` becomes the start of the ``ClientError`` that the
     client raises.
     """
 
     def send(self, data: bytes) -> None:
-        """Send all bytes.
+        """Send all bytes to the server.
 
         Raises:
             ConnectionError: If the server does not accept the bytes, or the transport
@@ -63,7 +63,7 @@ class Transport(Protocol):
         """
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes and return at least one.
+        """Wait for bytes from the server, and return at least one byte.
 
         Args:
             timeout: Longest wait, s. If it is 0 or less, bytes that have already
@@ -75,20 +75,20 @@ class Transport(Protocol):
         """
 
     def time(self) -> float:
-        """Return the time of the clock for timeouts, in s since an arbitrary moment."""
+        """Return the time of the clock by which a client measures timeouts, s."""
 
     def close(self) -> None:
-        """Close the connection; a ``receive`` in another thread then raises.
+        """Close the connection; a waiting ``receive`` in another thread then raises.
 
         Further calls of ``close`` have no effect.
         """
 
 
 class SocketTransport:
-    """A TCP connection, timed by the wall clock."""
+    """A TCP connection to a server; timeouts are measured by the wall clock."""
 
     def __init__(self, host: str, port: int, *, timeout: float = 5.0) -> None:
-        """Connect.
+        """Connect to a server.
 
         Args:
             host: Name or address.
@@ -105,19 +105,19 @@ class SocketTransport:
         self._closed = threading.Event()
         self._receiving = threading.Lock()
         try:
-            # An invalid host name raises UnicodeError when it is encoded for DNS.
+            # An invalid host name raises a UnicodeError when it is encoded for DNS.
             self._socket = socket.create_connection((host, port), timeout)
         except (OSError, UnicodeError) as error:
             raise no_server(host, port, error) from None
         with suppress(OSError):  # short commands are sent without Nagle's delay
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # A selector provides the timeout for receiving, because the timeout of the
-        # socket applies to sending.
+        # Receiving uses the timeout of a selector, because the timeout of the socket
+        # applies to sending.
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._socket, selectors.EVENT_READ)
 
     def send(self, data: bytes) -> None:
-        """Send all bytes; once a line was sent only in part, every further call raises.
+        """Send all bytes to the server; after a timeout, every further call raises.
 
         Raises:
             ConnectionError: If the server does not accept the bytes, or the transport
@@ -128,14 +128,14 @@ class SocketTransport:
         try:
             self._socket.sendall(data)
         except TimeoutError:
-            # After half a line, the server would read the next line as its second half.
+            # The server may have half a line, and would take the next line as the rest.
             self._stuck = True
             raise ConnectionError(STUCK) from None
         except OSError as error:
             raise lost(error) from None
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes and return at least one; see ``Transport.receive``."""
+        """Wait for bytes from the server, and return at least one byte."""
         with self._receiving:
             if self._closed.is_set():
                 raise ConnectionError(CLOSED)
@@ -152,7 +152,7 @@ class SocketTransport:
         return data
 
     def time(self) -> float:
-        """Return the time of the monotonic wall clock, s."""
+        """Return the time, s, of a wall clock that never goes back."""
         return time.monotonic()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Draws pictures and films of a simulation: true paths and scans on the map."""
+"""Draws pictures and films of a simulation, with true paths and scans on the map."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _NAMES: Final = 20  # maximum number of object names; more would hide robots
 
 
 class RunPicture:
-    """A figure that shows one moment of a run, and can be changed to another moment.
+    """A figure that shows a simulation at one moment, and can show another moment.
 
     Attributes:
         axes: Axes with the plan, m, map frame.
@@ -44,7 +44,7 @@ class RunPicture:
     def __init__(
         self, scene: Scene, moments: Sequence[Moment], on: Axes | Figure | None = None
     ) -> None:
-        """Draw the last moment.
+        """Create the figure, and draw the last moment of the simulation.
 
         Args:
             scene: The map.
@@ -81,10 +81,10 @@ class RunPicture:
         self.show(len(moments) - 1)
 
     def take(self, moments: Sequence[Moment]) -> None:
-        """Replace the moments by a longer list of the same run."""
+        """Replace the moments by a longer list of the same simulation."""
         self._moments = moments
         names = dict.fromkeys(name for moment in moments for name in moment.robots)
-        # NaN breaks the line of a robot at moments when the robot is absent.
+        # NaN interrupts the path of a robot while the robot is not in the simulation.
         self._paths = np.full((len(names), len(moments), 2), np.nan)
         for row, name in enumerate(names):
             for column, moment in enumerate(moments):
@@ -93,7 +93,7 @@ class RunPicture:
                     self._paths[row, column] = pose.x, pose.y
 
     def show(self, number: int) -> None:
-        """Show the moment with a given number, and the paths up to that moment."""
+        """Draw the moment with a given index, and the robots' paths until then."""
         for artist in self._moving:
             artist.remove()
         axes, moment = self.axes, self._moments[number]
@@ -123,7 +123,7 @@ class RunPicture:
         )
 
     def film(self, path: Path, speed: float) -> None:
-        """Write a film of all moments.
+        """Write a film of all moments of the simulation.
 
         Args:
             path: A ``.gif`` or ``.mp4`` file.
@@ -150,7 +150,7 @@ class RunPicture:
 def follow_run(
     sim: LocalSimulation, moments: Callable[[], Sequence[Moment]]
 ) -> Callable[[], bool]:
-    """Show a run in a window, or below the cell in a notebook without windows.
+    """Show a simulation in a window, or below the cell in a notebook without windows.
 
     Args:
         sim: The simulation.
@@ -190,14 +190,14 @@ def follow_run(
 
 
 def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> bytes:
-    """Draw the last moment, and return the picture in a format of ``FORMS``."""
+    """Return a picture of a simulation's last moment in a format such as ``png``."""
     return render(figure_of(RunPicture(scene, moments).axes), form)
 
 
 def write_run(
     scene: Scene, moments: Sequence[Moment], path: Path, *, speed: float
 ) -> None:
-    """Write a picture of the last moment, or a film of all moments.
+    """Write a picture of a simulation's last moment, or a film of all moments.
 
     Raises:
         OSError: If the file cannot be written.

@@ -1,4 +1,4 @@
-"""A robot that a program in the same process drives and reads by method calls.
+"""A simulated robot that a program drives and reads by method calls.
 
 The robot is a client of a host, like the clients of a server: commands are encoded as
 lines, and readings are decoded from lines. Values are therefore the same as over TCP.
@@ -69,7 +69,7 @@ CENTRE: Final = Pose2(0.0, 0.0)
 
 
 class LocalScan(RangeScan, eq=False):
-    """A scan as clients receive it, with the poses of the robot.
+    """A scan as clients receive it, together with the robot's poses at that time.
 
     Attributes:
         medium: Sensor type, ``radar`` or ``laser``.
@@ -90,7 +90,7 @@ class LocalScan(RangeScan, eq=False):
     targets: Sequence[RadarTargets] | None
 
     def points(self, frame: Frame = "robot") -> Floats:
-        """Return the end points of beams with a return, (N, 2) m, from right to left.
+        """Return the points that the scan has hit, (N, 2) m, from right to left.
 
         Args:
             frame: ``scanner``, ``robot``, or ``map``, which uses the true pose. ``ins``
@@ -125,16 +125,16 @@ class LocalTransport:
         self._robot = robot
 
     def time(self) -> float:
-        """Return the simulated time, s."""
+        """Return the simulated time, s, by which the client measures timeouts."""
         return self._robot.simulation.time
 
     def send(self, data: bytes) -> None:
-        """Send bytes; as with a server, a command without effect raises no error."""
+        """Send commands to the robot; ignored commands raise no error."""
         with suppress(ClientError):
             self._robot.send(data)
 
     def receive(self, timeout: float) -> bytes:
-        """Return the unread bytes; if there are none, step until bytes arrive.
+        """Return bytes for the client; let simulated time pass until there are some.
 
         Args:
             timeout: Longest wait, s of simulated time.
@@ -144,8 +144,8 @@ class LocalTransport:
         """
         simulation = self._robot.simulation
         return receive_stepwise(
-            # The buffer is read between two ticks, as the server's thread may write to
-            # it.
+            # The buffer is read between two ticks, because the thread of the server
+            # may write to it.
             lambda: simulation.call(lambda _: self.unread.take()),
             lambda: simulation.step(TICK),
             timeout,
@@ -171,7 +171,7 @@ class LocalRobot:
     def __init__(
         self, simulation: LocalSimulation, client: int, vehicle: Vehicle
     ) -> None:
-        """Wrap a robot that has been spawned.
+        """Create the interface of a robot that has been spawned.
 
         Args:
             simulation: The simulation of the robot.
@@ -210,12 +210,12 @@ class LocalRobot:
 
     @property
     def pose(self) -> Pose2:
-        """The true pose of the robot, map frame, not rounded."""
+        """The true pose of the robot in the map frame, without rounding."""
         return self._vehicle.robot.pose
 
     @property
     def info(self) -> RobotInfo:
-        """Dimensions, limits and scanners of the robot, as a server describes them."""
+        """Dimensions, limits and scanners of the robot, rounded as by a server."""
         model, config = self._vehicle.model, self._vehicle.config
         if self._info is not None and self._info[0] is config:
             return self._info[1]
@@ -226,7 +226,7 @@ class LocalRobot:
                 geometry(model, kind, None),
                 configuration(model, config, kind, None),
             ):
-                # Encoding and decoding the report rounds its numbers as over TCP.
+                # Encoding and decoding a report rounds its numbers as a server does.
                 line = "" if report is None else report.encode(self._vehicle.dialect)
                 answer = decode_report(line) if line else None
                 if answer is not None:
@@ -242,31 +242,31 @@ class LocalRobot:
 
     @property
     def truth(self) -> GroundTruth:
-        """The newest ground truth: the true pose."""
+        """The newest ground truth report, which contains the true pose."""
         return self.newest(GroundTruth)
 
     @property
     def ins(self) -> Ins:
-        """The newest pose of the inertial navigation system, which drifts."""
+        """The newest pose report of the inertial navigation system, which drifts."""
         return self.newest(Ins)
 
     @property
     def odometry(self) -> Odometry:
-        """The newest pose from wheel odometry, relative to the spawn pose."""
+        """The newest report of wheel odometry: the pose relative to the spawn pose."""
         return self.newest(Odometry)
 
     @property
     def touch(self) -> Touch:
-        """The newest reading of the touch sensor; ``touched`` is its state."""
+        """The newest report of the touch sensor; ``touched`` tells if it is pressed."""
         return self.newest(Touch)
 
     @property
     def scans(self) -> list[LocalScan]:
-        """The newest scan of each scanner that has scanned."""
+        """The newest scan of each scanner of the robot that has made a scan."""
         return cast(list[LocalScan], list(self._newest.get(LocalScan, {}).values()))
 
     def scan(self, scanner: str | None = None) -> LocalScan:
-        """Return the newest scan of a scanner.
+        """Return the newest scan of one scanner of the robot.
 
         Args:
             scanner: Name of the scanner, in any case; None for the first scanner.
@@ -277,7 +277,7 @@ class LocalRobot:
         return self.newest(LocalScan, self.info.scanner(scanner).name)
 
     def newest(self, kind: type[AnyReport], name: str | None = None) -> AnyReport:
-        """Return the newest report of a kind, such as ``Tachometer``.
+        """Return the robot's newest report of a class, such as ``Tachometer``.
 
         Args:
             kind: A class of ``radarsim.protocol.reports``.
@@ -288,7 +288,7 @@ class LocalRobot:
             TypeError: If the kind is no class.
         """
         check_kind(kind)
-        # The dictionary is copied, as the server's thread may add readings meanwhile.
+        # The readings are copied, as the server's thread may add readings meanwhile.
         known = dict(self._newest.get(LocalScan if kind is RangeScan else kind, {}))
         if name is not None:
             known = {k: v for k, v in known.items() if k.casefold() == name.casefold()}
@@ -302,7 +302,7 @@ class LocalRobot:
         return cast(AnyReport, list(known.values())[-1])
 
     def drive(self, speed: float, turn: float = 0.0) -> None:
-        """Set speed and turn rate until the next drive command.
+        """Set the speed and the turn rate of the robot until the next drive command.
 
         If a wheel would exceed its maximum speed, both sides are slowed down by the
         same factor. A car is limited by its steering angle, and cannot turn on the
@@ -322,7 +322,7 @@ class LocalRobot:
         self._drive(*self.info.wheel_speeds(speed, turn))
 
     def drive_wheels(self, left: float, right: float) -> None:
-        """Set the wheel speeds of both sides until the next drive command.
+        """Set the speeds of left and right wheels until the next drive command.
 
         Args:
             left: Speed of the left wheels, rad/s; forward is positive.
@@ -339,7 +339,7 @@ class LocalRobot:
         self._drive(left * scale, right * scale)
 
     def _drive(self, left: float, right: float) -> None:
-        """Send wheel speeds in the server's unit, or speed and steering for a car."""
+        """Command wheel speeds in drive units; a car gets speed and steering angle."""
         model, car = self._vehicle.model, None
         if model.steering is not None:
             car = cast(RobotGeo, geometry(model, ROBOT, None))
@@ -348,7 +348,7 @@ class LocalRobot:
     def fly(
         self, ahead: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0
     ) -> None:
-        """Set the velocity of a drone until the next call, in the dialect ``compat``.
+        """Set the velocity of a drone until the next call; only in dialect ``compat``.
 
         Args:
             ahead: Forward speed, m/s; all speeds are limited to the robot's maxima.
@@ -367,11 +367,11 @@ class LocalRobot:
         self.send(requests.fly(ahead, left, up, turn))
 
     def stop(self) -> None:
-        """Stop the wheels."""
+        """Stop the wheels of the robot."""
         self.drive_wheels(0.0, 0.0)
 
     def request_echoes(self, scanner: str | None = None, on: bool = True) -> None:
-        """Request the echoes of a scanner, which fill ``echoes`` of later scans.
+        """Request the echoes of a scanner; later scans have them in ``echoes``.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -379,7 +379,7 @@ class LocalRobot:
         self.send(requests.echoes(self.info.scanner(scanner).name, on))
 
     def request_targets(self, scanner: str | None = None, on: bool = True) -> None:
-        """Request the targets of a detector, which fill ``targets`` of later scans.
+        """Request the targets of a radar; later scans have them in ``targets``.
 
         Raises:
             ClientError: If the robot has no such scanner, or it has no detector.
@@ -392,7 +392,7 @@ class LocalRobot:
         self.send(requests.targets(name, on))
 
     def request_spectra(self, scanner: str | None = None) -> None:
-        """Request the received power of an FMCW radar, which ``spectrum`` returns.
+        """Request the spectra of an FMCW radar; ``spectrum`` returns the newest one.
 
         Only one radar of a simulation rotates: that of the first spawned robot.
 
@@ -432,7 +432,7 @@ class LocalRobot:
     def camera(
         self, *, width: int = 640, height: int = 480, fov_deg: float | None = None
     ) -> NDArray[np.uint8]:
-        """Return a picture from the robot's camera, in any size.
+        """Return a picture of the robot's camera with a given size in pixels.
 
         Args:
             width: Width in pixels.
@@ -472,7 +472,7 @@ class LocalRobot:
         self.simulation.remove(self)
 
     def send(self, data: bytes) -> None:
-        """Send whole lines of the protocol unchanged.
+        """Send whole lines of the protocol as commands of this robot's client.
 
         Raises:
             ClientError: If a line has no effect, with the reason in the message, or if
@@ -485,7 +485,7 @@ class LocalRobot:
             raise ClientError("; ".join(texts))
 
     def add(self, data: bytes) -> None:
-        """Process bytes for the robot's client; the simulation calls this method."""
+        """Decode bytes that the simulation sends to this robot's client."""
         if self._transport is not None:
             self._transport.unread.put_readings(data)
         for report in self._session.receive(data):
@@ -494,7 +494,7 @@ class LocalRobot:
         del self._came[:-MOST_REPORTS]
 
     def collect(self) -> None:
-        """Start a new list of reports; the simulation calls this after each step."""
+        """Put new reports into ``reports``; the simulation calls it after a step."""
         self.reports, self._came = self._came, []
 
     def _add(self, report: Report) -> None:
@@ -514,7 +514,7 @@ class LocalRobot:
         self._newest.setdefault(type(report), {})[name] = report
 
     def _locate(self, scan: RangeScan) -> LocalScan:
-        """Return a new scan together with the present poses of the robot."""
+        """Add the present poses of the robot, its echoes and targets to a new scan."""
         (mounted,) = (m for m in self._vehicle.scanners if m.item.name == scan.name)
         mount, echoes = mounted.item.mount, self._echoes.get(scan.name)
         targets = self._targets.get(scan.name)

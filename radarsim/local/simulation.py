@@ -1,4 +1,4 @@
-"""A simulation in this process, which the program steps in its own loop.
+"""A simulation in the process of a program, which steps it in a loop.
 
 Theory of operation
 ===================
@@ -55,7 +55,7 @@ MOST_MOMENTS: Final = 20_000  # above this, every second moment is dropped
 
 
 class Moment(NamedTuple):
-    """A moment of a simulation, for pictures.
+    """Robots and scans at one moment of a simulation, to be drawn in pictures.
 
     Attributes:
         time: Simulated time, s.
@@ -70,7 +70,7 @@ class Moment(NamedTuple):
 
 
 class LocalSimulation:
-    """A scene with robots that the program drives.
+    """A simulation of robots on a map, which the program drives and steps.
 
     Attributes:
         host: The server without sockets. After ``serve``, only the server's thread may
@@ -86,7 +86,7 @@ class LocalSimulation:
         config: SimulationConfig | None = None,
         map_: str | None = None,
     ) -> None:
-        """Start at 0 s, without robots; use ``simulate`` to load a map.
+        """Create a simulation at 0 s without robots; ``simulate`` also loads a map.
 
         Args:
             scene: The map.
@@ -125,7 +125,7 @@ class LocalSimulation:
 
     @property
     def scene(self) -> Scene:
-        """The map."""
+        """The map of the simulation."""
         return self.host.scene
 
     @property
@@ -201,7 +201,7 @@ class LocalSimulation:
         self._call(disconnect)
 
     def step(self, duration: float) -> None:
-        """Let simulated time pass.
+        """Let simulated time pass, in which all robots move and sensors measure.
 
         Args:
             duration: Simulated time, s, rounded to ticks of 10 ms; at least one tick.
@@ -228,7 +228,7 @@ class LocalSimulation:
             self._redraw()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the robots, their true paths and their newest scans on the plan.
+        """Draw the robots, their true paths and newest scans on a plan of the map.
 
         Args:
             ax: Axes of matplotlib, m; None for a new figure with a legend.
@@ -241,7 +241,7 @@ class LocalSimulation:
         return RunPicture(self.scene, self._moments(), ax).axes
 
     def render(self, path: str | Path, *, speed: float = 1.0) -> None:
-        """Write a picture of the present state, or a film of the run so far.
+        """Write a picture of the simulation, or a film from its start until now.
 
         Args:
             path: The file: ``.png``, ``.svg`` or ``.pdf`` for a picture, ``.gif`` or
@@ -259,7 +259,7 @@ class LocalSimulation:
         write_run(self.scene, self._moments(), Path(path), speed=speed)
 
     def show(self) -> None:
-        """Open a window that shows the picture of ``render`` and follows the run.
+        """Open a window that shows a picture of the simulation, updated while it runs.
 
         From now on ``step`` updates the window, at most every 0.1 s of simulated time,
         until it is closed. A notebook without windows shows the picture below the cell.
@@ -274,7 +274,7 @@ class LocalSimulation:
             self._redraw = follow_run(self, self._moments)
 
     def _repr_png_(self) -> bytes:
-        """Return a picture of the present state, which notebooks display."""
+        """Return a PNG picture of the simulation, which notebooks display."""
         from radarsim.local.pictures import draw_run  # noqa: PLC0415 - matplotlib
 
         return draw_run(self.scene, self._moments())
@@ -288,7 +288,7 @@ class LocalSimulation:
         fov_deg: float = 80.0,
         carrier: LocalRobot | None = None,
     ) -> NDArray[np.uint8]:
-        """Return a picture from any pose; see also ``LocalRobot.camera``.
+        """Return a picture of the scene, taken by a camera at any pose.
 
         Args:
             pose: Pose of the camera, which looks along its x axis: x, y, z, roll,
@@ -315,7 +315,7 @@ class LocalSimulation:
         return renderer.render(View(pose, boxes, carrier.number if carrier else -1))
 
     def record(self, folder: str | Path, *, spectra: bool = False) -> None:
-        """Record the run as a ROS 2 bag, from now on until ``close``.
+        """Record the simulation as a ROS 2 bag, from now on until ``close``.
 
         ``radarsim.load_recording`` reads the bag, and ``radarsim replay`` can repeat
         the run if its map was loaded by name. Recording needs the extra ``record``.
@@ -342,7 +342,7 @@ class LocalSimulation:
     def serve(
         self, port: int = 3000, address: str = "127.0.0.1", *, speed: float = 1.0
     ) -> tuple[str, int]:
-        """Let clients connect over TCP as well, until ``close``.
+        """Start a server, to which clients connect over TCP, until ``close``.
 
         From now on simulated time passes by the wall clock, in a background thread, and
         ``step`` waits for it.
@@ -387,24 +387,24 @@ class LocalSimulation:
             thread.finish()
 
     def call(self, function: Callable[[Simulation], Value]) -> Value:
-        """Call a function with the ``Simulation`` of the host, between two ticks.
+        """Call a function that reads the ``Simulation``, between two ticks.
 
         The function may read all state, but a recording does not contain its changes.
         """
         return self._call(lambda: function(self.host.simulation))
 
     def receive(self, number: int, data: bytes) -> list[str]:
-        """Execute lines of a client; return the reasons for lines without effect."""
+        """Execute the commands of a client; return why commands had no effect."""
         return [
             each.text for each in self._call(lambda: self.host.receive(number, data))
         ]
 
     def _call(self, function: Callable[[], Value]) -> Value:
-        """Call a function that uses the host, in the thread that may use the host."""
+        """Return the result of a function, called in the thread that has the host."""
         return function() if self._thread is None else self._thread.call(function)
 
     def _find_robot(self, number: int) -> LocalRobot | None:
-        """Create the ``LocalRobot`` of a client; return None if it has no robot."""
+        """Create the ``LocalRobot`` of a client; return None if no robot spawned."""
         if not self.host.has_robot(number):
             return None
         vehicle = self.host.simulation.vehicles[-1]
@@ -413,7 +413,7 @@ class LocalSimulation:
         return robot
 
     def _pass_on(self) -> None:
-        """Pass the bytes of a tick to the robots, and store a moment if one is due."""
+        """Pass the bytes of a tick to the robots, and store moments for films."""
         for name, number in self._numbers.items():
             if data := self.host.take(number):
                 self.robots[name].add(data)
@@ -426,12 +426,12 @@ class LocalSimulation:
             self._ticked.notify_all()
 
     def _moments(self) -> list[Moment]:
-        """Return the stored moments, and the present moment."""
+        """Return all stored moments of the simulation, and the present moment."""
         now = self._call(self._moment)
         return [*(m for m in self._noted if m.time < now.time), now]
 
     def _moment(self) -> Moment:
-        """Return the present moment."""
+        """Return the present poses of all robots, and newest scans, for pictures."""
         vehicles = self.host.simulation.vehicles
         scans = [scan for robot in self.robots.values() for scan in robot.scans]
         return Moment(
@@ -445,7 +445,7 @@ class LocalSimulation:
             robot.collect()
 
     def _wait_until(self, ticks: int) -> None:
-        """Wait until the server's thread has reached a tick."""
+        """Wait until the simulation in the server's thread has reached a tick."""
         thread = self._thread
         assert thread is not None
         with self._ticked:
@@ -454,7 +454,7 @@ class LocalSimulation:
                     thread.finish()
 
     def _log(self, number: int, diagnostic: Diagnostic) -> None:
-        """Log why a delayed command, such as a spawn, had no effect."""
+        """Log why a delayed command of a client, such as a spawn, had no effect."""
         if number in self._late_texts:
             self._late_texts[number].append(diagnostic.text)
         for name, each in self._numbers.items():

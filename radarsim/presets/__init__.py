@@ -1,4 +1,4 @@
-"""Access to the YAML files of the shipped presets.
+"""Finds and reads the YAML files of the presets that come with radarsim.
 
 The folders ``sensors``, ``items``, ``materials`` and ``robots`` have one file for each
 preset, with its name. Every number states its source.
@@ -19,7 +19,7 @@ _PACKAGE: Final = Path(__file__).parent
 
 
 class SourcedValue(BaseModel, extra="forbid", frozen=True):
-    """A value with its origin.
+    """A value in a preset, with the source from which it was taken.
 
     Attributes:
         value: The value itself.
@@ -36,16 +36,16 @@ class SourcedValue(BaseModel, extra="forbid", frozen=True):
 
 @cache
 def preset_names(folder: Folder) -> tuple[str, ...]:
-    """Return the names of the presets in a folder, sorted."""
+    """Return the sorted names of the presets in a folder, such as ``sensors``."""
     return tuple(sorted(path.stem for path in (_PACKAGE / folder).glob("*.yaml")))
 
 
 def preset_path(folder: Folder, name: str) -> Path:
-    """Return the path of a preset's file, whether it exists or not."""
+    """Return the path of a preset's file, even if there is no such preset."""
     return _PACKAGE / folder / f"{name}.yaml"
 
 
 def read_preset(folder: Folder, name: str) -> Any:
-    """Return the parsed file of a preset, which must exist."""
+    """Return the parsed YAML file of an existing preset."""
     text = preset_path(folder, name).read_text(encoding="utf-8")
     return parse_plain(text)

@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 
-# Revision of the model of FMCW radars; spectra of different revisions differ.
+# Revision of the model of FMCW radars: a new revision computes other spectra.
 RADAR_MODEL: Final = 3
 SPEED_OF_LIGHT: Final = 299_792_458.0  # m/s
 MAX_CELLS: Final = 4_000_000  # azimuths times bins
@@ -90,32 +90,32 @@ class FmcwSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def wavelength(self) -> float:
-        """Wavelength of the carrier, m."""
+        """Wavelength of the radar's carrier, m."""
         return SPEED_OF_LIGHT / (self.carrier_ghz * 1e9)
 
     @property
     def resolution(self) -> float:
-        """Range resolution of the sweep, c/2B, m."""
+        """Range resolution of a frequency sweep with bandwidth B, c/2B, m."""
         return SPEED_OF_LIGHT / (2e6 * self.bandwidth_mhz)
 
     @property
     def padding(self) -> float:
-        """Number of range bins per range resolution."""
+        """Number of range bins in an interval of the range resolution."""
         return self.resolution / self.bin_size
 
     @property
     def sweep_time(self) -> float:
-        """Duration of a sweep, s."""
+        """Duration of a frequency sweep, one per azimuth, s."""
         return 1.0 / (self.rotation_hz * self.azimuths)
 
     @property
     def max_range(self) -> float:
-        """Range at the end of the last bin, m."""
+        """Maximum range of the radar: the end of its last range bin, m."""
         return self.bins * self.bin_size
 
     @property
     def step(self) -> float:
-        """Angle between neighbouring azimuths, rad."""
+        """Angle between neighbouring azimuths of a revolution, rad."""
         return 2 * math.pi / self.azimuths
 
     @model_validator(mode="after")

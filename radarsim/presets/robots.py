@@ -46,7 +46,7 @@ def _known_type(value: str) -> str:
 
 
 class Source(BaseModel, frozen=True, extra="forbid"):
-    """The source of the values of some keys of a robot class.
+    """The source of some values in the file of a robot class.
 
     Attributes:
         of: Names of the keys.
@@ -81,18 +81,18 @@ class Link(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     rotation_deg: Vector = (0.0, 0.0, 0.0)
 
     def limit(self, angle: float) -> float:
-        """Clip an angle to the limits of the link, rad."""
+        """Clip a joint angle, rad, to the limits of the link."""
         if self.min_angle > self.max_angle:
             return angle
         return max(self.min_angle, min(self.max_angle, angle))
 
     @cached_property
     def mount(self) -> Pose3:
-        """Pose of the joint in the frame of the previous link."""
+        """Pose of the link's joint in the frame of the previous link."""
         return _pose(self.position, self.rotation_deg)
 
     def turned(self, angle: float) -> Pose3:
-        """Return the pose, in the frame of the previous link, at a joint angle, rad."""
+        """Return the pose at a joint angle, rad, in the frame of the previous link."""
         # The protocol's z axis points down, so the angle is negated.
         return self.mount.compose(Pose3(0.0, 0.0, 0.0, yaw=-angle))
 
@@ -140,7 +140,7 @@ class Item(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
     @cached_property
     def mount(self) -> Pose3:
-        """Pose of the item in the body frame."""
+        """Pose of the item in the body frame of the robot."""
         return _pose(self.position, self.rotation_deg)
 
 
@@ -188,7 +188,7 @@ _WHEEL_KEYS: Final = "wheel_radius", "wheel_separation", "wheel_base", "track", 
 
 
 class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """A robot class.
+    """A robot class: its dimensions, limits, wheels and mounted items.
 
     The origin of the body frame is in the middle of the body, ``origin_height`` above
     the floor.
@@ -286,16 +286,16 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
     @property
     def dimensions(self) -> Vector:
-        """Length, width and height, m."""
+        """Length, width and height of the robot, m."""
         return (self.length, self.width, self.height)
 
     def items_of(self, item_type: str) -> tuple[Item, ...]:
-        """Return the items of a type, ignoring case, in mounting order."""
+        """Return the robot's items of a case-insensitive type, in mounting order."""
         wanted = item_type.casefold()
         return tuple(item for item in self.items if item.type.casefold() == wanted)
 
     def in_dialect(self, dialect: str) -> Self:
-        """Return a copy of the class with the items and flight limits of a dialect."""
+        """Return a copy of the robot class as it is in one dialect of the server."""
         carried = [item for item in self.items if item.dialect in (None, dialect)]
         if dialect == "compat" and self.compat_interval is not None:
             default = {"interval": self.compat_interval}
@@ -305,13 +305,13 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             ]
         flight = self.flight
         if flight is not None and dialect == "compat":
-            # Clients of UT2004 servers build maps from scans of drones, and expect
-            # level scans.
+            # Clients for UT2004 servers build maps from the scans of drones, so drones
+            # stay level.
             flight = flight.model_copy(update={"tilt_deg": 0.0})
         return self.model_copy(update={"items": tuple(carried), "flight": flight})
 
     def scanner_pose(self, start: Pose3) -> Pose3:
-        """Return the pose of the first range scanner for a robot at a start pose.
+        """Return the pose of the first range scanner of a robot at a start pose.
 
         Args:
             start: Pose on the floor, map frame.
@@ -339,7 +339,7 @@ def load_robot(class_name: str) -> RobotModel:
 
 
 def read_robot(path: Path, seen: tuple[Path, ...] = ()) -> RobotModel:
-    """Read the file of a robot class.
+    """Read a robot class from a YAML file.
 
     The class named by ``based_on`` is a file in the same folder, or a shipped class.
 
@@ -369,7 +369,7 @@ def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
     changed = {key: value for key, value in data.items() if key != "based_on"}
     name = str(data["based_on"])
     neighbour = path.parent / f"{name}.yaml"
-    # A file with the name of a shipped class may be based on the shipped class.
+    # A file may be based on the shipped class that has the same name as the file.
     if name.isidentifier() and neighbour.is_file() and neighbour not in (path, *seen):
         model = read_robot(neighbour, (path, *seen))
     else:

@@ -25,7 +25,7 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 BANDS_GHZ: Final = (24, 77, 94)  # radar bands for which materials have values
 
-# Scenes are at most 1 km wide; much larger ranges would overflow in the ray casting.
+# The ray casting overflows for ranges far above 1 km, the largest width of a scene.
 Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
@@ -39,14 +39,14 @@ MAX_NODES = 100  # of a quadrature in a row; with more, the outer weights underf
 
 
 def _check_quantum(value: float) -> float:
-    """Require a quantum of 0, or at least 1e-6 m, since ranges are divided by it."""
+    """Check the step to which ranges are rounded: 0, or at least 1e-6 m."""
     if 0 < value < 1e-6:
         raise ValueError("expected 0 or at least 1e-06")
     return value
 
 
 class SensorSettings(BaseModel, extra="forbid", frozen=True):
-    """All settings of a scanner.
+    """All settings of a range scanner, radar or laser.
 
     Attributes:
         medium: Sensor type, ``radar`` or ``laser``; it selects which properties of the
@@ -150,24 +150,24 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def beams(self) -> int:
-        """The number of beams of a scan."""
+        """The number of beams in a scan of the scanner."""
         return round(self.fov_deg / self.resolution_deg) + 1
 
     @property
     def has_detector(self) -> bool:
-        """Whether a target detector finds the ranges in a spectrum."""
+        """Whether the ranges are of targets that a detector finds in a spectrum."""
         return self.detector != "penetration"
 
     @property
     def power_per_db(self) -> float:
-        """Penetration power per dB of one-way loss; 1 if the power is unlimited."""
+        """Penetration power lost per dB of one-way loss; 1 if power is unlimited."""
         if math.isinf(self.penetration_power):
             return 1.0
         return self.penetration_power / (self.margin_db / 2)
 
     @property
     def reads_first_returns(self) -> bool:
-        """Whether the laser reads first returns, from random depths inside clouds."""
+        """Whether the laser reads first returns, at random depths inside clouds."""
         return (
             self.medium == "laser"
             and 0 < self.penetration_power < math.inf
@@ -177,7 +177,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def glint(self) -> float:
-        """The angle of incidence up to which a mirror returns an echo, rad."""
+        """Largest angle of incidence, rad, at which a mirror returns an echo."""
         if self.glint_deg is not None:
             return math.radians(self.glint_deg)
         is_cone = self.has_side_rays and self.side_mode == "cone"
@@ -191,14 +191,14 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def combines_rays(self) -> bool:
-        """Whether the echoes of all rays of a beam are combined."""
+        """Whether the range of a beam is found from the echoes of all its rays."""
         if self.ray_choice is None:
             return self.return_mode != "last"
         return self.ray_choice == "together"
 
     @property
     def rays_per_beam(self) -> int:
-        """The number of rays of a beam, including rays that are not selected."""
+        """The number of rays that are cast for a beam, even if not all are used."""
         if not self.has_side_rays:
             return 1
         if self.side_mode == "cone":
@@ -208,7 +208,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
     @property
     def cone_grid(self) -> tuple[int, int]:
-        """The number of nodes of a cone in azimuth, and in elevation."""
+        """The number of rays of a beam's cone in azimuth, and in elevation."""
         if not self.beamwidth_el_deg:
             return self.cone_rays, 1
         if not self.beamwidth_az_deg:
@@ -245,7 +245,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
             raise ValueError(f"{rays} rays, expected at most {MAX_RAYS}")
 
     def _check_cone(self) -> None:
-        """Reject a cone without width, and a quadrature that cannot be computed."""
+        """Reject a cone of rays that has no width, or cannot be divided into rows."""
         widths = self.beamwidth_az_deg, self.beamwidth_el_deg
         if self.side_mode != "cone" or self.cone_rays == 1:
             return
@@ -269,7 +269,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class CameraSettings(BaseModel, extra="forbid", frozen=True):
-    """All settings of a camera.
+    """All settings of a camera of a robot.
 
     Attributes:
         fov_deg: Horizontal field of view, degrees.
@@ -282,12 +282,12 @@ class CameraSettings(BaseModel, extra="forbid", frozen=True):
     max_fov_deg: FieldOfView
 
     def limit(self, fov_deg: float) -> float:
-        """Clip a field of view to the limits, degrees."""
+        """Clip a field of view, degrees, to the zoom limits of the camera."""
         return max(self.min_fov_deg, min(self.max_fov_deg, fov_deg))
 
 
 def offset_angle(side_offset_uu: float, distance: float) -> float:
-    """Return the angle, rad, between a beam and its side ray at an offset.
+    """Return the angle, rad, between a beam and its side ray with a given offset.
 
     Args:
         side_offset_uu: Offset N, Unreal units.
@@ -300,7 +300,7 @@ def offset_angle(side_offset_uu: float, distance: float) -> float:
 
 
 def offset_units(angle: float, distance: float) -> float:
-    """Return the offset N of a side ray at an angle, Unreal units.
+    """Return the offset N, Unreal units, of a side ray at an angle to its beam.
 
     Args:
         angle: Angle between the beam and a side ray, rad.
@@ -313,7 +313,7 @@ def offset_units(angle: float, distance: float) -> float:
 
 
 def two_way_deviation(beamwidth: float) -> float:
-    """Return the standard deviation of the two-way pattern of a Gaussian beam.
+    """Return the standard deviation of a Gaussian beam's two-way antenna pattern.
 
     Args:
         beamwidth: Angle between the one-way half-power points; the result has the same

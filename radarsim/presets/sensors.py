@@ -21,7 +21,7 @@ _Settings = TypeVar("_Settings", bound=BaseModel)
 
 
 class SensorPreset(BaseModel, extra="forbid", frozen=True):
-    """The file of a preset of a scanner or of another item that casts rays.
+    """A preset file of a scanner, or of another item that casts rays.
 
     Attributes:
         about: Description; the first sentence names the sensor.
@@ -38,7 +38,7 @@ class SensorPreset(BaseModel, extra="forbid", frozen=True):
 
 @cache
 def sensor_presets(folder: Folder = "sensors") -> dict[str, SensorPreset]:
-    """Return all presets of a folder by name, in alphabetical order.
+    """Return all sensor presets in a folder by name, in alphabetical order.
 
     Args:
         folder: ``sensors`` for presets of scanners, or ``items`` for presets of other
@@ -51,7 +51,7 @@ def sensor_presets(folder: Folder = "sensors") -> dict[str, SensorPreset]:
 
 
 def load_settings(name: str, /, **settings: object) -> SensorSettings:
-    """Return the settings of a preset, with some of them changed.
+    """Return the settings of a scanner preset, with given changes.
 
     Raises:
         PresetError: If there is no such preset or setting, or a value is invalid; one
@@ -65,7 +65,7 @@ def load_settings(name: str, /, **settings: object) -> SensorSettings:
             f"{label}: detector {loaded.detector!r}, expected 'penetration', as it has"
             " no spectrum"
         )
-    # Without this check, the error would only occur at the first scan of a robot.
+    # Without this check, the missing package would only show at the first scan.
     if loaded.has_detector and not plugins.has("radarsim.sensors", "fmcw"):
         raise PresetError(
             f"sensor {name}: detector {loaded.detector!r} needs radarsim.addons.fmcw,"
@@ -75,7 +75,7 @@ def load_settings(name: str, /, **settings: object) -> SensorSettings:
 
 
 def load_fmcw_settings(name: str, /, **settings: object) -> FmcwSettings:
-    """Return the settings of a preset's FMCW radar, with some of them changed.
+    """Return the settings of the FMCW radar in a scanner preset, with given changes.
 
     Raises:
         PresetError: If there is no such preset or setting, or the preset has no FMCW
@@ -91,7 +91,7 @@ def load_fmcw_settings(name: str, /, **settings: object) -> FmcwSettings:
 def item_settings(
     item_type: str, model: type[_Settings], /, **settings: object
 ) -> _Settings:
-    """Return the settings of an item that is not a scanner, with some of them changed.
+    """Return the settings of an item other than a scanner, with given changes.
 
     Args:
         item_type: Type of the item, such as ``GPS``; a preset may have this name.
@@ -107,7 +107,7 @@ def item_settings(
 
 
 def has_fmcw(name: str) -> bool:
-    """Return whether a preset describes an FMCW radar."""
+    """Return whether a scanner preset contains settings of an FMCW radar."""
     return name in sensor_presets() and bool(sensor_presets()[name].fmcw)
 
 
@@ -141,7 +141,7 @@ def parse_settings(text: str) -> dict[str, object]:
     >>> parse_settings("max_range=20, ray_weights=1,2,1 return_mode=first")
     {'max_range': 20, 'ray_weights': [1, 2, 1], 'return_mode': 'first'}
     """
-    # Blanks separate settings only before the next key, so lists may contain blanks.
+    # Blanks separate settings only before a key, so the values may contain blanks.
     texts = _NEXT_SETTING.split(text.strip(" ,"), MOST_SETTINGS)
     if len(texts) > MOST_SETTINGS:
         raise PresetError(f"settings {text[:80]!r}, expected at most {MOST_SETTINGS}")
@@ -149,7 +149,7 @@ def parse_settings(text: str) -> dict[str, object]:
 
 
 def parse_setting(text: str) -> tuple[str, object]:
-    """Parse ``KEY=VALUE``; the value is a number, a word, or a comma-separated list.
+    """Parse a setting ``KEY=VALUE``, with a number, word or comma-separated list.
 
     Raises:
         PresetError: If there is no key, or the value is not valid YAML.
@@ -162,7 +162,7 @@ def parse_setting(text: str) -> tuple[str, object]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"setting {text[:80]!r}, expected KEY=VALUE")
-    # Lists need no brackets, which would have to be quoted in a shell.
+    # Lists need no brackets, which users would have to quote in a shell.
     if "," in value and not value.lstrip().startswith("["):
         value = f"[{value}]"
     try:

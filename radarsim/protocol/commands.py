@@ -100,7 +100,7 @@ def _write_flipped(values: Triple) -> str:
 
 
 def bare_class(name: str) -> str:
-    """Return the name of a class without its package."""
+    """Return an Unreal class name without its package, such as ``P3AT``."""
     return name.rpartition(".")[2]
 
 
@@ -118,7 +118,7 @@ def _parse_attitude(text: str) -> Triple:
 
 
 def _one_of(words: Sequence[str]) -> Read:
-    """Return a parser that accepts one of the words in any case."""
+    """Return a parser that accepts only the given words, in any case."""
 
     def read(text: str) -> str:
         for word in words:
@@ -130,7 +130,7 @@ def _one_of(words: Sequence[str]) -> Read:
 
 
 def _parse_echoes(text: str) -> RobotChoice:
-    """Parse the robots whose echoes are copied; ``true`` means all, ``false`` none."""
+    """Parse a choice of robots: names, ``true`` for all, or ``false`` for none."""
     return RobotChoice.parse(ECHO_WORDS.get(text.strip().casefold(), text))
 
 
@@ -138,10 +138,10 @@ parse_commanded: Final = partial(parse_number, largest=LARGEST_COMMANDED)
 _parse_place: Final = partial(parse_flipped, largest=LARGEST_COMMANDED)
 _parse_crate_place: Final = partial(parse_flipped, largest=LARGEST_PLACE)
 
-# Pairs of parser and formatter for the annotations of attributes.
+# Functions that parse and format a field, by which attributes are annotated.
 TEXT: Final[Form] = str, lambda text: text or None
 NUMBER: Final[Form] = parse_commanded, format_number
-# Angles to the right are positive on the wire and negative here.
+# Lines count angles positive to the right, attributes positive to the left.
 ANGLE: Final[Form] = _parse_angle, lambda angle: format_number(-angle)
 FLAG: Final[Form] = parse_flag, lambda flag: str(flag).lower()
 # A Boolean whose field is only written if it is true.
@@ -155,7 +155,7 @@ _FIELDS: Final[dict[type, Sequence[tuple[str, str, Read, Write, bool]]]] = {}
 
 
 def _fields_of(command: type) -> Sequence[tuple[str, str, Read, Write, bool]]:
-    """Return each attribute's name, key, parser, formatter, and if it is required."""
+    """Return name, key, parser, formatter of each attribute, and if it is required."""
     if command not in _FIELDS:
         hints = get_type_hints(command, include_extras=True)
         _FIELDS[command] = [
@@ -167,7 +167,7 @@ def _fields_of(command: type) -> Sequence[tuple[str, str, Read, Write, bool]]:
 
 @dataclass_transform(frozen_default=True)
 class KeyedCommand:
-    """Base class of commands whose attributes are annotated with their fields.
+    """Base class of commands, whose annotated attributes become fields of a line.
 
     Every subclass is a frozen dataclass.
 
@@ -182,7 +182,7 @@ class KeyedCommand:
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message.
+        """Create the command from the fields of a parsed line.
 
         Raises:
             MalformedMessage: If a field is missing or not readable.
@@ -198,11 +198,11 @@ class KeyedCommand:
 
     @property
     def keys(self) -> Sequence[str]:
-        """The keys of the command's fields."""
+        """The keys of the ``{Key value}`` fields of the command's line."""
         return [key for _, key, *_others in _fields_of(type(self))]
 
     def values(self) -> Values:
-        """Return the field texts in the order of ``keys``; None omits a field."""
+        """Return the text of each field in the order of ``keys``; None omits it."""
         attributes = [
             (getattr(self, name), write)
             for name, _, _read, write, _required in _fields_of(type(self))
@@ -211,7 +211,7 @@ class KeyedCommand:
 
 
 class Init(KeyedCommand):
-    """Spawn a robot.
+    """The command INIT, which spawns a robot.
 
     Attributes:
         class_name: Robot class without its package, in the client's spelling.
@@ -234,7 +234,7 @@ class Init(KeyedCommand):
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command; ``Start`` overrides a pose, as in the original server."""
+        """Create the command from a parsed line; a named start replaces a pose."""
         if message.get("Start"):
             pose = ("location", "rotation")
             kept = [each for each in message.segments if each[0].lower() not in pose]
@@ -246,7 +246,7 @@ MOST_LINKS: Final = 32  # per command, to limit the time to execute one
 
 
 def _few(orders: Sequence[LinkOrder]) -> tuple[LinkOrder, ...]:
-    """Check the number of orders, and return the orders as a tuple.
+    """Return the link orders of a command as a tuple, if they are not too many.
 
     Raises:
         MalformedMessage: If there are more than ``MOST_LINKS`` orders.
@@ -272,7 +272,7 @@ class MovePackage:
 
     @classmethod
     def decode(cls, message: Message, _dialect: Dialect) -> Self:
-        """Read the command from its message; ``Link`` is the first field of each order.
+        """Create the command from a parsed line, with one order per field ``Link``.
 
         ``Rotation`` contains roll, pan and tilt for the two links of a pan-tilt unit.
 
@@ -304,7 +304,7 @@ class MovePackage:
 
     @property
     def keys(self) -> Sequence[str]:
-        """The keys of the command's fields."""
+        """The keys of the ``{Key value}`` fields of the command's line."""
         return ["Name", *("Link", "Value", "Order") * len(self.orders)]
 
     def values(self) -> Values:
@@ -316,14 +316,14 @@ class MovePackage:
 
 
 class Act(MovePackage):
-    """Move links of a mission package; UDK servers use this form of ``MovePackage``."""
+    """Move links of a mission package, such as an arm, by a command of UDK servers."""
 
     verb: ClassVar[str] = "ACT"
 
 
 @dataclass(frozen=True, slots=True)
 class MultiDrive:
-    """Move several links to given angles.
+    """Move several links of a robot, such as flippers, to given joint angles.
 
     Attributes:
         orders: Orders for links, which are addressed by their own names.
@@ -335,7 +335,7 @@ class MultiDrive:
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message, whose keys are names of links."""
+        """Create the command from a parsed line, whose keys are names of links."""
         return cls(
             _few(
                 [
@@ -347,7 +347,7 @@ class MultiDrive:
 
     @property
     def keys(self) -> Sequence[str]:
-        """The names of the links."""
+        """The names of the links, which are the keys of the command's fields."""
         return [order.name for order in self.orders]
 
     def values(self) -> Values:
@@ -405,7 +405,7 @@ class Drive(KeyedCommand):
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command, with the units and Booleans of a dialect."""
+        """Create the command; the dialect determines the units and the Booleans."""
         command = super().decode(message, dialect)
         if not dialect.accepts_any_case_true:
             flags: Any = {
@@ -427,7 +427,7 @@ class GetStartPoses(KeyedCommand):
 
 
 class _ItemQuery(KeyedCommand):
-    """A query about the robot or its items.
+    """A query about a robot, or about its sensors and other items.
 
     Attributes:
         type: Type of the items in the client's spelling, which the answer repeats;
@@ -442,19 +442,19 @@ class _ItemQuery(KeyedCommand):
 
 
 class GetGeo(_ItemQuery):
-    """Request the mounting poses of items, or the dimensions of the robot."""
+    """Request the dimensions of a robot, or the mounting poses of its items."""
 
     verb: ClassVar[str] = "GETGEO"
 
 
 class GetConf(_ItemQuery):
-    """Request the settings of items or of the robot."""
+    """Request the settings of a robot, or of its sensors and other items."""
 
     verb: ClassVar[str] = "GETCONF"
 
 
 class SetItem(KeyedCommand):
-    """Send an opcode to items of one type.
+    """Send an opcode, such as ``RESET``, to the items of one type on a robot.
 
     Attributes:
         type: Type of the items in the client's spelling.
@@ -475,7 +475,7 @@ class SetItem(KeyedCommand):
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command; a field ``FOV``, which some clients send, is an opcode."""
+        """Create the command; a field ``FOV`` of some clients becomes the opcode."""
         angle = message.get(FOV)
         if angle and message.get("Opcode") is None:
             opcode = ("Opcode", FOV), ("Params", angle)
@@ -505,7 +505,7 @@ class ShowCamera(KeyedCommand):
 
 @dataclass(frozen=True, slots=True)
 class SetViewports:
-    """Choose the cameras that the pictures of a robot show.
+    """Choose which one or four cameras of a robot its pictures show.
 
     Attributes:
         is_quad: Whether a picture shows four cameras instead of one; None keeps the
@@ -522,7 +522,7 @@ class SetViewports:
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message.
+        """Create the command from the fields of a parsed line.
 
         Raises:
             MalformedMessage: If the value of ``Config`` is unknown.
@@ -535,7 +535,7 @@ class SetViewports:
         return cls(is_quad, tuple(message.get(key) or None for key in VIEWPORTS))
 
     def values(self) -> Values:
-        """Return the field texts in the order of ``keys``; None omits a field."""
+        """Return the text of each field in the order of ``keys``; None omits it."""
         config = None
         if self.is_quad is not None:
             config = "QuadView" if self.is_quad else "SingleView"
@@ -612,7 +612,7 @@ class Control(KeyedCommand):
 
     @property
     def corners(self) -> tuple[Triple, Triple] | None:
-        """Lowest and highest x, y, z in the box whose crates are removed.
+        """Lowest and highest x, y, z of the box in which crates are removed.
 
         The value is None if crates are removed everywhere.
         """
@@ -623,7 +623,7 @@ class Control(KeyedCommand):
 
 
 class Watch(KeyedCommand):
-    """Watch robots from now on, instead of the robots of an earlier ``Watch``.
+    """Request copies of the lines to given robots; ends any earlier ``Watch``.
 
     Attributes:
         robots: The watched robots. Only a watcher of all robots receives lines about
@@ -644,7 +644,7 @@ class Watch(KeyedCommand):
     clock: Annotated[bool, "Clock", *SWITCH] = False
 
 
-# Commands that need a robot.
+# Commands that a client can send only after it has spawned a robot.
 RobotCommand: TypeAlias = (
     Drive | MovePackage | MultiDrive | Trace | SetViewports | SetItem
 )
@@ -661,8 +661,8 @@ COMMANDS: Final = {
     )
 }
 
-# Keys that are not reported as unknown although no attribute has them: the rotation of
-# a pan-tilt unit from a Player driver, and the appearance and the log text of crates.
+# Keys without an attribute that are still not reported as unknown: the rotation of a
+# pan-tilt unit from a Player driver, and the appearance and the log text of crates.
 _NEEDLESS_KEYS: Final = {
     MovePackage.verb: ["Type", "Rotation"],
     Control.verb: ["Material", "Memory"],
@@ -670,7 +670,7 @@ _NEEDLESS_KEYS: Final = {
 
 
 def parse_command(line: str, dialect: Dialect) -> tuple[Command, Sequence[str]]:
-    """Parse one line of a client.
+    """Parse a line from a client and return its command.
 
     Returns:
         The command, and the keys of unknown fields. Clients of other servers send such
@@ -699,7 +699,7 @@ def parse_command(line: str, dialect: Dialect) -> tuple[Command, Sequence[str]]:
 
 
 def encode_command(command: Command) -> str:
-    """Return the line of a command without its line end.
+    """Encode a command as a line of the protocol, without a line end.
 
     Raises:
         ValueError: If a number is not finite or larger than ``LARGEST_COMMANDED``, or a
@@ -711,7 +711,7 @@ def encode_command(command: Command) -> str:
 
 
 def parse_pose(params: str) -> Pose3:
-    """Parse the parameters of INS POSE: ``x,y,z,roll,pitch,yaw`` in the wire frame.
+    """Parse a pose that a client sets: ``x,y,z,roll,pitch,yaw`` in the wire frame.
 
     Raises:
         MalformedMessage: If the text is not six numbers.
@@ -721,7 +721,7 @@ def parse_pose(params: str) -> Pose3:
 
 
 def parse_switch(params: str) -> bool:
-    """Parse the parameter of ECHOES: ``true`` or ``false`` in any case.
+    """Parse the parameter of the opcode ECHOES: ``true`` or ``false`` in any case.
 
     Raises:
         MalformedMessage: If the text is another word.
@@ -733,7 +733,7 @@ def parse_switch(params: str) -> bool:
 
 
 def _checked(text: object) -> str:
-    """Check that a text cannot end its field or its line, and return the text.
+    """Return a text for a field, after a check that it does not end the field.
 
     Raises:
         ValueError: If the text is not printable ASCII without braces, or no ``str``.

@@ -33,7 +33,7 @@ _TWO, _FOUR, _SIX = NumberFormat(2), NumberFormat(4), NumberFormat(6)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dialect:
-    """Texts, number formats, rates and limits of one dialect; by default ``COMPAT``.
+    """A dialect of the server: its texts, number formats, rates and limits.
 
     Dialects compare by identity, which makes them fast dictionary keys.
 
@@ -114,11 +114,11 @@ class Dialect:
     laser_max_range: float | None = None
 
     def of_generation(self, generation: Generation) -> "Dialect":
-        """Return the dialect for reports of robots from one generation of servers."""
+        """Return this dialect as written for robots of one server generation."""
         return COMPAT_UT2004 if self is COMPAT and generation == "ut2004" else self
 
     def steering_limits(self, front: float, rear: float) -> tuple[float, float]:
-        """Return the steering limits of front and rear wheels to report, rad.
+        """Return front and rear steering limits, rad, as this dialect reports them.
 
         Args:
             front: Maximum steering angle of the front wheels to either side, rad.
@@ -132,14 +132,14 @@ class Dialect:
         return ranges[0], ranges[1]
 
     def scan_interval_of(self, sensor: str) -> float:
-        """Return the time between two scans of a scanner preset, s."""
+        """Return the time, s, between two scans of a scanner with a given preset."""
         return self.hokuyo_scan_interval if sensor == "hokuyo" else self.scan_interval
 
 
 COMPAT = Dialect(name="compat")
 
-# Dialect of robots that UT2004 servers introduced: clients for UT2004 read the fields
-# of these lines by position.
+# Clients for UT2004 servers read the fields of some lines by position. This dialect
+# writes lines of that form for robots that these servers introduced.
 COMPAT_UT2004 = replace(
     COMPAT,
     joined=COMPAT.joined | {"Encoder"},
@@ -157,7 +157,7 @@ UDK = Dialect(
     start_pose=NumberFormat(4, Rounding.FLOAT32),
     mount=NumberFormat(2, Rounding.FLOAT32),
     robot=NumberFormat(4, Rounding.TRUNCATED),
-    # The sum of the parts' masses is slightly above the number with four decimals.
+    # Rounding matches the original server, whose sum of masses is slightly larger.
     mass=NumberFormat(4, Rounding.FLOAT32),
     no_steering="0",
     dimensions_are_wheels=True,
@@ -183,7 +183,7 @@ UDK = Dialect(
 
 
 def get_dialect(name: str) -> Dialect:
-    """Return the dialect with a name, which is case-sensitive.
+    """Return the dialect with a case-sensitive name, ``compat`` or ``udk``.
 
     Raises:
         ValueError: If there is no such dialect.
@@ -196,7 +196,7 @@ def get_dialect(name: str) -> Dialect:
 
 @dataclass(frozen=True, slots=True)
 class WheelDrive:
-    """Converts drive commands to wheel speeds.
+    """Converts the speeds in drive commands to wheel speeds in rad/s.
 
     Attributes:
         max_spin: Highest speed of a wheel in either direction, in ``unit``.
@@ -212,7 +212,7 @@ class WheelDrive:
         return self.max_spin * RAD_PER_S[self.unit]
 
     def spin(self, value: float, *, normalized: bool = False) -> float:
-        """Convert a commanded value to the wheel speed, rad/s, limited to the maximum.
+        """Convert a commanded speed to a wheel speed, rad/s, and limit it.
 
         Args:
             value: Commanded speed in ``unit``; forward is positive.

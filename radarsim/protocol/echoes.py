@@ -43,8 +43,8 @@ from radarsim.protocol.message import Message, parse_list, parse_number
 # A line has at most 4095 bytes. An echo takes up to 37 bytes (six digits of the beam,
 # nine of the range), two names up to 210 each, and everything else less than 300.
 ECHOES_A_LINE: Final = 90
-# A target takes up to 29 bytes (six digits of the beam, ten of the range, ten of the
-# power).
+# A target takes up to 29 bytes of a line with 4095: six digits of the beam, ten of the
+# range, and ten of the power.
 TARGETS_A_LINE: Final = 130
 LARGEST_DENSITY: Final = 1e9  # no beam enters a denser material
 OPAQUE: Final = "Opaque"
@@ -53,7 +53,7 @@ _END: Final = f"}}{LINE_END}".encode("latin-1")
 
 
 class Density(Field[float]):
-    """Power loss of a beam per metre; infinity is written as ``Opaque``."""
+    """A field with a beam's power loss per metre; infinity is written as ``Opaque``."""
 
     def read(self, message: Message) -> float:
         return message.parse(self.key, _parse_density)
@@ -66,7 +66,7 @@ class Density(Field[float]):
 
 
 class FixedFlag(Flag):
-    """A Boolean that is constant for an object, so it is part of a line template."""
+    """A Boolean property of an object, written as fixed text of a line template."""
 
     def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
         return (Segment(self.key, str(value)),)
@@ -74,7 +74,7 @@ class FixedFlag(Flag):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetEchoes:
-    """Echoes of one object and material, and the properties of both.
+    """The echoes of one object, with the properties of the object and its material.
 
     Attributes:
         object: Name of the object in the map, or of a robot; any text.
@@ -113,7 +113,7 @@ class TargetEchoes:
 
 
 class SeenEchoes(Field[TargetEchoes | None]):
-    """The properties of an object, followed by its echoes."""
+    """A field with the properties of an object, followed by its echoes."""
 
     def read(self, message: Message) -> TargetEchoes | None:
         if message.get(self.key) is None:
@@ -128,7 +128,7 @@ class SeenEchoes(Field[TargetEchoes | None]):
     def write(self, value: TargetEchoes | None, dialect: Dialect) -> Sequence[Segment]:
         if value is None:
             return ()
-        # Adding 0.0 turns -0.0 into 0.0; only ranges keep a negative zero.
+        # Adding 0.0 turns -0.0 into 0.0; ranges may stay -0.0.
         columns = (value.beams, value.ranges, value.power + 0.0, value.strength + 0.0)
         series: Floats = np.column_stack(columns).astype(np.float64).ravel()
         echoes = b" ".join([find_mark(dialect, kind) for kind in value.kinds])
@@ -137,7 +137,7 @@ class SeenEchoes(Field[TargetEchoes | None]):
 
 
 class EchoLine(ItemReport):
-    """Echoes of one scan on one object, up to ``ECHOES_A_LINE``.
+    """A line with up to ``ECHOES_A_LINE`` echoes of one object in one scan.
 
     Attributes:
         line: Number of the line, from 1 to ``lines``; 0 for a scan without echoes.
@@ -152,13 +152,13 @@ class EchoLine(ItemReport):
     echoes: Annotated[TargetEchoes | None, SeenEchoes("Echoes")]
 
 
-# The template of an echo line up to its first echo, and its numbers except the first
-# three: the time, the number of the line, and the count of lines.
+# The template of an echo line up to its first echo, and the numbers in it, without the
+# first three: the time, the number of the line, and the count of lines.
 LineHead: TypeAlias = tuple[bytes, Sequence[float]]
 
 
 def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead:
-    """Return the start that all echo lines of a scanner about one object share.
+    """Return the common start of all echo lines of one scanner and one object.
 
     Args:
         dialect: Dialect of the line.
@@ -172,19 +172,19 @@ def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead
 
 @lru_cache(100)  # limited, because lines from other servers may have any kinds
 def find_mark(dialect: Dialect, kind: str) -> bytes:
-    """Return the template of one echo, with placeholders for beam, range and powers."""
+    """Return the text of one echo, with placeholders for beam, range and powers."""
     before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
     after = series_marks(dialect.plain, 2)
     return f"{before},{reduce_text(kind.capitalize())},{after}".encode("latin-1")
 
 
 def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
-    """Join the head of a line and the templates of its echoes; return the template."""
+    """Return the template of an echo line from its start and its echo templates."""
     return head + b" ".join(echoes) + _END
 
 
 class RadarTargets(ItemReport, eq=False):
-    """Targets of one revolution of a radar, up to ``TARGETS_A_LINE``.
+    """A line with up to ``TARGETS_A_LINE`` targets of one revolution of a radar.
 
     Attributes:
         line: Number of the line, from 1 to ``lines``; 0 if there are no targets.
@@ -223,7 +223,7 @@ class RadarTargets(ItemReport, eq=False):
 def target_lines(
     time: float, scanner: str, beams: NDArray[np.int64], ranges: Floats, dbm: Floats
 ) -> Sequence[RadarTargets]:
-    """Return the target lines of a revolution, at least one.
+    """Return the lines with the targets of one radar revolution, at least one line.
 
     Args:
         time: Simulated time, s.
@@ -256,7 +256,7 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
 
 
 def _split_parts(what: str, text: str, count: int, expected: str) -> list[str]:
-    """Return the comma-separated parts of all words; each word has ``count`` parts."""
+    """Split a text into words of ``count`` comma-separated parts; return all parts."""
     words = text.split()
     # All words are checked before they are joined. Otherwise a missing part in one word
     # and an extra part in a later one would shift all parts between them unnoticed.

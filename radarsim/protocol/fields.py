@@ -1,4 +1,4 @@
-"""Base classes of reports, and the fields that write and read their attributes.
+"""Base classes of reports, and of fields that encode and decode their attributes.
 
 An attribute of a report is annotated with its field, which defines key and format:
 
@@ -63,14 +63,14 @@ from radarsim.protocol.message import (
 FormatName: TypeAlias = Literal[
     "time", "ranges", "angle", "truth", "ins", "plain", "mount", "robot", "mass"
 ]
-# Maps the name of a dialect to its line: keys, or keys with constant values.
+# Maps the name of a dialect to the keys of a line in order; a key may have a constant.
 Layouts: TypeAlias = Mapping[str, str]
 Split: TypeAlias = tuple[bytes, Sequence[float], Floats]
 Value = TypeVar("Value")
 
 
 class Segment(NamedTuple):
-    """One segment ``{Key value}`` of a line.
+    """One segment of a line, such as ``{Time 1.50}``: its key and its value.
 
     Attributes:
         key: The key.
@@ -86,14 +86,14 @@ class Segment(NamedTuple):
 
 
 class Field(ABC, Generic[Value]):
-    """Writes one attribute of a report to a line and reads it from a line."""
+    """Encodes one attribute of a report in a line, and decodes it from a line."""
 
     def __init__(self, key: str) -> None:
         self.key = key
 
     @abstractmethod
     def read(self, message: Message) -> Value:
-        """Read the attribute.
+        """Return the value of the attribute from a parsed line.
 
         Raises:
             MalformedMessage: If the attribute is missing or not readable.
@@ -101,11 +101,11 @@ class Field(ABC, Generic[Value]):
 
     @abstractmethod
     def write(self, value: Value, dialect: Dialect) -> Sequence[Segment]:
-        """Return the segments of the attribute, usually one."""
+        """Return the ``{Key value}`` segments of the attribute, usually one."""
 
 
 class Text(Field[str]):
-    """A text that the server defines; empty if it is missing."""
+    """A field with a text from the server; empty if the line has no such field."""
 
     def read(self, message: Message) -> str:
         return message.get(self.key) or ""
@@ -115,14 +115,14 @@ class Text(Field[str]):
 
 
 class RequiredText(Text):
-    """A text that must not be missing from the line."""
+    """A field with a text from the server, which must not be missing from the line."""
 
     def read(self, message: Message) -> str:
         return message.require(self.key)
 
 
 class PrintableText(RequiredText):
-    """A text from a user, which is reduced to printable characters."""
+    """A field with a text from a user, which is reduced to printable characters."""
 
     def __init__(self, key: str, longest: int = LONGEST_NAME) -> None:
         super().__init__(key)
@@ -133,20 +133,20 @@ class PrintableText(RequiredText):
 
 
 class FormattedField(Field[Value]):
-    """A field of numbers, whose format is an attribute of the dialect."""
+    """A field with numbers; an attribute of the dialect determines their format."""
 
     def __init__(self, key: str, format_name: FormatName) -> None:
         super().__init__(key)
         self._format_name = format_name
 
     def format(self, dialect: Dialect) -> NumberFormat:
-        """Return the format of the numbers."""
+        """Return the format of the field's numbers in a dialect."""
         number_format: NumberFormat = getattr(dialect, self._format_name)
         return number_format
 
 
 class Number(FormattedField[float]):
-    """One number, with an optional default for lines without it."""
+    """A field with one number, and an optional default for lines without the field."""
 
     def __init__(
         self, key: str, format_name: FormatName, default: float | None = None
@@ -167,7 +167,7 @@ class Number(FormattedField[float]):
 
 
 class Numbers(FormattedField[tuple[float, ...]]):
-    """A tuple of numbers of any length."""
+    """A field with any count of numbers, as a tuple."""
 
     def read(self, message: Message) -> tuple[float, ...]:
         return tuple(message.parse(self.key, parse_list).tolist())
@@ -177,7 +177,7 @@ class Numbers(FormattedField[tuple[float, ...]]):
 
 
 class Series(FormattedField[Floats]):
-    """An array of numbers of any length; a line has at most one."""
+    """A field with any count of numbers, as an array; a line has at most one array."""
 
     def read(self, message: Message) -> Floats:
         return message.parse(self.key, parse_list)
@@ -188,7 +188,7 @@ class Series(FormattedField[Floats]):
 
 
 class Whole(Field[int]):
-    """An integer."""
+    """A field with one integer."""
 
     def read(self, message: Message) -> int:
         return int(message.parse(self.key, parse_number))
@@ -198,7 +198,7 @@ class Whole(Field[int]):
 
 
 class Flag(Field[bool]):
-    """``True`` or ``False``."""
+    """A field with a Boolean, written as ``True`` or ``False``."""
 
     def read(self, message: Message) -> bool:
         return message.parse(self.key, parse_flag)
@@ -208,14 +208,14 @@ class Flag(Field[bool]):
 
 
 class Extent(Numbers):
-    """Three lengths, which need no conversion to the axes of the wire."""
+    """A field with three lengths, which have no sign to convert to the wire's axes."""
 
     def read(self, message: Message) -> Triple:
         return message.parse(self.key, parse_triple)
 
 
 class Point(FormattedField[Triple]):
-    """x, y, z, converted to the axes of the wire; NaN if they are missing."""
+    """A field with x, y, z, written in the axes of the wire; NaN if missing."""
 
     def read(self, message: Message) -> Triple:
         return message.parse_optional(self.key, parse_flipped) or (nan, nan, nan)
@@ -225,7 +225,7 @@ class Point(FormattedField[Triple]):
 
 
 class BodyAngles(Point):
-    """Roll, pitch and yaw of a body, wrapped to (-pi, pi] when written."""
+    """A field with roll, pitch and yaw, wrapped to (-pi, pi] when it is written."""
 
     def write(self, value: Triple, dialect: Dialect) -> Sequence[Segment]:
         text = vector_marks(self.format(dialect), WRAPPED)
@@ -233,20 +233,20 @@ class BodyAngles(Point):
 
 
 class WheelPose(FormattedField[Pose2]):
-    """A pose as x, y and unwrapped yaw, written in the axes of the wire."""
+    """A field with x, y and unwrapped yaw, written in the axes of the wire."""
 
     def read(self, message: Message) -> Pose2:
         x, y, yaw = message.parse(self.key, parse_triple)
         return Pose2(x, 0.0 - y, 0.0 - yaw)
 
     def write(self, value: Pose2, dialect: Dialect) -> Sequence[Segment]:
-        # The sign of the yaw is inverted, like the sign of z in a vector.
+        # Vectors are written with inverted y and z, and the yaw takes the place of z.
         text = vector_marks(self.format(dialect))
         return (Segment(self.key, text, (value.x, value.y, value.yaw)),)
 
 
 class Pose(FormattedField[Pose3]):
-    """The position and the orientation of a body, in two segments."""
+    """A field with the pose of a body, written as a position and an orientation."""
 
     def __init__(self, format_name: FormatName) -> None:
         super().__init__("Location", format_name)
@@ -267,10 +267,10 @@ class Pose(FormattedField[Pose3]):
 
 
 class Rows(Field[tuple[Any, ...]]):
-    """Items that all have the same fields; a repeated key starts the next item."""
+    """A field with a list of items, such as sonars, that all have the same fields."""
 
     def __init__(self, *columns: Field[Any], layouts: Layouts | None = None) -> None:
-        """Create the field from the fields of an item.
+        """Create the field of a list from the fields of one item.
 
         Args:
             columns: The fields of an item, the name first.
@@ -298,7 +298,7 @@ class Rows(Field[tuple[Any, ...]]):
 
 
 def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment]:
-    """Return the segments in the order of a layout, or in their own order without one.
+    """Return the segments of a line in the order of a layout, if there is a layout.
 
     Args:
         segments: Segments in the order of their fields.
@@ -315,7 +315,7 @@ def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment
 
 
 def join_items(segments: Iterable[Segment]) -> list[Segment]:
-    """Move the fields of each item into the segment of the item's name."""
+    """Join the segments of each item to one, as in ``{Name Front Range 1.5}``."""
     joined: list[Segment] = []
     for key, text, numbers, _ in segments:
         if key == "Name":
@@ -331,7 +331,7 @@ _FIELDS: Final[dict[type, Sequence[tuple[str, Field[Any]]]]] = {}
 
 
 def fields_of(report: type) -> Sequence[tuple[str, Field[Any]]]:
-    """Return name and field of each annotated attribute of a report, in their order."""
+    """Return name and field of each annotated attribute of a report class, in order."""
     if report not in _FIELDS:
         hints = get_type_hints(report, include_extras=True)
         annotated = [
@@ -344,7 +344,7 @@ def fields_of(report: type) -> Sequence[tuple[str, Field[Any]]]:
 
 @dataclass_transform(frozen_default=True)
 class LineReport:
-    """Base class of reports whose attributes are annotated with their fields.
+    """Base class of reports, whose annotated attributes become fields of a line.
 
     Every subclass is a frozen dataclass. A subclass with arrays is declared with
     ``eq=False`` and compares by identity.
@@ -366,7 +366,7 @@ class LineReport:
 
     @classmethod
     def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
+        """Create the report from the fields of a parsed line.
 
         Raises:
             MalformedMessage: If a field is missing or not readable.
@@ -381,7 +381,7 @@ class LineReport:
         return [field.read(message) for _, field in fields_of(cls)]
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
-        """Return the segments of the line in a dialect."""
+        """Return the ``{Key value}`` segments of the report's line in a dialect."""
         segments = [
             segment
             for name, field in fields_of(type(self))
@@ -390,11 +390,11 @@ class LineReport:
         return lay_out(segments, self.layouts.get(dialect.name))
 
     def head(self, _: Dialect) -> str:
-        """Return the first word of the line."""
+        """Return the first word of the report's line, such as ``SEN``."""
         return self.verb
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers, and its series.
+        """Return the template of the report's line, its numbers, and its array.
 
         Numbers and series are in the order of their marks.
         """
@@ -410,13 +410,13 @@ class LineReport:
         return f"{line}{LINE_END}".encode("latin-1"), numbers, series
 
     def encode(self, dialect: Dialect) -> str:
-        """Return the line of the report without its line end."""
+        """Encode the report as a line without a line end."""
         template, numbers, series = self.split(dialect)
         line = fill_lines([template], numbers, series)
         return line.removesuffix(b"\r\n").decode("ascii")
 
     def sources(self, dialect: Dialect) -> list[str]:
-        """Return the attributes with numbers in the line, in the line's order."""
+        """Return the names of attributes with numbers, in the order of the line."""
         found = [
             (name, field)
             for name, field in fields_of(type(self))
@@ -432,7 +432,7 @@ class LineReport:
 
 
 class SensorReport(LineReport, eq=False):
-    """One reading of a sensor, or of all sensors of one type.
+    """Base class of the readings of one sensor, or of all sensors of one type.
 
     Attributes:
         sensor_type: Value of ``Type`` on the wire.
@@ -465,7 +465,7 @@ class SensorReport(LineReport, eq=False):
 
 
 class ItemReport(SensorReport, eq=False):
-    """One reading of one sensor.
+    """Base class of the readings of one sensor.
 
     Attributes:
         name: Name of the item.
@@ -488,5 +488,5 @@ class ReportGroup:
 
     @cached_property
     def template(self) -> bytes:
-        """The concatenated templates of the lines."""
+        """The templates of all lines of the group, joined to one."""
         return b"".join([sample.split(self.dialect)[0] for sample in self.samples])

@@ -37,7 +37,7 @@ _MAX_STEERING: Final = ("MaxFrontSteer", "MaxRearSteer")
 
 
 class RobotGeo(LineReport):
-    """The dimensions of the robot.
+    """The dimensions of a wheeled robot, as reported by the server in a GEO line.
 
     Attributes:
         name: Class of the robot, not the name that its client chose.
@@ -71,7 +71,7 @@ class RobotGeo(LineReport):
 
 
 class AerialGeo(RobotGeo):
-    """The dimensions of a flying robot.
+    """The dimensions of a flying robot, as reported by the server in a GEO line.
 
     A flying robot has no wheels. Wheel radius, separation and base are placeholders of
     1 m, with which clients convert speed and yaw rate as for a wheeled robot.
@@ -92,7 +92,7 @@ class AerialGeo(RobotGeo):
 
 
 class ItemGeo(LineReport):
-    """The mounting poses of items.
+    """The mounting poses of a robot's items, such as its sensors, in a GEO line.
 
     Attributes:
         type: Type of the items in the spelling of the request.
@@ -121,7 +121,7 @@ class ItemGeo(LineReport):
 
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         place = vector_marks(dialect.mount)
-        # The original server writes no space between these two segments.
+        # The original server writes no space between the orientation and ``{Mount``.
         angles = f"{place}}}{{Mount {reduce_text(self.robot)}"
         segments: list[Segment] = []
         for name, pose in self.mounts:
@@ -130,8 +130,8 @@ class ItemGeo(LineReport):
                 Segment("Name", reduce_text(name)),
                 Segment("Location", place, numbers[:3]),
             ]
-            # Separate segments crash Player's driver and make UsarCommander lose the
-            # sensor's offset; ROS reads both forms.
+            # A pose in separate segments crashes Player's driver, and makes
+            # UsarCommander lose the sensor's offset; ROS reads both forms.
             if dialect.joins_mounts:
                 written.append(Segment("Orientation", place, numbers[3:]))
                 written.append(Segment("Mount", _RIGID))
@@ -142,7 +142,7 @@ class ItemGeo(LineReport):
 
 
 class Steering(Field[tuple[float, float] | None]):
-    """Steering type and steering limits; the limits are None for skid steering."""
+    """A field with steering type and steering limits; None for skid steering."""
 
     def read(self, message: Message) -> tuple[float, float] | None:
         if (message.get(self.key) or "").lower() != _ACKERMANN.lower():
@@ -163,7 +163,7 @@ class Steering(Field[tuple[float, float] | None]):
 
 
 class RobotConf(LineReport):
-    """The mass of the robot, and its limits of speed, torque and steering.
+    """The mass of a robot, and its limits of speed, torque and steering.
 
     Attributes:
         name: Class of the robot, not the name that its client chose.
@@ -191,7 +191,7 @@ class RobotConf(LineReport):
 
 
 class AerialConf(RobotConf):
-    """The performance of a flying robot; ``max_speed`` limits forward speed, m/s."""
+    """The mass of a flying robot, and its maximum forward speed, m/s."""
 
     layouts: ClassVar[Layouts] = {
         "compat": "{Type AerialVehicle} {Name} {Mass} {MaxSpeed}",
@@ -202,7 +202,7 @@ class AerialConf(RobotConf):
 
 
 class ItemConf(LineReport):
-    """The settings of items of one type.
+    """Base class of reports on the settings of all items of one type on a robot.
 
     Attributes:
         type: Type of the items in the spelling of the request.
@@ -226,7 +226,7 @@ class ItemConf(LineReport):
 
 
 class ScannerConf(ItemConf):
-    """The settings of scanners.
+    """The settings of a robot's range scanners.
 
     An item has a name, maximum and minimum range, m, resolution and field of view, rad.
     """
@@ -245,7 +245,7 @@ class ScannerConf(ItemConf):
 
 
 class SonarConf(ItemConf):
-    """The settings of sonars.
+    """The settings of a robot's sonars.
 
     An item has a name, maximum and minimum range, m, cone angle, rad, and interval, s.
     The interval is NaN if it is not reported.
@@ -259,8 +259,7 @@ class SonarConf(ItemConf):
         Number("ScanInterval", "robot", default=nan),
         layouts={
             "compat": "{Name} {MaxRange} {MinRange} {BeamAngle}",
-            # The last three numbers are constants, which have no effect in the original
-            # server.
+            # The original server writes three constants, which have no effect.
             "udk": "{Name} {MaxRange} {MinRange} {ScanInterval} {beamAngle}"
             " {maxAngleOfIncidence 0.1745} {tracesPerCone 16} {numberOfCones 10}",
         },
@@ -268,25 +267,25 @@ class SonarConf(ItemConf):
 
 
 class IntervalConf(ItemConf):
-    """The names of items, and the times between their readings, s."""
+    """The names of sensors, and the time, s, between two readings of each."""
 
     rows = Rows(Text("Name"), Number("ScanInterval", "plain"))
 
 
 class TouchConf(ItemConf):
-    """The names of touch sensors, and their diameters, m."""
+    """The names and the diameters, m, of a robot's touch sensors."""
 
     rows = Rows(Text("Name"), Number("Diameter", "robot"))
 
 
 class EncoderConf(ItemConf):
-    """The names of encoders, and the wheel angle of one tick, rad."""
+    """The names of a robot's wheel encoders, and the angle of one tick, rad."""
 
     rows = Rows(Text("Name"), Number("Resolution", "angle"))
 
 
 class CameraLimits(NamedTuple):
-    """The zoom limits of a camera, and the region that its image fills in pictures.
+    """The zoom limits of a camera, and the region of its image in combined pictures.
 
     Attributes:
         name: Name of the camera.
@@ -309,7 +308,7 @@ _FOV_KEYS: Final = ("CameraDefFov", "CameraMinFov", "CameraMaxFov", "CameraFov")
 
 
 class CameraConf(LineReport):
-    """The settings of cameras; never decoded.
+    """The settings of a robot's cameras; this program encodes but never decodes them.
 
     UDK servers write degrees and no spaces between fields; UT2004 servers write
     radians.
@@ -333,7 +332,7 @@ class CameraConf(LineReport):
             fields += [(key, angle) for key in _FOV_KEYS]
             name, fovs = reduce_text(camera.name), camera.fovs
             if dialect.cameras_in_degrees:
-                # The original server writes no spaces between these segments.
+                # The original server writes no spaces between the segments of a camera.
                 text = "".join([f"}}{{{key} {value}" for key, value in fields])
                 degrees_ = [degrees(each) for each in fovs]
                 segments.append(Segment("Name", name + text, degrees_))
@@ -348,7 +347,7 @@ class CameraConf(LineReport):
 
 
 class ItemNames(Field[tuple[str, ...]]):
-    """A field with the names of items."""
+    """A field with the names of a robot's items, one segment per name."""
 
     def read(self, message: Message) -> tuple[str, ...]:
         return tuple(item.name for item in message.items())
@@ -358,7 +357,7 @@ class ItemNames(Field[tuple[str, ...]]):
 
 
 class NameConf(LineReport):
-    """The names of items without settings."""
+    """The names of a robot's items of a type that has no settings."""
 
     verb: ClassVar[str] = "CONF"
 
@@ -367,8 +366,8 @@ class NameConf(LineReport):
 
 
 _UNREAD: Final = ("JointType", *_FOV_KEYS)
-# Keys that identify the kinds of CONF lines. The first entry whose key is in the line
-# applies.
+# Keys that identify the kinds of CONF lines. The first of these keys that is in a line
+# determines the class of its report.
 _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
     ("BeamAngle", SonarConf),
     ("MaxRange", ScannerConf),
@@ -379,7 +378,7 @@ _CONFS: Final[Sequence[tuple[str, type[LineReport]]]] = (
 
 
 def decode_geo(message: Message) -> LineReport | None:
-    """Read a GEO message; return None if it describes mission packages.
+    """Create the report of a GEO line; return None for a line about mission packages.
 
     Raises:
         MalformedMessage: If a field is missing or not readable.
@@ -390,7 +389,7 @@ def decode_geo(message: Message) -> LineReport | None:
 
 
 def decode_conf(message: Message) -> LineReport | None:
-    """Read a CONF message; its keys determine the kind of report.
+    """Create the report of a CONF line, whose keys determine the class of the report.
 
     Returns:
         The report; None for a message about mission packages or cameras.
@@ -407,7 +406,7 @@ def decode_conf(message: Message) -> LineReport | None:
 
 
 def is_aerial(message: Message) -> bool:
-    """Return whether a message is about a flying robot."""
+    """Return whether a GEO, CONF or STA line describes a flying robot."""
     return (message.get("Type") or "").lower() == "aerialvehicle"
 
 

@@ -1,4 +1,4 @@
-"""The protocol of USARSim's image server: requests for pictures, and pictures.
+"""The protocol of USARSim's image server: decodes requests and encodes pictures.
 
 A viewer requests a picture with ``OK``, or a part of it with ``U`` and four numbers of
 4 bytes: x and y of the part's upper left corner, its width and its height, in pixels.
@@ -15,7 +15,7 @@ _PART_BYTES: Final = 17  # length of a request for a part
 
 
 class ImageType(IntEnum):
-    """Supported types of pictures, with the numbers of the original server."""
+    """The supported formats of pictures, by their numbers in the original server."""
 
     RAW = 0
     JPEG_GOOD = 2
@@ -49,30 +49,30 @@ WHOLE: Final = Region(0, 0, 2**32 - 1, 2**32 - 1)
 
 
 class RequestBuffer:
-    """Finds requests in the byte stream from a viewer."""
+    """Finds requests for pictures in the byte stream from an image viewer."""
 
     def __init__(self) -> None:
         self._received = b""
 
     def feed(self, data: bytes) -> None:
-        """Append received bytes."""
+        """Append bytes received from the viewer."""
         self._received += data
 
     def take(self) -> Region | None:
-        """Remove the next request and return its region; None if there is none."""
+        """Remove the next request and return its region; None if none is complete."""
         whole, part = self._received.find(b"OK"), self._received.find(b"U")
         if part >= 0 and not 0 <= whole < part:
             return self._take_part(part)
         if whole >= 0:
             self._received = self._received[whole + 2 :]
             return WHOLE
-        # Only an "O" can be the beginning of an incomplete request. All other bytes are
-        # dropped, so that invalid data cannot fill the memory.
+        # Only an "O" at the end can begin a request "OK". All other bytes are dropped,
+        # so that invalid data cannot fill the memory.
         self._received = b"O" if self._received.endswith(b"O") else b""
         return None
 
     def _take_part(self, start: int) -> Region | None:
-        """Remove a request for a part and return its region; None if incomplete."""
+        """Remove a request for a part of the picture; None if it is incomplete."""
         request = self._received[start : start + _PART_BYTES]
         if len(request) < _PART_BYTES:
             self._received = request
@@ -82,12 +82,12 @@ class RequestBuffer:
 
 
 def encode_image(image_type: ImageType, data: bytes) -> bytes:
-    """Return a picture with its header."""
+    """Return picture data with a header of type and length in bytes."""
     return struct.pack(">BI", image_type, len(data)) + data
 
 
 def encode_raw(width: int, height: int, rows: list[bytes]) -> bytes:
-    """Return the data of a raw picture.
+    """Return the data of an uncompressed picture, for ``encode_image``.
 
     Args:
         width: Width in pixels.

@@ -1,4 +1,4 @@
-r"""Templates of lines, which have a placeholder character (mark) for each number.
+r"""Templates of lines, in which a placeholder character (mark) stands for a number.
 
 The engine (``lines.hpp``) writes the numbers of many lines into their templates, in one
 call.
@@ -48,32 +48,32 @@ MOST_MARKS: Final = 256  # cache size, as clients can ask for scans of any lengt
 _BLOCK_END: Final = b"\xf9"  # separator after the lines of each block
 _LONGEST_NUMBER: Final = 19  # length of the longest written number, bytes
 _TOO_LARGE: Final = -1  # error code of the engine, returned in place of a byte count
-# Braces are excluded because they end a field, and non-ASCII characters are marks.
+# In names, braces would end a field, and non-ASCII characters would count as marks.
 _NOT_PRINTABLE: Final = re.compile(r"[^ -z|~]")
 
 # Lines that are sent together: reports, their dialect, a report group or None, and the
-# numbers of the group. The lines of the group come first.
+# numbers of the group. The lines of the group precede those of the reports.
 Block: TypeAlias = (
     "tuple[Iterable[LineReport], Dialect, ReportGroup | None, Sequence[float]]"
 )
 
 
 class Rounding(IntEnum):
-    """How a number is rounded to its decimals, with the values used in placeholders."""
+    """How a number is rounded to its decimals; the engine uses the same values."""
 
     NEAREST = 0  # to the nearest; zero never has a minus sign
     FLOAT32 = 1  # rounded like a float32 by C's printf; -0.00 is possible
     TRUNCATED = 2  # cut off in float32: 1.3 is written as 1.2999
 
 
-# A multiple of a step, divided by the step, may be just below an integer, because the
-# step is rounded.
+# An angle that is a multiple of the step may give a quotient just below an integer,
+# because the step is a rounded number.
 _STEP_TOLERANCE: Final = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NumberFormat:
-    """The format of one kind of number, always without an exponent.
+    """The decimals and the rounding of one kind of number in lines; no exponents.
 
     Formats compare by identity, which makes them fast dictionary keys.
 
@@ -88,19 +88,19 @@ class NumberFormat:
     step: float | None = None
 
     def format(self, value: float) -> str:
-        """Return the text of a number, clipped to a magnitude below 2**31."""
+        """Return a number as text, clipped to a magnitude below 2**31."""
         return self.join([value])
 
     def cut_to_step(self, value: float) -> float:
-        """Return the number truncated to an integer multiple of the step, if any."""
+        """Truncate a number to a multiple of the step, if the format has a step."""
         if self.step is None or not abs(value) < LARGEST:
             return value
-        # The original server stores angles as integer rotation units and converts them
-        # back when it writes a line.
+        # The original server stores angles as integer multiples of a rotation unit and
+        # converts them to rad when it writes a line.
         return int(value / self.step + _STEP_TOLERANCE) * self.step
 
     def join(self, values: Sequence[float]) -> str:
-        """Return the text of a vector, with commas and without spaces."""
+        """Return a vector as text, with commas and without spaces."""
         return _fill(marks(self, len(values)), list(map(self.cut_to_step, values)))
 
     def join_flipped(self, values: Triple, before: str = "") -> str:
@@ -127,14 +127,14 @@ def printable_name(text: str, longest: int = LONGEST_NAME) -> str:
 
 @lru_cache(MOST_MARKS)
 def marks(number_format: NumberFormat, count: int = 1) -> str:
-    """Return ``count`` marks of a number format, separated by commas."""
+    """Return placeholders for ``count`` numbers of a format, separated by commas."""
     mark = chr(FIRST_MARK + 8 * number_format.rounding + number_format.decimals)
     return ",".join([mark] * count)
 
 
 @lru_cache(MOST_MARKS)
 def vector_marks(number_format: NumberFormat, before: str = "") -> str:
-    """Return the marks of x, y, z or roll, pitch, yaw, written in the wire's axes.
+    """Return placeholders for x, y, z or roll, pitch, yaw, written in the wire's axes.
 
     Args:
         number_format: Format of each number.
@@ -146,17 +146,17 @@ def vector_marks(number_format: NumberFormat, before: str = "") -> str:
 
 @lru_cache(MOST_MARKS)
 def series_marks(number_format: NumberFormat, count: int = 1) -> str:
-    """Return ``count`` marks of numbers in the series, separated by commas."""
+    """Return placeholders for ``count`` numbers of an array, separated by commas."""
     mark = chr(ord(marks(number_format)) + IN_SERIES)
     return ",".join([mark] * count)
 
 
 def encode_blocks(blocks: Sequence[Block]) -> list[bytes]:
-    """Return the lines of each block, with CRLF; see ``fill_lines``."""
+    """Return the encoded lines of each block of reports, each line with CRLF."""
     templates: list[bytes] = []
     numbers: list[float] = []
     series = [NO_SERIES]
-    # The loop keeps no tuples or lists of reports, which would add work for Python's
+    # The loop creates no tuples or lists per report, which would add work for Python's
     # garbage collector.
     for reports, dialect, group, group_numbers in blocks:
         if group is not None:
@@ -176,7 +176,7 @@ def encode_blocks(blocks: Sequence[Block]) -> list[bytes]:
 def fill_lines(
     templates: Sequence[bytes], numbers: Sequence[float], series: Floats
 ) -> bytes:
-    """Fill templates with numbers and return the lines, each with CRLF.
+    """Replace the marks in templates by numbers; return the lines, each with CRLF.
 
     Args:
         templates: Templates of the lines.
@@ -188,8 +188,8 @@ def fill_lines(
 
     marked = np.frombuffer(bytearray().join(templates), np.uint8)
     values = np.array(numbers, np.float64)
-    # This size is an upper bound, because an exact count would need to format all
-    # numbers twice. A line end is one mark, which becomes two bytes.
+    # The size of the output is an upper bound, as an exact count would need to format
+    # all numbers twice. A line end is one mark, which becomes two bytes.
     most = 2 * len(marked) + _LONGEST_NUMBER * (len(values) + len(series))
     out = np.zeros(most, np.uint8)
     size = engine.write_lines(marked, values, series, out)

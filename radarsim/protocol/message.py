@@ -28,14 +28,13 @@ from pydantic_core import from_json
 from radarsim.errors import LineTooLong, MalformedMessage
 from radarsim.geometry import Floats, Pose3, wrap_angle
 
-# White space in Latin-1. Clients in C may also send the zeros that end their strings.
+# White space in Latin-1; clients in C may also send the zero bytes that end strings.
 _BLANKS = b"\0 \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"
-# One line end and the blank lines after it; a packet can have thousands of blank lines.
-# CR is replaced by LF first, because a search for one character is several times
-# faster.
+# One line end and the blank lines after it, which can be thousands. Callers replace CR
+# by LF first, because a search for one character is several times faster.
 _LINE_END = re.compile(rb"\n[%b]*" % re.escape(_BLANKS))
 _ANY_END = re.compile(rb"\r\n|\n\r|\r|\n")
-# Bytes before the first line, in Latin-1: the byte order mark of UTF-8, which editors
+# Bytes that may precede the first line: the byte order mark of UTF-8, which editors
 # and .NET programs write, and the option negotiation of telnet clients.
 _PREAMBLE = re.compile(
     r"(?:\xef\xbb\xbf|\xff(?:[\xfb-\xfe].?|\xfa.*?\xff\xf0|[\xf1-\xf9])|\0)*",
@@ -63,7 +62,7 @@ def is_http_request(line: str) -> bool:
 
 
 class LineBuffer:
-    r"""Collects received bytes and returns whole lines.
+    r"""Splits received bytes into lines, and keeps an incomplete line until it ends.
 
     A line ends at CR or at LF. Empty and blank lines are dropped, so that CRLF, LF CR
     and LF, which clients use, all count as one line end. If blank lines are kept,
@@ -93,7 +92,7 @@ class LineBuffer:
         self._half_end = b""  # last byte if it is CR or LF and may be half a line end
 
     def feed(self, data: bytes) -> list[str]:
-        """Add received bytes and return the lines that they complete.
+        """Add received bytes, and return the lines that are now complete.
 
         Raises:
             LineTooLong: If an earlier call has set ``overflow``.
@@ -120,7 +119,7 @@ class LineBuffer:
         return lines
 
     def _split_at_each_end(self, data: bytes) -> list[bytes]:
-        """Split bytes at CR, LF or a pair of both, even if two calls split the pair."""
+        """Split bytes at CR, LF or a pair of both; a pair may come in two calls."""
         if self._half_end and data[:1] in (b"\r", b"\n") and data[:1] != self._half_end:
             data, self._half_end = data[1:], b""
         if data:
@@ -129,12 +128,12 @@ class LineBuffer:
         return _ANY_END.split(data)
 
     def has_room_for(self, data: bytes) -> bool:
-        """Return whether the data fits within the limit even without a line end."""
+        """Return whether the pending line has room for data without a line end."""
         return len(self._pending) + len(data) <= self.limit
 
     def _append(self, piece: bytes) -> bool:
-        """Append to the pending line; return whether it is within the limit."""
-        # Leading white space does not count against the limit of a line.
+        """Append bytes to the pending line; return whether the line is short enough."""
+        # White space before a line does not count towards the limit of its length.
         if not self._pending:
             piece = piece.lstrip(_BLANKS)
         size = len(self._pending) + len(piece)
@@ -148,15 +147,15 @@ class LineBuffer:
         return True
 
 
-# Largest number in commands, m, rad or rad/s; results computed from it still fit into
-# reports.
+# Largest number in commands, m, rad or rad/s. Reports can still express all results
+# that are computed from numbers of this size.
 LARGEST_COMMANDED = 1e9
-# Largest number in reports, as in lines.hpp; the original server uses 32-bit integers.
+# Limit of numbers in reports, as in lines.hpp; the original server has 32-bit integers.
 LARGEST = 2.0**31
 _LARGEST_WRITTEN = 2.0**31 - 128.0  # the largest float32 below LARGEST
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
-# The usual form of numbers from servers: below any limit, and readable by float().
+# Most numbers from servers have this form, which float() accepts without more checks.
 _PLAIN_NUMBER = re.compile(r"-?[0-9]{1,9}(?:\.[0-9]+)?")
 _PLAIN_TRIPLE = re.compile(",".join([f"({_PLAIN_NUMBER.pattern})"] * 3))
 _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1_0
@@ -247,7 +246,7 @@ def parse_list(text: str) -> Floats:
 
 
 def _parse_plain_list(text: str) -> Floats | None:
-    """Parse comma-separated numbers by the JSON parser; return None if it cannot.
+    """Parse comma-separated numbers by a JSON parser; return None for other texts.
 
     The result equals that of ``float``, and takes a fifth of the time. Ranges make up
     most of the data that a client receives.
@@ -257,7 +256,7 @@ def _parse_plain_list(text: str) -> Floats | None:
         if not digits or digits.translate(None, b"-.,0123456789"):
             return None
         array = b"[%b]" % digits
-        # JSON reads the integer -0 as 0, without its sign.
+        # The JSON parser would drop the sign of the integer -0.
         if b"-0," in array or b"-0]" in array:
             return None
         return np.fromiter(from_json(array), np.float64)
@@ -278,7 +277,7 @@ MAX_SEGMENTS = 1000  # per line; without it, 20 000 would fit, and take 10 ms to
 
 @dataclass(slots=True)  # not frozen, which would double the time to create one
 class Message:
-    """The verb and the segments of one line; treat both as immutable.
+    """A parsed line: its verb and its ``{Key value}`` segments; treat as immutable.
 
     Attributes:
         verb: First word of the line.
@@ -292,25 +291,25 @@ class Message:
     _values: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        # The segments are in reverse order, so that the first of two equal keys
+        # The dictionary is filled in reverse order, so that the first of two equal keys
         # overwrites the second.
         self._values = {key.lower(): value for key, value in self.segments[::-1]}
 
     def encode(self) -> str:
-        """Return the line without a line end."""
+        """Encode the message as a line without a line end."""
         return encode_segments(self.verb, self.segments)
 
     def get(self, key: str) -> str | None:
-        """Return the first value of a key in any case, or None."""
+        """Return the first value of a case-insensitive key; None if it is missing."""
         return self._values.get(key.lower())
 
     @property
     def name(self) -> str:
-        """The value of ``Name``; empty if it is missing."""
+        """The value of the key ``Name``; empty if the key is missing."""
         return self.get("Name") or ""
 
     def require(self, key: str) -> str:
-        """Return the value of a key.
+        """Return the value of a key that the line must have.
 
         Raises:
             MalformedMessage: If the value is missing or empty.
@@ -323,7 +322,7 @@ class Message:
         return value
 
     def parse(self, key: str, parse: Callable[[str], Value]) -> Value:
-        """Parse the value of a key.
+        """Parse the value of a key that the line must have.
 
         Raises:
             MalformedMessage: If the value is missing, empty or not readable. The error
@@ -344,7 +343,7 @@ class Message:
         return self.parse(key, parse) if self._values.get(key.lower()) else None
 
     def number_or_nan(self, key: str) -> float:
-        """Parse the number of a key; return NaN if it is missing or empty.
+        """Return the value of a key as a number; NaN if it is missing or empty.
 
         Raises:
             MalformedMessage: If the number is not readable.
@@ -352,7 +351,7 @@ class Message:
         return self.parse(key, parse_number) if self.get(key) else math.nan
 
     def items(self) -> Iterator["Message"]:
-        """Yield a message for each item; a repeated key starts the next item.
+        """Split a line about several items into a message for each of them.
 
         If no key is repeated, the whole line is the only item.
         """
@@ -377,7 +376,7 @@ class Message:
             yield Message(self.verb, tuple(item))
 
     def split_fields(self, *keys: str) -> "Message":
-        """Return the message with each field of an item in a separate segment.
+        """Return a message in which each field of an item has its own segment.
 
         Servers of some generations write all fields of an item into one segment.
 
@@ -401,13 +400,13 @@ class Message:
 
 
 def encode_segments(verb: str, segments: Iterable[tuple[str, str]]) -> str:
-    """Return the line of a verb, keys and values without a line end."""
+    """Join a verb, keys and values to a line without a line end."""
     groups = [f"{{{f'{key} {value}'.rstrip()}}}" for key, value in segments]
     return " ".join([verb, *groups])
 
 
 def decode_message(line: str, *, keeps_closed: bool = False) -> Message:
-    """Split one line into its verb and its segments.
+    """Split a line of the protocol into its verb and its ``{Key value}`` segments.
 
     >>> decode_message("DRIVE{Left 1}{ Right  -0,5 }")
     Message(verb='DRIVE', segments=(('Left', '1'), ('Right', '-0,5')))
@@ -437,7 +436,7 @@ def decode_message(line: str, *, keeps_closed: bool = False) -> Message:
 def parse_segments(
     text: str, *, keeps_closed: bool = False
 ) -> tuple[tuple[str, str], ...]:
-    """Return key and value of each segment in a text; see ``decode_message``.
+    """Return key and value of each ``{Key value}`` segment in a text.
 
     Raises:
         MalformedMessage: If a brace is not closed.
@@ -448,7 +447,7 @@ def parse_segments(
 def _parse_parts(
     parts: Sequence[str], text: str, *, keeps_closed: bool
 ) -> tuple[tuple[str, str], ...]:
-    """Return key and value of each segment, given the text split at opening braces."""
+    """Return key and value of each segment of a text that is split at ``{``."""
     segments = []
     for index, part in enumerate(parts):
         inside, brace, _ = part.partition("}")
@@ -478,7 +477,7 @@ def _expected(expected: str, index: int, line: str) -> MalformedMessage:
 
 
 def flip_axes(triple: Triple) -> Triple:
-    """Convert x, y, z or roll, pitch, yaw between the wire frame and REP-103.
+    """Convert x, y, z or roll, pitch, yaw from the wire frame to REP-103 or back.
 
     The conversion is the same in both directions and never returns -0.0.
 
@@ -490,7 +489,7 @@ def flip_axes(triple: Triple) -> Triple:
 
 
 def parse_triple(text: str, *, largest: float = LARGEST) -> Triple:
-    """Parse three numbers.
+    """Parse a text with three numbers, such as a position or angles.
 
     Raises:
         MalformedMessage: If the text is not three numbers up to ``largest``.

@@ -46,7 +46,7 @@ _TORQUE: Final = NumberFormat(2)
 
 
 def _links_of(message: Message) -> Iterator[Message]:
-    """Yield a message for each link, beginning with its ``Link`` segment."""
+    """Split a line about a mission package into a message for each of its links."""
     link: list[tuple[str, str]] = []
     for key, value in message.segments:
         if key.lower() == "link" or (link and key.lower() == "name"):
@@ -60,7 +60,7 @@ def _links_of(message: Message) -> Iterator[Message]:
 
 
 class LinkStates(Field[tuple[tuple[float, float], ...]]):
-    """Angle and torque of each link; UDK servers do not report torques."""
+    """A field with angle and torque of each link of a package; UDK has no torque."""
 
     def read(self, message: Message) -> tuple[tuple[float, float], ...]:
         return tuple(
@@ -100,7 +100,7 @@ class PackageState(LineReport):
 
 
 class PackageConf(LineReport):
-    """The limits of each link of mission packages, such as arms; never decoded.
+    """The limits of all links of mission packages, such as arms; never decoded.
 
     Attributes:
         type: Type of the packages in the spelling of the request.
@@ -116,8 +116,8 @@ class PackageConf(LineReport):
     def segments(self, dialect: Dialect) -> Sequence[Segment]:
         is_actuator = self.type.lower() == ACTUATOR
         number = marks(dialect.plain)
-        # The keys of three generations of servers come from server sources and from
-        # comments in clients.
+        # Three generations of servers use different keys, which are known from sources
+        # of servers and from comments in clients.
         speed = "MaxRotationSpeed" if dialect.has_actuators else "MaxSpeed"
         low, high = "MinRange", "MaxRange"
         if is_actuator:
@@ -137,7 +137,7 @@ class PackageConf(LineReport):
 
 
 class PackageGeo(LineReport):
-    """The pose of each link of mission packages, such as arms; never decoded.
+    """The poses of all links of mission packages, such as arms; never decoded.
 
     Attributes:
         type: Type of the packages in the spelling of the request.

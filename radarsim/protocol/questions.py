@@ -1,4 +1,4 @@
-"""Queries about all robots, on separate ports, and the model of wireless signals.
+"""Answers queries for true poses and wireless signals, which use separate ports.
 
 **USARTruth** reports the poses of robots. A client sends a line such as ``{Class
 USARBot.P3AT} {Name R1}``; each field filters the answer, and ``{Actors}`` or a blank
@@ -33,7 +33,7 @@ from radarsim.protocol.message import (
 )
 
 VICTIM: Final = "Victim"
-# Unreal class names, without their packages, that match all actors or all robots.
+# Classes in queries that match all robots and victims, then classes for all robots.
 _ALL: Final = frozenset(("", "actor", "pawn"))
 _ROBOTS: Final = frozenset(("basevehicle", "usarvehicle"))
 END: Final = b"{End}\r\n"
@@ -50,7 +50,7 @@ LARGEST_PORT: Final = 65_535
 def answer_truth(
     line: str, actors: Iterable[tuple[str, str, Pose3]], time: float, dialect: Dialect
 ) -> bytes:
-    """Return the lines of the actors that match a query, followed by ``{End}``.
+    """Answer a query for true poses: a line per robot or victim, and then ``{End}``.
 
     Args:
         line: The query.
@@ -85,7 +85,7 @@ def answer_wireless(
     count_obstacles: Callable[[Triple, Triple], int],
     dialect: Dialect,
 ) -> bytes:
-    """Return the answer to a query of a wireless server.
+    """Return the answer of a wireless server to a query about robots.
 
     A blank line gets no answer. An unknown query gets a blank line, as from the
     original server, so that the client does not wait for an answer.
@@ -121,7 +121,7 @@ def _count_between(
     robots: dict[str, Triple],
     count_obstacles: Callable[[Triple, Triple], int],
 ) -> str:
-    """Return the answer to ``GETOBS``; empty if either position is missing."""
+    """Count obstacles between the positions in a query; return the answer or ``""``."""
     for keys, find in (
         (("From", "To"), robots.get),
         (("Start", "End"), parse_flipped),
@@ -139,7 +139,7 @@ def _count_between(
 
 
 def signal_strength(distance: float, obstacles: int) -> float:
-    """Return the received signal strength of a robot, dBm; inf at distance 0.
+    """Return the strength, dBm, of a radio signal at a receiver; inf at distance 0.
 
     Args:
         distance: Distance between sender and receiver, m.
@@ -152,7 +152,7 @@ def signal_strength(distance: float, obstacles: int) -> float:
 
 
 def strength_text(strength: float | None) -> str:
-    """Return the fields of an answer to ``GETSS``, a query for signal strength.
+    """Return the fields of the answer to a query for a signal strength, ``GETSS``.
 
     Args:
         strength: Signal strength, dBm; None if it is unknown.
@@ -165,7 +165,7 @@ def strength_text(strength: float | None) -> str:
 
 
 def read_request(line: str) -> tuple[str, str, tuple[int, ...] | None]:
-    """Read a request of a robot to a wireless server.
+    """Parse a request of a robot to a wireless server.
 
     Returns:
         The verb in capitals, the name of a robot, and the port numbers. Missing parts

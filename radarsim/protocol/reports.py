@@ -98,7 +98,7 @@ LONGEST_LINE: Final = 4095  # bytes with line end; some clients have buffers of 
 
 
 class Greeting(LineReport):
-    """The first line on a connection; ``level`` is the name of the map."""
+    """The first line from a server; ``level`` is the name of the map."""
 
     verb: ClassVar[str] = "NFO"
     layouts: ClassVar[Layouts] = {
@@ -117,7 +117,7 @@ class StartPoses:
 
     @classmethod
     def decode(cls, message: Message) -> Self:
-        """Read the poses, which follow the field ``StartPoses`` with the pose count.
+        """Create the report from a parsed line with the names and poses of the starts.
 
         Raises:
             MalformedMessage: If a pose is not readable.
@@ -139,7 +139,7 @@ class StartPoses:
         )
 
     def encode(self, dialect: Dialect) -> str:
-        """Return one line without its end, with as many poses as fit.
+        """Encode as many start poses as fit in a line, without a line end.
 
         Raises:
             ValueError: If a number is not finite.
@@ -157,7 +157,7 @@ class StartPoses:
 
 
 class BatteryLife(Field[int]):
-    """The remaining battery time, s; 0 if it is missing."""
+    """A field with the remaining battery time, s; 0 if the field is missing."""
 
     def read(self, message: Message) -> int:
         return int(message.parse_optional(self.key, parse_number) or 0)
@@ -169,7 +169,7 @@ class BatteryLife(Field[int]):
 
 
 class SteeringAngles(FormattedField[tuple[float, float] | None]):
-    """Steering angles of front and rear wheels; None without a steering axle.
+    """Two fields with the angles of steered wheels; None for a robot without any.
 
     On the wire, angles to the right are positive, and both angles of a skid-steered
     robot are 0.
@@ -199,7 +199,7 @@ class SteeringAngles(FormattedField[tuple[float, float] | None]):
 
 
 class Headlight(Field[bool]):
-    """The headlight, in two segments, whose values are part of the line's template."""
+    """Two fields with the state of the headlight, written as text of a template."""
 
     def read(self, message: Message) -> bool:
         return parse_flag(message.get(self.key) or "")
@@ -210,7 +210,7 @@ class Headlight(Field[bool]):
 
 
 class Status(LineReport):
-    """The state of a robot.
+    """The state of a robot: its battery, headlight and steering.
 
     Attributes:
         time: Simulated time, s.
@@ -237,7 +237,7 @@ class Status(LineReport):
 
 
 class AerialStatus(Status):
-    """The state of a flying robot, which has no steering angles."""
+    """The state of a flying robot: its battery and headlight."""
 
     layouts: ClassVar[Layouts] = {
         "compat": "{Type AerialVehicle} {Time} {LightToggle} {LightIntensity}"
@@ -249,7 +249,7 @@ class AerialStatus(Status):
 
 @dataclass(frozen=True, slots=True)
 class CrateStates:
-    """The sizes and poses of crates.
+    """The names, sizes and poses of crates, as reported to a client.
 
     Attributes:
         crates: Name, size (length, width, height, m) and pose of each crate.
@@ -259,7 +259,7 @@ class CrateStates:
 
     @classmethod
     def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
+        """Create the report from the fields of a parsed line.
 
         Raises:
             MalformedMessage: If the line does not consist of the four fields of each
@@ -283,7 +283,7 @@ class CrateStates:
         )
 
     def encode(self, dialect: Dialect) -> str:
-        """Return the line of the report without its line end."""
+        """Encode the report as a line without a line end."""
         join, fields = dialect.robot.join_flipped, []
         for name, size, pose in self.crates:
             numbers = pose.numbers()
@@ -296,7 +296,7 @@ class CrateStates:
 
 
 class RangeScan(ItemReport, eq=False):
-    """One scan of a laser or radar.
+    """One scan of a laser or radar, with a range for each beam.
 
     Attributes:
         resolution: Angle between neighbouring beams, rad.
@@ -324,8 +324,8 @@ class RangeScan(ItemReport, eq=False):
         if isnan(self.time):
             return ItemReport.split(self, dialect)
         key = (dialect, self.name, self.resolution, self.fov, len(self.ranges))
-        # Scans make up most of a server's output. Between scans only the time and the
-        # ranges change, so the template of the line is cached.
+        # Scans make up most of a server's output. Scans of one scanner differ only in
+        # time and ranges, so the template of their lines is cached.
         if key not in _KEPT:
             if len(_KEPT) >= MOST_KEPT:
                 _KEPT.clear()
@@ -336,7 +336,7 @@ class RangeScan(ItemReport, eq=False):
 
 
 class GroundTruth(ItemReport):
-    """The true pose of the robot's body in the world."""
+    """The true pose of the robot's body in the map frame."""
 
     sensor_type: ClassVar[str] = "GroundTruth"
 
@@ -344,7 +344,7 @@ class GroundTruth(ItemReport):
 
 
 class Ins(ItemReport):
-    """The pose in the world that the inertial navigation system estimates."""
+    """The pose of the robot, map frame, as its inertial navigation system estimates."""
 
     sensor_type: ClassVar[str] = "INS"
 
@@ -352,7 +352,7 @@ class Ins(ItemReport):
 
 
 class Odometry(ItemReport):
-    """The pose from wheel odometry, relative to the spawn pose; yaw is unwrapped."""
+    """The pose of the robot by wheel odometry, relative to its spawn pose."""
 
     sensor_type: ClassVar[str] = "Odometry"
 
@@ -369,7 +369,7 @@ class Tachometer(ItemReport):
 
 
 class Encoder(SensorReport):
-    """Name and tick count of each wheel encoder."""
+    """The name and the tick count of each wheel encoder of a robot."""
 
     sensor_type: ClassVar[str] = "Encoder"
     item_keys: ClassVar[tuple[str, ...]] = ("Tick",)
@@ -378,7 +378,7 @@ class Encoder(SensorReport):
 
 
 class Touch(ItemReport):
-    """Whether an object touches the robot."""
+    """A reading of a touch sensor: whether an object touches the robot."""
 
     sensor_type: ClassVar[str] = "Touch"
     item_keys: ClassVar[tuple[str, ...]] = ("Touch",)
@@ -387,7 +387,7 @@ class Touch(ItemReport):
 
 
 class Acceleration(ItemReport):
-    """Acceleration without gravity, m/s2, along the axes of the sensor."""
+    """The acceleration of a sensor without gravity, m/s2, along the sensor's axes."""
 
     sensor_type: ClassVar[str] = "Accel"
 
@@ -395,7 +395,7 @@ class Acceleration(ItemReport):
 
 
 class ProperAcceleration(ItemReport):
-    """Acceleration including gravity, m/s2, along the axes of the sensor."""
+    """The acceleration of a sensor with gravity, m/s2, along the sensor's axes."""
 
     sensor_type: ClassVar[str] = "AcceleroMeter"
 
@@ -403,7 +403,7 @@ class ProperAcceleration(ItemReport):
 
 
 class Imu(ItemReport):
-    """A reading of an inertial measurement unit.
+    """A reading of an inertial measurement unit: accelerations, rates and angles.
 
     Attributes:
         acceleration: Acceleration, m/s2, along the axes of the sensor.
@@ -430,7 +430,7 @@ class Altitude(ItemReport):
 
 
 class CompassAngle(FormattedField[float]):
-    """An angle from north, rad, clockwise on the wire, counter-clockwise in reports."""
+    """A field with an angle from north, rad, which is clockwise on the wire only."""
 
     def read(self, message: Message) -> float:
         return 0.0 - message.parse(self.key, parse_number)
@@ -457,7 +457,7 @@ class MissionTime(ItemReport):
 
 
 class Sonar(SensorReport):
-    """The ranges of sonars.
+    """The ranges of a robot's sonars.
 
     Attributes:
         ranges: Name and range of each sonar, m; a sonar without return has its maximum
@@ -473,7 +473,7 @@ class Sonar(SensorReport):
 
 
 class GlobePosition(Field[tuple[float, float] | None]):
-    """Latitude and longitude in degrees and minutes, written only with a GPS fix."""
+    """A field with latitude and longitude; None if the receiver has no GPS fix."""
 
     def read(self, message: Message) -> tuple[float, float] | None:
         if message.parse("Fix", parse_number) != 1:
@@ -497,7 +497,7 @@ class GlobePosition(Field[tuple[float, float] | None]):
 
 
 class Gps(ItemReport):
-    """A GPS position.
+    """A reading of a GPS receiver: latitude and longitude of the robot.
 
     Attributes:
         position: Latitude and longitude, degrees, north and east positive; None without
@@ -528,7 +528,7 @@ class WatchedLine:
 
     @classmethod
     def decode(cls, text: str, *, reads_report: bool = True) -> Self:
-        """Read a copied line, and its report unless ``reads_report`` is False.
+        """Parse a copied line, and also its report unless ``reads_report`` is False.
 
         Raises:
             MalformedMessage: If the text is no copied line, or the report is not
@@ -546,13 +546,13 @@ class WatchedLine:
 
 Report: TypeAlias = LineReport | StartPoses | CrateStates | WatchedLine
 
-# Kinds of NFO lines with the key of each; the first key in the line decides.
+# Keys of NFO lines. The first of these keys that is in a line determines its class.
 _INFOS: Final = (
     *(("StartPoses", StartPoses), ("Clock", ClockTick), ("Watching", Watching)),
     *(("Joined", RobotJoined), ("Level", Greeting), ("Left", RobotLeft)),
     ("Error", CommandError),
 )
-# All sensor reports that this module defines or imports, by their types on the wire.
+# Classes of all sensor reports in this module, by the value of ``Type`` in the line.
 _SENSOR_REPORTS: Final[dict[str, type[SensorReport]]] = {
     each.sensor_type.lower(): each
     for each in list(globals().values())
@@ -563,7 +563,7 @@ _SENSOR_REPORTS: Final[dict[str, type[SensorReport]]] = {
 
 
 def decode_report(line: str, *, reads_copies: bool = True) -> Report | None:
-    """Read one line of a server; return None for an unknown kind of report.
+    """Parse a line from a server; return None for an unknown kind of report.
 
     Args:
         line: The line.
@@ -584,7 +584,7 @@ def decode_report(line: str, *, reads_copies: bool = True) -> Report | None:
 
 
 def to_bytes(lines: Iterable[str]) -> bytes:
-    r"""Join lines for sending, each with CRLF.
+    r"""Encode lines as bytes to send, with CRLF after each line.
 
     >>> to_bytes(["NFO {StartPoses 0}"])
     b'NFO {StartPoses 0}\r\n'
@@ -613,14 +613,14 @@ def _decode_reading(message: Message) -> Report | None:
 def _split_degrees(
     angle: float, letters: str, minutes_format: NumberFormat
 ) -> tuple[str, float, float]:
-    """Split an angle into the letter for its sign, whole degrees, and minutes.
+    """Split a latitude or longitude into a letter for its sign, degrees and minutes.
 
     Raises:
         ValueError: If the angle is not finite.
     """
     degrees, minutes = divmod(abs(angle) * 60, 60)
     written = minutes
-    # Formatting is slow, so it is done only if the minutes may be rounded to 0 or 60.
+    # Formatting is slow, so it is used only if rounding may give 0 or 60 minutes.
     if not 0.1 < minutes < 59.9:
         written = float(minutes_format.format(minutes))
         if written == 60.0:
@@ -630,7 +630,7 @@ def _split_degrees(
 
 
 def _parse_degrees(text: str) -> float:
-    """Read an angle in degrees and minutes, with a letter for its sign.
+    """Parse a latitude or longitude in degrees and minutes, with N, S, E or W.
 
     Raises:
         MalformedMessage: If the text is not two numbers and a letter.

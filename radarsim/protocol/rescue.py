@@ -1,4 +1,4 @@
-"""Readings of the sensors that detect victims and RFID tags.
+"""Reports of the sensors that detect victims and RFID tags.
 
 Positions are in the frame of the sensor. The line formats come from the comments and
 the parsers of clients for UT2004 servers, the only servers that have these sensors.
@@ -16,7 +16,7 @@ CO2: Final = "CO2"
 
 
 class Sighting(NamedTuple):
-    """One detected body part or RFID tag.
+    """A detected body part or RFID tag, and its position.
 
     Attributes:
         label: Name of the body part, or number of the tag.
@@ -28,10 +28,10 @@ class Sighting(NamedTuple):
 
 
 class Sightings(Field[tuple[Sighting, ...]]):
-    """A list of detections; each is written as a label, followed by a position."""
+    """A field with a list of detections, each written as a label and a position."""
 
     def __init__(self, key: str, nothing: Segment | None = None) -> None:
-        """Create the field.
+        """Create the field from the key under which labels are written.
 
         Args:
             key: Key of the labels.
@@ -65,7 +65,7 @@ class Sightings(Field[tuple[Sighting, ...]]):
 
 
 class RfidTags(ItemReport):
-    """The tags that an RFID reader detects, with their numbers as labels."""
+    """The RFID tags that a reader detects; the number of a tag is its label."""
 
     sensor_type: ClassVar[str] = "RFID"
 
@@ -84,7 +84,7 @@ class VictimParts(ItemReport):
 
 
 class Probability(Field[float]):
-    """A number from 0 to 1, written after two spaces as by the original server."""
+    """A field with a number from 0 to 1, written after two spaces instead of one."""
 
     def read(self, message: Message) -> float:
         return message.parse(self.key, parse_number)
@@ -95,7 +95,7 @@ class Probability(Field[float]):
 
 
 class HumanMotion(ItemReport):
-    """The probability that a person moves in front of a sensor, 0 to 1."""
+    """The probability, 0 to 1, that a person moves in front of a sensor."""
 
     sensor_type: ClassVar[str] = "HumanMotion"
 

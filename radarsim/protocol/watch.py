@@ -1,4 +1,4 @@
-"""The choice of robots in WATCH commands, and the lines that watchers receive.
+"""Commands and lines of watchers: clients that get copies of lines to other robots.
 
 Names of robots are reduced to characters that a line can contain, as in all lines, so
 names that differ only in other characters count as equal.
@@ -37,7 +37,7 @@ _SEE: Final = re.compile(
 
 @dataclass(frozen=True)
 class RobotChoice:
-    """A choice of robots: all, none, or a list of names.
+    """A choice of robots to watch: all, none, or a list of names.
 
     >>> RobotChoice.parse("r1, R2").includes("R1")
     True
@@ -55,7 +55,7 @@ class RobotChoice:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Parse ``All``, ``None``, or names separated by commas.
+        """Parse a choice of robots: ``All``, ``None``, or names separated by commas.
 
         Raises:
             MalformedMessage: If there is no name, or more than ``MOST_NAMES``.
@@ -75,13 +75,13 @@ class RobotChoice:
         if self.names is None:
             return _ALL.capitalize()
         text = ",".join(self.names)
-        # A robot may be named "All"; the comma marks a list of one name.
+        # A robot may be named "All". A comma after the name marks a list of one name.
         if text.casefold() in (_ALL, _NONE, *ECHO_WORDS):
             return f"{text},"
         return text or _NONE.capitalize()
 
     def includes(self, name: str) -> bool:
-        """Return whether the choice includes a robot, given its name on the wire."""
+        """Return whether the choice includes a robot with a name, in any case."""
         if self.names is None:
             return True
         return name.casefold() in self._folded
@@ -95,7 +95,7 @@ NO_ROBOTS: Final = RobotChoice()
 
 
 class Choice(Field[RobotChoice]):
-    """A field whose value is a choice of robots."""
+    """A field with a choice of robots, such as ``All`` or a list of names."""
 
     def read(self, message: Message) -> RobotChoice:
         return message.parse(self.key, RobotChoice.parse)
@@ -105,7 +105,7 @@ class Choice(Field[RobotChoice]):
 
 
 class Watching(LineReport):
-    """The answer to a command to watch robots.
+    """The answer to a client's command to watch robots.
 
     Attributes:
         robots: The robots that are watched from now on.
@@ -119,7 +119,7 @@ class Watching(LineReport):
 
 
 class RobotJoined(LineReport):
-    """A robot has joined the simulation, or already existed when watching began.
+    """Report to a watcher that a robot has joined, or had joined before.
 
     Attributes:
         robot: Name of the robot.
@@ -133,7 +133,7 @@ class RobotJoined(LineReport):
 
 
 class RobotLeft(LineReport):
-    """A robot has left the simulation.
+    """Report to a watcher that a robot has left the simulation.
 
     Attributes:
         robot: Name of the robot.
@@ -145,7 +145,7 @@ class RobotLeft(LineReport):
 
 
 class ClockTick(LineReport):
-    """The simulated time of a tick.
+    """Report of the simulated time, sent to a watcher in each tick.
 
     Attributes:
         time: Simulated time, s.
@@ -157,7 +157,7 @@ class ClockTick(LineReport):
 
 
 class CommandError(LineReport):
-    """A command had no effect; sent mainly for commands that radarsim has added.
+    """Report that a command had no effect; sent mainly for radarsim's own commands.
 
     Attributes:
         text: The received text and the expected one.
@@ -169,13 +169,13 @@ class CommandError(LineReport):
 
 
 def see_head(robot: str) -> bytes:
-    """Return the bytes before each copied line of a robot: ``SEE {Robot name}``."""
+    """Return the prefix of all copied lines of a robot: ``SEE {Robot name}``."""
     head = Message(SEE, (("Robot", printable_name(robot)),)).encode()
     return f"{head} ".encode("ascii")
 
 
 def split_seen(line: str) -> tuple[str, str]:
-    """Split a line to a watcher into the robot's name and the copied line.
+    """Split a line to a watcher into the name of a robot and the copied line.
 
     >>> split_seen("SEE {Robot R1} STA {Time 1.00}")
     ('R1', 'STA {Time 1.00}')
