@@ -240,16 +240,14 @@ inline double ground_at(double per_square, double depth, double scale) {
     return scale * per_square * per_square / sqrt(1.0 - steep);
 }
 
-// Add ground to the bins between the first and the last of a span. The function gamma_of returns a factor of gamma for
-// a bin and its 1 / R^2; if it has no branches, the loop can be vectorised.
-template <typename Gamma>
-inline void fill_ground(const RangeLines& lines, const Place& place, const Span& span, double depth, double scale,
-                        Gamma gamma_of) {
+// Add power to the bins between the first and the last of a span, if the object does not sway. The function power_of
+// returns the power of a bin; if it has no branches, the loop can be vectorised.
+template <typename Power>
+inline void fill_bins(const RangeLines& lines, const Place& place, const Span& span, Power power_of) {
     float *own = &lines.power(place.here, 0), *next = &lines.power(1 - place.here, 0);
-    const double* per_square = lines.per_square.data;
     double across = place.across;
     for (int64_t bin = span.low + 1; bin < span.high; bin++) {
-        double power = ground_at(per_square[bin], depth, scale) * gamma_of(bin, per_square[bin]);
+        double power = power_of(bin);
         own[bin] = float(own[bin] + power * (1.0 - across));
         next[bin] = float(next[bin] + power * across);
     }
@@ -288,9 +286,14 @@ inline void add_ground(const RangeLines& lines, const Place& place, const Grazin
     }
     double second = (span.low + 1) * size - shift;
     auto patched_from = [&](int64_t bin, double) { return patched(second + (bin - span.low - 1) * size); };
-    if (!constant_gamma) fill_ground(lines, place, span, depth, scale, lambert);
-    else if (is_patched) fill_ground(lines, place, span, depth, scale, patched_from);
-    else fill_ground(lines, place, span, depth, scale, [](int64_t, double) { return 1.0; });
+    auto fill = [&](auto gamma_of) {
+        fill_bins(lines, place, span, [=, squares = lines.per_square.data](int64_t bin) {
+            return ground_at(squares[bin], depth, scale) * gamma_of(bin, squares[bin]);
+        });
+    };
+    if (!constant_gamma) fill(lambert);
+    else if (is_patched) fill(patched_from);
+    else fill([](int64_t, double) { return 1.0; });
 }
 
 // Return the integral of e^(-rate r) for r from 0 to depth.
@@ -306,21 +309,25 @@ inline void add_volume(const RangeLines& lines, const Place& place, double near,
     double size = lines.bin_size, rate = 2.0 * slope / NEPER_DB; // two-way nepers of power per metre
     Span span(lines.bin_at(near + place.shift), lines.bin_at(far + place.shift), lines.count());
     if (span.high < span.low) return;
-    // The ray passes most bins completely, so the factor of a complete bin is computed once.
+    // The ray passes all bins completely except the first and the last, so their factor is computed once.
     double fade = exp(-rate * size), whole = mean_depth(rate, size), begin = maximum(span.start, double(span.low));
     double left = place.weight * volume * pow(10.0, -0.2 * loss);
     left *= exp(-rate * (begin - span.start) * size);
-    for (int64_t bin = span.low; bin <= span.high; bin++) {
-        double depth = (minimum(span.end, bin + 1.0) - begin) * size, returned = left * whole;
-        if (depth < 0.999999 * size) {
-            returned = left * mean_depth(rate, depth);
-            left *= exp(-rate * depth);
-        } else {
-            left *= fade;
-        }
-        add_to_bin(lines, place, bin, returned * lines.per_square[bin]);
-        begin = bin + 1.0;
-    }
+    auto pass_bin = [&](int64_t bin) {
+        double returned = left * whole * lines.per_square[bin];
+        return left *= fade, returned;
+    };
+    auto add_end = [&](int64_t bin) {
+        double depth = (minimum(span.end, bin + 1.0) - begin) * size;
+        if (depth >= 0.999999 * size) return add_to_bin(lines, place, bin, pass_bin(bin));
+        add_to_bin(lines, place, bin, left * mean_depth(rate, depth) * lines.per_square[bin]);
+        left *= exp(-rate * depth);
+    };
+    add_end(span.low);
+    if (place.sway <= 0.0) fill_bins(lines, place, span, pass_bin);
+    else for (int64_t bin = span.low + 1; bin < span.high; bin++) add_to_bin(lines, place, bin, pass_bin(bin));
+    begin = double(span.high);
+    if (span.low < span.high) add_end(span.high);
     lines.widen(span.low, span.high);
 }
 

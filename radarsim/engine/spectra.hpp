@@ -101,6 +101,22 @@ inline bool add_cosines(Array<float, 2> sweeps, int64_t samples, Array<const int
 }
 BIND(add_cosines, "rs k k k k")
 
+// Add noise to sweeps, whose amplitude differs from sweep to sweep, clip the sums, and multiply them by a window. The
+// samples after the window become 0.
+inline bool add_noise(Array<float, 2> sweeps, Array<const float, 2> noise, Array<const float> amplitudes, double low,
+                      double high, Array<const float> window) {
+    if (window.size() > sweeps.shape[1] || window.size() > noise.shape[1]) return false;
+    for (int64_t row = 0; row < sweeps.shape[0]; row++) {
+        float *sweep = sweeps.row(row), amplitude = amplitudes[row];
+        const float* white = noise.row(row);
+        for (int64_t i = 0; i < window.size(); i++)
+            sweep[i] = window[i] * minimum(maximum(sweep[i] + amplitude * white[i], float(low)), float(high));
+        memset(sweep + window.size(), 0, (sweeps.shape[1] - window.size()) * sizeof(float));
+    }
+    return true;
+}
+BIND(add_noise, "rs rn r w")
+
 // Find the strongest bin in each run of consecutive set bins, since a strong echo sets all bins of its main lobe.
 inline void find_peaks(Array<const bool, 2> mask, Array<const float, 2> power, Array<bool, 2> peaks) {
     for (int64_t row = 0; row < mask.shape[0]; row++) {

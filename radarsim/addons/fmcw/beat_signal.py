@@ -154,8 +154,8 @@ def _fill_power(
     power: Power,
 ) -> None:
     """Compute the power in all bins of azimuths, with arguments as in ``beat_rows``."""
-    sweep = sample_sweeps(settings, first, field, tones, streams)
-    sweep[:, : sample_count(settings)] *= window_of(settings).astype(np.float32)
+    window = window_of(settings).astype(np.float32)
+    sweep = sample_sweeps(settings, first, field, tones, streams, window)
     spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
     fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
     engine.square_spectra(fields, noise_shape(settings), power)
@@ -167,20 +167,18 @@ def sample_sweeps(
     field: Power,
     tones: Tones,
     streams: NumberedStreams,
+    window: Power,
 ) -> Power:
     """Return sweeps as ADC samples, padded for the FFT; arguments as in ``beat_rows``.
 
-    A beat component with unit power in a bin has an amplitude of 2.
+    A beat component with unit power in a bin has an amplitude of 2. The samples are
+    multiplied by ``window``, (S,).
     """
     samples, length = sample_count(settings), fft_length(settings)
     shape, leakage = noise_shape(settings), _leakage(settings)
-    # The analog-to-digital converter clips samples to these limits.
-    full_scale = watts(settings.full_scale_dbm)
-    limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
-    limits = np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
-    amplitudes: Signal = field.view(np.complex64)
-    sweeps: Signal = np.zeros((len(amplitudes), length // 2 + 1), np.complex64)
-    np.multiply(amplitudes, 1 / np.sqrt(shape), out=sweeps[:, : settings.bins])
+    sweeps: Signal = np.zeros((len(field), length // 2 + 1), np.complex64)
+    numbers = sweeps.view(np.float32)[:, : field.shape[1]]
+    np.multiply(field, np.repeat(1 / np.sqrt(shape), 2), out=numbers)
     random = np.zeros((len(sweeps), samples + 2 * len(leakage)), np.float32)
     streams.fill_normal(first, random)
     ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
@@ -188,24 +186,23 @@ def sample_sweeps(
     # The signal is twice the real part of the sum of all components, so that an FFT of
     # the signal gives their amplitudes.
     sweep: Power = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
-    sweep[:, samples:] = 0  # samples after the end of the sweep are padding
-    signal = sweep[:, :samples]
     _add_tones(settings, sweep, first, tones)
-    _add_noise(settings, signal, random[:, :samples])
-    # Clipping changes the power in all bins of the spectrum.
-    if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
-        np.clip(signal, *limits, out=signal)
+    _add_noise(settings, sweep, random, window)
     return sweep
 
 
-def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
-    """Add thermal noise and phase noise of the transmitter to sweeps.
+def _add_noise(
+    settings: FmcwSettings, sweeps: Power, white: Power, window: Power
+) -> None:
+    """Add thermal noise and phase noise of the transmitter to sweeps, and clip them.
 
     Args:
         settings: Settings of the radar.
-        signal: The sweeps, (N, S).
-        white: Standard normal numbers, (N, S), which are overwritten.
+        sweeps: The sweeps, (N, L); the samples after the first S become padding.
+        white: Standard normal numbers, (N, S) or more.
+        window: Factor of each sample, (S,).
     """
+    signal = sweeps[:, : len(window)]
     # White noise of this amplitude has a mean power of 1 in each range bin.
     thermal = 1 / math.sqrt(float((window_of(settings) ** 2).sum()))
     # numpy's sum of a long row depends on the number of rows, so rows are split.
@@ -213,8 +210,12 @@ def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
     energy = sum(np.einsum("ns,ns->n", part, part) for part in parts)
     received = energy / (2 * signal.shape[1])
     share = 10 ** (settings.phase_noise_db / 10)
-    white *= (thermal * np.sqrt(1 + share * received)).astype(np.float32)[:, None]
-    signal += white
+    amplitudes = (thermal * np.sqrt(1 + share * received)).astype(np.float32)
+    # The converter clips samples, which changes the power in all bins of the spectrum.
+    full_scale = watts(settings.full_scale_dbm)
+    limit = 2 * math.sqrt(float(full_scale / noise_power(settings)))
+    low = (settings.clip_skew - 1) * limit
+    engine.add_noise(sweeps, white, amplitudes, low, limit, window)
 
 
 def _add_tones(settings: FmcwSettings, sweeps: Power, first: int, tones: Tones) -> None:

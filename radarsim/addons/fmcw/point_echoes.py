@@ -65,6 +65,8 @@ class Points(NamedTuple):
     rcs: Floats
 
 
+NO_POINTS: Final = Points(np.zeros((0, 3)), np.zeros(0))
+
 # Flat surfaces that reflect radar waves like mirrors.
 _PLANE: Final = np.dtype(
     [

@@ -191,9 +191,10 @@ class FmcwRadar:
     ) -> NDArray[np.float32]:
         """Return the samples of a revolution; see ``RangeScanner.beat_signal``."""
         _, echoes, tones, streams = self._standing(scene, pose, rng)
-        sweeps = sample_sweeps(self.settings, 0, echoes.field, tones, streams)
+        ones = np.ones(sample_count(self.settings), np.float32)
+        sweeps = sample_sweeps(self.settings, 0, echoes.field, tones, streams, ones)
         scale = np.float32(math.sqrt(noise_power(self.settings)))
-        return sweeps[:, : sample_count(self.settings)] * scale
+        return sweeps[:, : len(ones)] * scale
 
     def _standing(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator
@@ -284,7 +285,8 @@ class FmcwRadar:
         directions = np.empty_like(fan.directions)
         # A matrix product would round differently for different numbers of rows.
         engine.turn_directions(fan.directions, view.rotations, row, directions)
-        return fan, self.rays(view.positions[row], directions, carrier_id=carrier_id)
+        origins = view.positions.take(row, axis=0)  # faster than an index
+        return fan, self.rays(origins, directions, carrier_id=carrier_id)
 
     def rays(
         self,
@@ -331,7 +333,8 @@ class FmcwRadar:
         traces = tracer.trace(rays, boxes, events=True, incidence=True)
         row = fan.column // settings.rays_across - rows.start
         # Speed at which the antenna approaches the object that ends each ray, m/s.
-        approach = np.einsum("mi,mi->m", rays.directions, view.velocities[row])
+        velocities = view.velocities.take(row, axis=0)
+        approach = np.einsum("mi,mi->m", rays.directions, velocities)
         if boxes is not None and boxes.velocities is not None:
             met, which = boxes.find(traces.parts - len(tracer.parts))
             ahead = rays.directions[met, :2]

@@ -36,16 +36,6 @@ _FILL_UP: Final = 0.7548776662466927
 _EDGE_STEPS: Final = 2001
 
 WIDEST_GAP: Final = 2.5  # ratio of the largest to the mean gap between a beam's rays
-ENOUGH_RAYS: Final = 32  # rays on an object in a beam, for an error of at most 1 dB
-RAYS_ACROSS: Final = 10  # rays in azimuth on the bounding box of a thin object
-RAYS_UP: Final = 8  # rays in elevation on the bounding box of a thin object
-MOST_PARTS: Final = 40  # maximum number of parts of a cell in each angle
-MOST_RAYS: Final = 100_000  # maximum number of added rays; nearest objects come first
-THINGS_AT_ONCE: Final = 256  # objects that are processed together
-
-# Subdivisions around K objects, (6, K): first and last column, lowest row of cells, row
-# above the highest, and the numbers of parts of these cells in azimuth and elevation.
-Divisions = NDArray[np.int64]
 
 
 class RayFan(NamedTuple):
@@ -110,19 +100,23 @@ def refined_fan(
     first, last = columns.start * settings.rays_up, columns.stop * settings.rays_up
     # Without thin objects, the usual case, views of the plain fan are returned.
     fan = RayFan._make(column[first:last] for column in plain_fan(settings))
-    things = _thin_things(settings, bounds, position, rotation)
-    across, up = _divisions(settings, things, columns)
-    divided = np.flatnonzero((across > 1) | (up > 1))
+    parts = np.ones((2, len(columns), settings.rays_up), np.int64)
+    beamwidth, count = math.radians(settings.beamwidth_az_deg), settings.azimuths
+    numbers = beamwidth, columns.start, count * settings.rays_across
+    place = bounds, position[None], rotation, cell_edges(settings)
+    engine.divide_cells(*place, *numbers, *parts)
+    across, up = parts.reshape(2, -1)
+    is_divided = (across > 1) | (up > 1)
+    divided, kept = np.flatnonzero(is_divided), np.flatnonzero(~is_divided)
     if not len(divided):
         return fan
     added = _fill_cells(settings, divided + first, across[divided], up[divided])
-    kept = (across == 1) & (up == 1)
     filled = [
-        np.concatenate([plain[kept], new])
+        np.concatenate([plain.take(kept, axis=0), new])
         for plain, new in zip(fan, added, strict=True)
     ]
     order = np.argsort(filled[1], kind="stable")
-    return RayFan._make(column[order] for column in filled)
+    return RayFan._make(column.take(order, axis=0) for column in filled)
 
 
 def _fill_cells(
@@ -159,83 +153,3 @@ def _fill_cells(
     in_beam = math.radians(settings.beamwidth_az_deg) / width
     spread = np.maximum(WIDEST_GAP * heights / up[owner] / max(in_beam, 1.0), width)
     return RayFan(directions, column, beside, weights, spread)
-
-
-def _thin_things(
-    settings: FmcwSettings, bounds: Floats, position: Floats, rotation: Floats
-) -> Divisions:
-    """Return the subdivisions around objects that few rays would hit, nearest first.
-
-    ``MOST_RAYS`` limits their number. The arguments are the same as in ``refined_fan``.
-    """
-    distances = np.linalg.norm(bounds.mean(axis=1) - position, axis=1)
-    nearest = np.argsort(distances, kind="stable")
-    found, added = [np.zeros((6, 0), np.int64)], [0]
-    for start in range(0, len(nearest), THINGS_AT_ONCE):
-        boxes = bounds[nearest[start : start + THINGS_AT_ONCE]]
-        extents = np.zeros((4, len(boxes)))
-        engine.measure_extents(boxes, position, rotation, extents)
-        thin = _divide_around(settings, extents)
-        first, last, bottom, top, across, up = thin
-        sums = added[-1] + np.cumsum((last - first + 1) * (top - bottom) * across * up)
-        found.append(thin[:, sums <= MOST_RAYS])
-        added += sums.tolist()
-        if added[-1] > MOST_RAYS:
-            break
-    return np.concatenate(found, axis=1)
-
-
-def _divide_around(settings: FmcwSettings, extents: Floats) -> Divisions:
-    """Return the subdivisions of the cells around thin objects.
-
-    Args:
-        settings: Settings of the radar.
-        extents: Angular extents of objects as seen from the antenna, (4, N) rad: the
-            azimuth at which each begins, clockwise from straight ahead, the width, and
-            the elevations of the lower and the upper edge.
-    """
-    width = 2 * math.pi / (settings.azimuths * settings.rays_across)
-    in_beam = math.radians(settings.beamwidth_az_deg) / width
-    azimuths, widths, lowest, highest = extents
-    edges, rows = cell_edges(settings), np.arange(settings.rays_up + 1)
-    low, high = (np.interp(edge, edges, rows) for edge in (lowest, highest))
-    wide, tall = widths / width, high - low
-    # Only the part of an object inside the beam counts for an azimuth.
-    few = np.minimum(wide, in_beam) * tall < ENOUGH_RAYS
-    some = few & (tall > 0) & (widths < math.pi) & np.isfinite(wide)
-    sides = azimuths[some], azimuths[some] + widths[some]
-    found = (
-        # The first column may be negative, and the last one beyond the full circle.
-        *(np.floor(each / width) for each in sides),
-        np.floor(low[some]),
-        np.ceil(high[some]),
-        *(
-            np.minimum(np.ceil(wanted / np.maximum(size[some], 1e-9)), MOST_PARTS)
-            for wanted, size in ((RAYS_ACROSS, wide), (RAYS_UP, tall))
-        ),
-    )
-    return np.array(found).astype(np.int64)
-
-
-def _divisions(
-    settings: FmcwSettings, things: Divisions, columns: range
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return into how many parts, in both angles, the cells of columns are divided.
-
-    An object subdivides a rectangle of cells around it.
-    """
-    count = settings.azimuths * settings.rays_across
-    first, last, bottom, top, across, up = things
-    divided_across = np.ones((len(columns), settings.rays_up), np.int64)
-    divided_up = np.ones_like(divided_across)
-    # The first column of each rectangle, relative to the first requested column.
-    begin = (first - columns.start) % count
-    reach = begin + last - first
-    seen = (begin < len(columns)) | (reach >= count)
-    for i in np.flatnonzero(seen).tolist():
-        places = np.arange(begin[i], reach[i] + 1) % count
-        places = places[places < len(columns)]
-        patch = np.ix_(places, np.arange(bottom[i], top[i]))
-        divided_across[patch] = np.maximum(divided_across[patch], across[i])
-        divided_up[patch] = np.maximum(divided_up[patch], up[i])
-    return divided_across.ravel(), divided_up.ravel()

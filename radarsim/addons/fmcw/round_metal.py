@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fresnel
 
-from radarsim.addons.fmcw.point_echoes import Points, head_on_reflection
+from radarsim.addons.fmcw.point_echoes import NO_POINTS, Points, head_on_reflection
 from radarsim.geometry import Floats
 from radarsim.raycast.tracer import Tracer
 
@@ -87,6 +87,8 @@ def round_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
         wavelength: Wavelength, m.
     """
     _, rows, owners, away = _round_of(tracer)
+    if not len(rows):
+        return NO_POINTS
     way = origin - rows["foot"]
     place = np.einsum("ni,ni->n", way, rows["along"])
     across = way - place[:, None] * rows["along"]
@@ -121,8 +123,8 @@ def fresnel_square(ends: Floats, wavelength: float, distance: Floats) -> Floats:
     # Fresnel integrals give the line integral of a spherical wave.
     scale = np.sqrt(4 / (wavelength * distance))
     sines, cosines = fresnel(ends * scale[:, None])
-    square = np.diff(sines) ** 2 + np.diff(cosines) ** 2
-    return np.asarray(square.ravel() / scale**2)
+    square = (sines[:, 1] - sines[:, 0]) ** 2 + (cosines[:, 1] - cosines[:, 0]) ** 2
+    return np.asarray(square / scale**2)
 
 
 def _round_of(tracer: Tracer) -> _Round:

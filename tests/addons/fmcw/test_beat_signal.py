@@ -18,6 +18,8 @@ from radarsim.addons.fmcw.radar_equation import (
     sample_count,
     window_of,
 )
+from radarsim.engine import engine
+from radarsim.errors import EngineError
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import generator_for
@@ -314,3 +316,18 @@ def test_long_sweeps_are_the_same_in_any_blocks(
         monkeypatch.setattr(beat_signal, "thread_count", lambda n=threads: n)
         found.append(beat_signal.beat_rows(settings, 0, field, NO_TONES, streams))
     assert found[0].tobytes() == found[1].tobytes()
+
+
+def test_engine_adds_noise_clips_and_applies_the_window_as_numpy_does() -> None:
+    random = np.random.default_rng(0)
+    sweeps, noise = random.normal(0, 2, (2, 3, 40)).astype(np.float32)
+    amplitudes, window = random.random(3, np.float32), random.random(33, np.float32)
+    samples = sweeps[:, :33] + amplitudes[:, None] * noise[:, :33]
+    expected = window * np.clip(samples, np.float32(-1.5), np.float32(2.5))
+    assert (samples < -1.5).any()
+    assert (samples > 2.5).any()
+    engine.add_noise(sweeps, noise, amplitudes, -1.5, 2.5, window)
+    assert sweeps[:, :33].tobytes() == expected.tobytes()
+    assert not sweeps[:, 33:].any()
+    with pytest.raises(EngineError, match="do not belong together"):
+        engine.add_noise(sweeps, noise, amplitudes, -1.5, 2.5, np.ones(41, np.float32))
