@@ -52,7 +52,7 @@ def test_occupied_starts_are_listed(tmp_path: Path) -> None:
     lines = radarsim("check", path).text.splitlines()
     at = lines.index("starts that are not free")
     assert len(lines) == at + 2
-    expected = "  RobotStart2: taken by wall; a P3AT would stand at x "
+    expected = "  RobotStart2: occupied by wall; a P3AT would be placed at x "
     assert lines[at + 1].startswith(expected)
 
 

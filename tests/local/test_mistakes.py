@@ -108,7 +108,7 @@ CALLS: list[tuple[Call, str]] = [
     (lambda r: r.newest("GroundTruth"), "kind 'GroundTruth', expected a class"),
     (lambda r: r.spectrum(), "no turn of a radar yet, expected request_spectra"),
     (lambda r: r.request_targets(), "scanner 'lms200' has no detector, expected"),
-    (lambda r: r.request_spectra(), "no FMCW radar, expected such as a P3AT_Navtech"),
+    (lambda r: r.request_spectra(), "no FMCW radar, expected a class such as P3AT"),
     (lambda r: r.camera(width=0), "picture of 0 x 480 pixels, 80 degrees, expected"),
     (lambda r: r.camera(width=0.5), "picture of 0.5 x 480 pixels, .* whole numbers"),
     (lambda r: r.camera(fov_deg=200), "200 degrees, expected .* less than 180 deg"),

@@ -317,7 +317,7 @@ def test_encode_command_writes_usarsim_lines(command: Command, line: str) -> Non
 
 @pytest.mark.parametrize("number", [nan, inf, -inf, 1.1e9])
 def test_encode_command_rejects_numbers_out_of_range(number: float) -> None:
-    with pytest.raises(ValueError, match=r"expected at most 1e\+09 in size"):
+    with pytest.raises(ValueError, match=r"expected a magnitude of at most 1e\+09"):
         encode_command(Drive(0, number))
 
 

@@ -200,7 +200,7 @@ def test_number_of_a_group_that_cannot_be_written_is_clipped() -> None:
 @pytest.mark.parametrize("numbers", [[1.0] * 3, [1.0] * 5])
 def test_group_needs_a_number_for_each_mark(numbers: list[float]) -> None:
     group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
-    with pytest.raises(EngineError, match=f"^{len(numbers)} numbers and 0 in series"):
+    with pytest.raises(EngineError, match=f"^{len(numbers)} numbers, and 0 in series"):
         encode_blocks([block([], COMPAT, group, numbers)])
 
 

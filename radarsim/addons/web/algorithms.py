@@ -270,7 +270,7 @@ class MapMaker:
                     grid = self._mapper.grid
                     self._send(describe_map(self._robot.name, grid, self.colours))
         except RadarsimError as error:
-            log.warning("the map of %s ends: %s", self._robot.name, error)
+            log.warning("mapping with %s ended: %s", self._robot.name, error)
 
 
 def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
@@ -281,7 +281,7 @@ def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
     seen.sort(key=lambda scan: robot.scanner(scan.name).medium != "radar")
     if not seen:
         wanted = "any scanner" if name is None else f"the scanner {name!r}"
-        raise BadRequest(f"no scan of {wanted} of {robot.name!r} has come yet")
+        raise BadRequest(f"no scan from {wanted} of {robot.name!r} has come yet")
     scan, gaps = seen[0], len(seen[0].ranges) - 1
     scanner = robot.scanner(scan.name)
     return ScannerInfo(

@@ -135,7 +135,7 @@ class Commander:
             RadarsimError: If that is not possible; the browser is sent its message.
         """
         if request.op not in self._handlers:
-            raise BadRequest(f"{request.op} is not possible here")
+            raise BadRequest(f"{request.op!r} is not possible on this page")
         self._handlers[request.op](viewer, request)
 
     # Handlers of requests
@@ -169,7 +169,7 @@ class Commander:
         robot = self._robots.find_own(request.robot)
         # Only radarsim servers can be watched, and only radarsim servers have settings.
         if not self._link.state.watches:
-            raise BadRequest("this server changes no settings")
+            raise BadRequest("this server cannot change settings")
         scanner, value = self._robots.find(robot.name).change_setting(request)
         robot.change_setting(scanner, request.key, value)
         self._viewers.update()
@@ -255,7 +255,7 @@ class Commander:
         if state.problem:
             viewer.send({"op": "lost", "text": state.problem}, "server")
         elif state.refusal:
-            text = f"robots of others are not shown: {state.refusal}"
+            text = f"robots of other clients are not shown: {state.refusal}"
             viewer.send({"op": "notice", "text": text})
 
     def _frame(self, selected: str | None) -> bytes:

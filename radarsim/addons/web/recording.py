@@ -64,12 +64,12 @@ class RecordingSwitch:
             if self.state["on"] and self._task is not None:
                 self._task.cancel()
         elif self._server is None:
-            raise BadRequest("a recording is played, expected a server to record")
+            raise BadRequest("a recording is being played, expected a server")
         elif self._task is None:
             check_installed()
             self._task = asyncio.ensure_future(self._record(self._server))
         elif self._task.cancelling():
-            raise BadRequest("the recording before is not complete yet")
+            raise BadRequest("the previous recording is not complete yet")
 
     async def close(self) -> None:
         """End the recording, if there is one, and wait until its files are complete."""

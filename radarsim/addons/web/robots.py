@@ -29,7 +29,7 @@ MOST_ROBOTS: Final = 100  # robots that the commander spawns
 MOST_VIEWS: Final = 2000  # known robots; a server has at most 1024
 ANSWER: Final = 5.0  # s; timeout for an answer of the server
 SPAWN_TIMEOUT: Final = 120.0  # s; a server may be busy
-PLAYED: Final = "a recording is played, in which robots do what they did"
+PLAYED: Final = "a recording is being played, and cannot be changed"
 LONG_WAIT: Final = 4.0  # s of spawning, after which a browser is sent the reason
 
 
@@ -187,7 +187,7 @@ class Robots:
 
     async def _spawn(self, viewer: Viewer, name: str, request: Spawn) -> None:
         def send_wait() -> None:
-            text = f"{name} is not there yet: there is no free place, or the server"
+            text = f"{name} is not spawned yet: there is no free place, or the server"
             text += " is paused or busy"
             viewer.send({"op": "notice", "text": text})
 
@@ -228,7 +228,7 @@ class Robots:
                 self._forget(robot)
                 # The browser that drives the robot gets an error, and all other
                 # browsers a notice.
-                text = f"the robot {robot.name!r} is gone: {error}"
+                text = f"the robot {robot.name!r} was lost: {error}"
                 for viewer in self._viewers:
                     op = "error" if robot.driver == viewer.name else "notice"
                     viewer.send({"op": op, "text": text})

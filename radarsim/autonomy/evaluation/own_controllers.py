@@ -116,8 +116,8 @@ class _TrialSimulation(LocalSimulation):
         self._commands += 1
         if self._commands > MOST_COMMANDS:
             raise ValueError(
-                f"{MOST_COMMANDS} commands and no time has passed, expected a call of"
-                " robot.simulation.step"
+                f"{MOST_COMMANDS} commands at the same simulated time, expected a call"
+                " of robot.simulation.step"
             )
         return super().receive(number, data)
 

@@ -146,5 +146,5 @@ def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
         raise NavigationError(
             f"scanner {scanner.name!r} sees {math.degrees(scanner.fov):.0f} degrees, so"
             f" the bumpers {', '.join(blind)} are blind;"
-            f" expected a full circle, as {ROBOT} has it"
+            f" expected a full circle, as on a {ROBOT}"
         )
