@@ -187,7 +187,7 @@ async def listen(
     except (OSError, UnicodeError) as error:
         raise _listening_error(error, address, port) from error
     if not listener.sockets:
-        raise ServerError(f"cannot listen on {_join(address, port)}: no socket")
+        raise ServerError(f"cannot listen on {_join(address, port)}: no usable socket")
     for listening in listener.sockets:
         with listening.dup() as same:  # to set the backlog of the kernel separately
             same.listen(MAX_WAITING)

@@ -13,13 +13,13 @@ COMMANDS: Final = own_entries(
                 " drive one."
             ),
             "addons.recording.cli:replay": (
-                "Play a recording to clients of the protocol, as they were sent it."
+                "Play a recording: send its lines to clients of the protocol again."
             ),
             "addons.recording.cli:recording": "Look into recordings.",
         },
         MAPS: {
             "addons.imports.cli:import_": (
-                "Make a map, or a robot class, of a file of another program."
+                "Make a map, or a robot class, from a file of another program."
             ),
             "addons.fmcw.cli:spectrum": (
                 "Record turns of an FMCW radar: the power over range in each direction."

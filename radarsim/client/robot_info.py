@@ -184,7 +184,7 @@ class RobotInfo:
         names = [scanner.name for scanner in self.scanners]
         if name is not None:
             wanted = f"the scanner {text[:80]!r}{did_you_mean(text, names)}"
-        raise ClientError(f"robot {self.name!r} has only {names}, expected {wanted}")
+        raise ClientError(f"scanners of {self.name!r}: {names}, expected {wanted}")
 
 
 def same_name(one: str, other: str) -> bool:

@@ -70,7 +70,7 @@ class Packed:
         raise AttributeError(f"{self.structure.name} has no {name!r}")
 
     def __reduce__(self) -> NoReturn:
-        raise TypeError(f"{self!r} refers to memory of its process, so it has no copy")
+        raise TypeError(f"cannot copy {self!r}, which refers to memory of its process")
 
 
 class Function:

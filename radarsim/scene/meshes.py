@@ -269,7 +269,7 @@ def _parse(
     try:
         return [kind(word) for word in words]
     except ValueError:
-        text = f"a line has another value, expected {what}"
+        text = f"a line has a wrong value, expected {what}"
         raise ValueError(text) from None
 
 

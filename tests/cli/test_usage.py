@@ -180,7 +180,7 @@ def test_error_of_usage_is_one_line_and_nothing_is_written(
         ("serve no_such_room", "no_such_room: no such file, expected a map file or"),
         (
             "navigate bug_box --algorithm bug1 --scanner lms201",
-            "has ['lms200'], expected the scanner 'lms201' (did you mean 'lms200'?)",
+            ": ['lms200'], expected the scanner 'lms201' (did you mean 'lms200'?)",
         ),
     ],
 )

@@ -141,10 +141,10 @@ def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
     assert robot.scanner() is SCANNER
     assert robot.scanner("t") is other
     with pytest.raises(
-        ClientError, match=r"has \['S', 'T'\], expected the scanner 'U'"
+        ClientError, match=r": \['S', 'T'\], expected the scanner 'U'"
     ):
         robot.scanner("U")
-    with pytest.raises(ClientError, match=r"robot 'P3AT' has \[\], expected a scanner"):
+    with pytest.raises(ClientError, match=r"scanners of 'P3AT': \[\], expected a scanner"):
         replace(ROBOT, scanners=()).scanner()
 
 

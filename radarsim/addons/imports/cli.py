@@ -75,7 +75,7 @@ def import_(
     options: ImportOptions,
     strict: Annotated[bool, RARE] = False,
 ) -> int:
-    """Make a map, or a robot class, of a file of another program.
+    """Make a map, or a robot class, from a file of another program.
 
     Args:
         file: The file.

@@ -39,7 +39,7 @@ def replay(
     map_: Annotated[str | None, Option(words="maps"), RARE] = None,
     client: Annotated[int | None, Ge(1), RARE] = None,
 ) -> int:
-    """Play a recording to clients of the protocol, as they were sent it.
+    """Play a recording: send its lines to clients of the protocol again.
 
     Args:
         folder: Folder of the recording.

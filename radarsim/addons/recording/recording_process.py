@@ -137,7 +137,7 @@ class RecordingProcess:
             # A disk that hangs must not block the server.
             self._process.kill()
             self._process.wait()
-            log.warning("%s: incomplete, ended after %g s", self.folder, END_TIMEOUT)
+            log.warning("recording %s: incomplete after %g s", self.folder, END_TIMEOUT)
         return is_whole and self._process.returncode == 0
 
     def _is_behind(self) -> bool:

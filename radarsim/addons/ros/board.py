@@ -140,7 +140,7 @@ class BoardClient:
         """Subscribe, and return the last message of a latched topic, encoded."""
         # The limit bounds the memory if a client subscribes endlessly.
         if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
-            raise ValueError(f"too many, expected at most {MOST_ENTRIES} subscriptions")
+            raise ValueError(f"too many subscriptions, expected at most {MOST_ENTRIES}")
         self._subscriptions.setdefault(topic, {})[key] = interval
         return self._board.latched(topic)
 

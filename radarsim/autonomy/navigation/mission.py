@@ -116,7 +116,7 @@ def safety_distance_for(
     if wanted is None:
         return least + MARGIN
     if wanted < least:
-        foliage = f" and {penetration_depth:.2f} m seen into foliage"
+        foliage = f" plus the view of {penetration_depth:.2f} m into foliage"
         foliage *= penetration_depth > 0
         raise NavigationError(
             f"safety distance {wanted:g} m, expected at least {least:.3f} m,"
