@@ -144,7 +144,7 @@ def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
         ClientError, match=r": \['S', 'T'\], expected the scanner 'U'"
     ):
         robot.scanner("U")
-    with pytest.raises(ClientError, match=r"scanners of 'P3AT': \[\], expected a scanner"):
+    with pytest.raises(ClientError, match=r"of 'P3AT': \[\], expected a scanner"):
         replace(ROBOT, scanners=()).scanner()
 
 

@@ -142,7 +142,7 @@ def test_robot_that_has_been_removed_is_reported(sim: Sim) -> None:
 EVALUATIONS: list[tuple[dict[str, Any], str]] = [
     ({"controller": "bug2"}, "controller 'bug2', expected a function"),
     ({"maps": "bug_box"}, "maps 'bug_box', expected a list of names or paths"),
-    ({"seeds": 1.5}, "seeds 1.5, expected their number, or a list of them"),
+    ({"seeds": 1.5}, "seeds 1.5, expected a number of seeds, or a list"),
     ({"seeds": 0}, "expected at least one map and one seed"),
     ({"workers": 0}, "workers 0, expected at least 1"),
     ({"time_limit": 0}, "time_limit in s 0, expected more than 0"),

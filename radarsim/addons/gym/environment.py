@@ -411,7 +411,7 @@ def _goal_position(scene: Scene, goal: str | Sequence[float]) -> Sequence[float]
 
 def _trial(scene: Scene) -> Trial:
     if scene.trial is None:
-        raise ValueError(f"map {scene.name!r} has no trial, which 'map' needs")
+        raise ValueError(f"map {scene.name!r} has no trial with a start and a goal")
     return scene.trial
 
 

@@ -244,7 +244,7 @@ class Playback(Link):
         """See ``Link.seek``."""
         start, end = self._recording.start, self._recording.end
         if not start <= request.t <= end:
-            raise BadRequest(f"t {request.t}, expected {start:g} to {end:g} s")
+            raise BadRequest(f"time {request.t} s, expected {start:g} to {end:g} s")
         self._go(request.t)
         self.on_time()
 
