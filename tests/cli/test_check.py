@@ -118,7 +118,7 @@ def test_goal_in_something_is_reported_with_what_is_there(tmp_path: Path) -> Non
         "trial: {start: RobotStart1, goal: [2.6, 0], safety_distance: 0.5}\n"
     )
     run = radarsim("check", path)
-    assert "goal 2.60 0.00: taken by pillar" in run.text
+    assert "goal 2.60 0.00: occupied by pillar" in run.text
 
 
 def test_plan_is_drawn_into_a_file_beside_the_summary(tmp_path: Path) -> None:

@@ -15,10 +15,7 @@ KEYS = (
 )
 SHAPES = "expected one of ['box', 'cylinder', 'mesh', 'reflector', 'sphere']"
 LIBRARY = f", or of the library, {list(library_names())}"
-CLOSED = (
-    "expected a closed volume,"
-    " since beams enter 'leaf', which has no sheet_loss"
-)
+CLOSED = "expected a closed volume, since beams enter 'leaf', which has no sheet_loss"
 
 
 @pytest.mark.parametrize(
