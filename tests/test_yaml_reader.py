@@ -261,14 +261,14 @@ def test_all_problems_are_found_and_reading_continues() -> None:
             " but found another document",
         ),
         ("a: *b", (1, 4), "not YAML: found undefined alias"),
-        ("a: &b [*b]", (1, 4), "more than 32 levels"),
-        ("[" * 50, (1, MAX_DEPTH + 1), "more than 32 levels"),
-        ("? " * 3000 + "a", (1, 2 * MAX_DEPTH + 1), "more than 32 levels"),
+        ("a: &b [*b]", (1, 4), "more than 32 levels of nesting"),
+        ("[" * 50, (1, MAX_DEPTH + 1), "more than 32 levels of nesting"),
+        ("? " * 3000 + "a", (1, 2 * MAX_DEPTH + 1), "more than 32 levels of nesting"),
         (
             # libyaml of PyYAML 6.0.4 looks ahead, and refuses more than 1000 itself
             "{" * 900 + "a: 1" + "}: 1" * 899 + "}",
             (1, MAX_DEPTH + 1),
-            "more than 32 levels",
+            "more than 32 levels of nesting",
         ),
     ],
 )
@@ -290,7 +290,7 @@ def test_number_of_expanded_values_is_limited() -> None:
 def test_depth_of_expanded_aliases_is_limited() -> None:
     lines = ["a0: &a0 [x]"]
     lines += [f"a{i}: &a{i} [*a{i - 1}]" for i in range(1, 2000)]
-    with pytest.raises(UnreadableYaml, match="more than 32 levels"):
+    with pytest.raises(UnreadableYaml, match="more than 32 levels of nesting"):
         compose("\n".join(lines))
 
 

@@ -62,7 +62,7 @@ WRONG = {
         "-o no/a.json": "-o: cannot write no/a.json: no such folder",
         "-o a.gif": "-o: a.gif, expected a .json, .csv, .png, .svg or .pdf file",
         "-o a.txt": ".pdf file, or --format",
-        "-o a.png --format json": "--format: json, expected png as a.png has this end",
+        "-o a.png --format json": "--format: json, expected png, the ending of a.png",
         "--set max_range": "--set: 'max_range', expected KEY=VALUE",
         "--set max_range=x": "sensor radar: max_range: 'x', expected a number",
         "--set max_range=-1": "sensor radar: max_range: -1, expected at least 0.001",
@@ -82,7 +82,7 @@ WRONG = {
         "a.csv --layout oxford": "-o: a .csv file, expected .png with --layout",
         "a.csv --pfa 0": "--pfa: '0', expected more than 0",
         "a.png --set fmcw.windw=hann": "no setting 'windw' (did you mean 'window'?)",
-        "a.png --sensor hokuyo": "sensor hokuyo: no spectrum, expected one of hss94_m",
+        "a.png --sensor hokuyo": "sensor hokuyo has no spectrum, expected one of hss94",
     },
     "navigate --algorithm bug2": {
         "--algorithm bug3": "--algorithm: 'bug3' (did you mean 'bug2'?), expected one",

@@ -66,7 +66,7 @@ def test_missing_embreex_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
         raise importlib.metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(importlib.metadata, "files", absent)
-    with pytest.raises(EngineError, match=r"^embreex has \[\], expected one library"):
+    with pytest.raises(EngineError, match=r"^embreex has \[\], expected one file"):
         embree.open_library.__wrapped__()
 
 

@@ -28,7 +28,7 @@ CLOSED = "expected a closed volume, since beams enter 'leaf', which has no sheet
         ("name: a, material: stone", f": no shape, {SHAPES}"),
         (
             "name: a, sphere: 200, position: [0, -900, 0], material: stone",
-            ": 1100.0 m from the map's origin, expected at most 1000",
+            ": 1100.0 m from the map's origin, expected at most 1000 m",
         ),
         (
             "name: a, sphere: 1",

@@ -121,7 +121,7 @@ INSTANCES = MAX_NODES - 1
             id="many instances",
         ),
         pytest.param({"nodes": [{"mesh": -1}]}, "nodes.0.mesh: -1", id="negative"),
-        pytest.param({"asset": {"version": "1.0"}}, "glTF 1.0", id="glTF 1"),
+        pytest.param({"asset": {"version": "1.0"}}, "glTF version 1.0", id="glTF 1"),
     ],
 )
 def test_gltf_file_that_counts_too_much_is_refused(

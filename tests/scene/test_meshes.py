@@ -228,7 +228,7 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
             "'a.dae', expected one of ['.glb', '.gltf', '.obj', '.ply', '.stl']",
             id="another format",
         ),
-        pytest.param("a.stl", "", "'a.stl': no triangles", id="empty"),
+        pytest.param("a.stl", "", "'a.stl' has no triangles", id="empty"),
         pytest.param(
             "a.ply",
             ply_box().replace("3 0 2 3", "3 0 2 9"),
@@ -271,7 +271,7 @@ def test_coordinates_whose_volumes_overflow_are_refused(
     path = write(tmp_path / name, content)
     with pytest.raises(MeshError) as caught:
         read_surfaces(path, tmp_path)
-    said = f"a vertex has a coordinate of {largest}, expected at most 1e+12"
+    said = f"a vertex has a coordinate of {largest} m, expected at most 1e+12 m"
     assert str(caught.value) == f"{name!r}: {said}"
 
 

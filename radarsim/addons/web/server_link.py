@@ -112,7 +112,7 @@ class Link:
         Raises:
             BadRequest: If this is no recording.
         """
-        raise BadRequest("only recordings can jump to another time")
+        raise BadRequest("only a recording can jump to another time")
 
     def watch(self, echoes: Iterable[str] | None) -> None:
         """Watch all robots from now on, or stop watching.

@@ -112,10 +112,10 @@ def test_picture_may_be_below_the_model_path(
     path.write_text(KEYS.replace("plan.pgm", image))
     refused = import_file(path)
     assert refused.code == 1
-    assert f"{path}:1: no picture '{image}' below '{tmp_path}/site'" in refused.err
+    assert f"{path}:1: no picture '{image}' in '{tmp_path}/site'" in refused.err
     assert "--model-path" in refused.err
     other = import_file(path, "--model-path", str(tmp_path / "site"))
-    assert f"below '{tmp_path}/site', '{tmp_path}/site', expected" in other.err
+    assert f"in '{tmp_path}/site', '{tmp_path}/site', expected" in other.err
     assert import_file(path, "--model-path", str(tmp_path / model_path)).code == 0
 
 
