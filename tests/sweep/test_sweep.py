@@ -269,7 +269,7 @@ def test_dry_run_counts_and_writes_nothing(small: Path, out: Path) -> None:
 def test_worker_and_results_of_another_version_are_refused(
     small: Path, out: Path
 ) -> None:
-    with pytest.raises(SweepError, match=r"expected 0\.0\.1"):
+    with pytest.raises(SweepError, match=r"expected local version 0\.0\.1"):
         prepare_worker("0.0.1", {})
     out.mkdir()
     (out / LOG).write_text(as_line({"version": "0.0.1", "task": "x", "rows": []}))
