@@ -47,9 +47,9 @@ MAX_NAMES: Final = 100  # largest number of names in a message, and in a compari
 _WORDS: Final = {
     errno.EACCES: "no permission",
     errno.EADDRINUSE: "the port is in use by another program",
-    errno.EADDRNOTAVAIL: "no address of this machine",
+    errno.EADDRNOTAVAIL: "not an address of this machine",
     errno.EDQUOT: "the disk is full",
-    errno.EISDIR: "a folder of that name",
+    errno.EISDIR: "it is a folder",
     errno.ENOSPC: "the disk is full",
     errno.ENOTDIR: "no such folder",
     errno.EPERM: "no permission",
@@ -256,7 +256,7 @@ def describe_os_error(error: OSError | UnicodeError) -> str:
     'no permission'
     """
     if isinstance(error, (socket.gaierror, UnicodeError)):
-        return "no host of that name"
+        return "unknown host name"
     number = error_number(error)
     if number in _WORDS:
         return _WORDS[number]

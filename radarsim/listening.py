@@ -187,7 +187,7 @@ async def listen(
     except (OSError, UnicodeError) as error:
         raise _listening_error(error, address, port) from error
     if not listener.sockets:
-        raise ServerError(f"cannot listen on {_join(address, port)}: no socket there")
+        raise ServerError(f"cannot listen on {_join(address, port)}: no usable socket")
     for listening in listener.sockets:
         with listening.dup() as same:  # to set the backlog of the kernel separately
             same.listen(MAX_WAITING)
@@ -212,7 +212,7 @@ def log_refused_accepts(log: logging.Logger) -> None:
             loop.default_exception_handler(context)
         elif loop.time() >= next_line:
             next_line = loop.time() + ACCEPT_LOG_INTERVAL
-            text = "connections wait until others end: %s; 'ulimit -n' prints the limit"
+            text = "new clients wait for others to end: %s; 'ulimit -n' shows the limit"
             log.warning(text, describe_os_error(error))
 
     loop.set_exception_handler(handle)

@@ -38,7 +38,7 @@ MAX_BYTES = 1024 * 1024
 MAX_VALUES = 500_000  # values in a file, with aliases expanded
 MAX_KEY = 80  # characters of a key in a message
 MAX_DEPTH = 32  # levels of nested lists and dicts, also within keys
-_TOO_DEEP = f"more than {MAX_DEPTH} levels"
+_TOO_DEEP = f"more than {MAX_DEPTH} levels of nesting"
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -158,7 +158,7 @@ def read_yaml(path: Path) -> YamlFile:
     except UnicodeDecodeError as error:
         before = content[: error.start]
         position = (before.count(b"\n") + 1, error.start - before.rfind(b"\n"))
-        return _unreadable(path, position, "bytes that are no text, expected UTF-8")
+        return _unreadable(path, position, "bytes that are not text, expected UTF-8")
 
 
 def parse_yaml(path: Path, text: str) -> YamlFile:
@@ -221,7 +221,7 @@ def compose(
         if isinstance(error, ComposerError):
             reason = ", ".join(filter(None, (error.context, error.problem)))
         if mark and text[mark.index : mark.index + 1] == "\t":
-            reason = "a tab, expected blanks"  # libyaml does not always report tabs
+            reason = "a tab, expected spaces"  # libyaml does not always report tabs
         message = f"not YAML: {reason}"
         raise UnreadableYaml(position, message) from error
     finally:
@@ -294,7 +294,7 @@ class _Reader:
         if isinstance(node, ScalarNode) and node.tag is None:
             return str(node.value)
         self.read(node, (*keys, "?"))  # to report problems inside the key
-        self._report(node, keys, "a key that is no plain text, expected a name")
+        self._report(node, keys, "a key that is not text, expected a name")
         return ""
 
     def _scalar(self, node: ScalarNode, keys: KeyPath) -> str | float | bool | None:

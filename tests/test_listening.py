@@ -101,7 +101,7 @@ async def test_lack_of_files_is_logged_in_one_line(
         message = "socket.accept() out of system resource"
         loop.call_exception_handler({"message": message, "exception": lack})
     (record,) = caplog.records
-    assert record.getMessage().startswith("connections wait until others end: ")
+    assert record.getMessage().startswith("new clients wait for others to end: ")
     assert record.exc_info is None
     loop.call_exception_handler({"message": "other", "exception": ValueError("bug")})
     assert "ValueError: bug" in caplog.text

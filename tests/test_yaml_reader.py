@@ -159,7 +159,7 @@ def test_invalid_utf_8_has_a_place(tmp_path: Path) -> None:
     path = tmp_path / "r.yaml"
     path.write_bytes(b"a: 1\nb: \xff\n")
     file = read_yaml(path)
-    message = "bytes that are no text, expected UTF-8"
+    message = "bytes that are not text, expected UTF-8"
     assert (file.data, file.problems) == (None, (f"{path}:2:4: {message}",))
 
 
@@ -224,7 +224,7 @@ def test_scalars_follow_the_core_schema(text: str, value: Any) -> None:
         ("-.Inf", (1, 1), (), "'-.Inf', expected a finite number"),
         ("a: 1e400", (1, 4), ("a",), "'1e400', expected a finite number"),
         ("9" * 500, (1, 1), (), "'" + "9" * 79 + ", expected a finite number"),
-        ("a: {[x]: 3}", (1, 5), ("a",), "a key that is no plain text, expected a name"),
+        ("a: {[x]: 3}", (1, 5), ("a",), "a key that is not text, expected a name"),
     ],
 )
 def test_refused_node_has_position_and_keys(
@@ -236,7 +236,7 @@ def test_refused_node_has_position_and_keys(
 def test_problem_inside_of_a_key_has_position_and_keys() -> None:
     assert problems("a: {? [!x y] : 3}") == [
         ((1, 8), ("a", "?", 0), "tag '!x', expected none"),
-        ((1, 7), ("a",), "a key that is no plain text, expected a name"),
+        ((1, 7), ("a",), "a key that is not text, expected a name"),
     ]
 
 
@@ -251,8 +251,8 @@ def test_all_problems_are_found_and_reading_continues() -> None:
     [
         ("a: b: c", (1, 5), "not YAML: mapping values are not allowed in this context"),
         ("a: [1", (1, 6), "not YAML: did not find expected ',' or ']'"),
-        ("\ta: 1", (1, 1), "not YAML: a tab, expected blanks"),
-        ("b: ü\na:\n  -\tb: 1", (3, 4), "not YAML: a tab, expected blanks"),
+        ("\ta: 1", (1, 1), "not YAML: a tab, expected spaces"),
+        ("b: ü\na:\n  -\tb: 1", (3, 4), "not YAML: a tab, expected spaces"),
         ("a: 1\nb: \0", (2, 4), "not YAML: character '\\x00'"),
         (
             "a: 1\n---\n",
@@ -261,14 +261,14 @@ def test_all_problems_are_found_and_reading_continues() -> None:
             " but found another document",
         ),
         ("a: *b", (1, 4), "not YAML: found undefined alias"),
-        ("a: &b [*b]", (1, 4), "more than 32 levels"),
-        ("[" * 50, (1, MAX_DEPTH + 1), "more than 32 levels"),
-        ("? " * 3000 + "a", (1, 2 * MAX_DEPTH + 1), "more than 32 levels"),
+        ("a: &b [*b]", (1, 4), "more than 32 levels of nesting"),
+        ("[" * 50, (1, MAX_DEPTH + 1), "more than 32 levels of nesting"),
+        ("? " * 3000 + "a", (1, 2 * MAX_DEPTH + 1), "more than 32 levels of nesting"),
         (
             # libyaml of PyYAML 6.0.4 looks ahead, and refuses more than 1000 itself
             "{" * 900 + "a: 1" + "}: 1" * 899 + "}",
             (1, MAX_DEPTH + 1),
-            "more than 32 levels",
+            "more than 32 levels of nesting",
         ),
     ],
 )
@@ -290,7 +290,7 @@ def test_number_of_expanded_values_is_limited() -> None:
 def test_depth_of_expanded_aliases_is_limited() -> None:
     lines = ["a0: &a0 [x]"]
     lines += [f"a{i}: &a{i} [*a{i - 1}]" for i in range(1, 2000)]
-    with pytest.raises(UnreadableYaml, match="more than 32 levels"):
+    with pytest.raises(UnreadableYaml, match="more than 32 levels of nesting"):
         compose("\n".join(lines))
 
 

@@ -44,8 +44,8 @@ def describe_usage_error(error: click.UsageError) -> str:
         return _describe_unknown_option(error)
     # Only the message of click's error shows whether a value is missing or not allowed.
     if isinstance(error, click.BadOptionUsage):
-        expected = "a" if "requires" in error.message else "no"
-        return f"{error.option_name}: expected {expected} value with it"
+        expected = "needs a" if "requires" in error.message else "takes no"
+        return f"{error.option_name}: {expected} value"
     # click has no class for surplus arguments, so the error's message is parsed.
     extra = re.match(r"Got unexpected extra arguments? \((.*)\)", error.message)
     if extra is not None:

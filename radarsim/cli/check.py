@@ -176,7 +176,7 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
         summary = summarise(scene)
         doubts = {
             "starts that are not free": occupied_starts(scene),
-            "doubts of the trial": trial_warnings(scene),
+            "problems of the trial": trial_warnings(scene),
         }
     except MapError as error:
         # Errors of the map are the result of this command, so they go to stdout.

@@ -234,7 +234,7 @@ class PlanCommand(click.Command):
         for key in given:
             needs = self.fields[key].option.needs
             if needs and not given.intersection(needs):
-                text = f"expected {self._listed(needs, ' or ')} with it"
+                text = f"needs {self._listed(needs, ' or ')}"
                 raise click.BadParameter(text, ctx, param_hint=self._shown(key))
         return rest
 
@@ -296,7 +296,7 @@ class PlanCommand(click.Command):
         for name in sorted(os.environ):
             if name.startswith(prefix) and name not in known:
                 meant = did_you_mean(name, known)
-                print_message(f"warning: {name}{meant} is ignored: no option has it")
+                print_message(f"warning: {name}{meant} is ignored: no such option")
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return the fields set by the command line, the environment or a file."""

@@ -51,7 +51,7 @@ def drive(
     if terminal in ("dumb", "unknown"):
         problem = problem or f"terminal {terminal!r} cannot position text"
     if problem:
-        print_message(f"{problem}, expected a terminal to drive at")
+        print_message(f"{problem}, expected an interactive terminal")
         return 2
     check_robot(robot, served=None)
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit)

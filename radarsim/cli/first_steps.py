@@ -65,7 +65,7 @@ def demo(
     form = check_picture(out, hint)
     # The default name may be the name of a user's file, which must not be replaced.
     if out.exists() and not is_by_radarsim(out):
-        text = f"{out} is not by radarsim, expected another file"
+        text = f"{out} exists and is not by radarsim, expected another name"
         raise click.BadParameter(text, param_hint=hint)
     from radarsim.plotting.scans import compare
     from radarsim.plotting.style import render

@@ -220,7 +220,7 @@ def _obstacle_to_writing(path: Path) -> str:
         if not path.parent.is_dir() or not target.parent.is_dir():
             return "no such folder"
         if path.is_dir():
-            return "a folder of that name"
+            return "it is a folder"
     except OSError as error:  # the folder may not be entered
         return describe_os_error(error)
     # A temporary file is renamed to the path, so only the permissions of the folder

@@ -154,7 +154,7 @@ def scan(
     if output is not None:
         write_file(output, _as_bytes(scans, scene, plan.start, chosen))
     elif is_terminal and chosen in PICTURE_FORMS:
-        raise click.BadParameter("a picture for a terminal, expected -o FILE")
+        raise click.BadParameter("a terminal shows no pictures, expected -o FILE")
     elif is_terminal and format_ is None:
         print_lines(_summary(scans))
     else:
@@ -196,7 +196,7 @@ def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanForma
             text += ", or --format"
         raise click.BadParameter(text, param_hint="-o")
     if format_ is not None and found not in (None, format_):
-        text = f"{format_}, expected {found} as {output} has this ending"
+        text = f"{format_}, expected {found}, the ending of {output}"
         raise click.BadParameter(text, param_hint="--format")
     return format_ or found or ScanFormat.JSON
 

@@ -289,7 +289,7 @@ def hint_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
     except PortUnavailable as error:
         named = (name for name, port in options.items() if port == error.port)
         option = next(named, "--port")
-        raise ServerError(f"{error}; {option} 0 takes a free one") from None
+        raise ServerError(f"{error}; {option} 0 picks a free port") from None
 
 
 def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:

@@ -184,7 +184,7 @@ class RobotInfo:
         names = [scanner.name for scanner in self.scanners]
         if name is not None:
             wanted = f"the scanner {text[:80]!r}{did_you_mean(text, names)}"
-        raise ClientError(f"robot {self.name!r} has {names}, expected {wanted}")
+        raise ClientError(f"scanners of {self.name!r}: {names}, expected {wanted}")
 
 
 def same_name(one: str, other: str) -> bool:
@@ -337,7 +337,7 @@ def _check_scanner(name: str, limits: _Limits, mount: Pose3) -> None:
     if max_range <= 0:
         wrong = f"MaxRange {max_range:g}, expected more than 0"
     elif fov < 0 or _is_too_wide(fov, resolution):
-        wrong = f"FOV {fov:g}, expected 0 to a whole turn in radians"
+        wrong = f"FOV {fov:g}, expected 0 to 2 pi radians"
     elif 0 < resolution < fov / MAX_BEAMS:
         text = f"Resolution {resolution:g} for FOV {fov:g}"
         wrong = f"{text}, expected at most {MAX_BEAMS} beams"

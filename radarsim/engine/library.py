@@ -70,7 +70,7 @@ class Packed:
         raise AttributeError(f"{self.structure.name} has no {name!r}")
 
     def __reduce__(self) -> NoReturn:
-        raise TypeError(f"{self!r} refers to memory of its process; it is not copied")
+        raise TypeError(f"cannot copy {self!r}, which refers to memory of its process")
 
 
 class Function:
@@ -147,7 +147,7 @@ class Function:
         if result == _NO_MEMORY:
             raise MemoryError(f"there is too little memory for {self._name}")
         if result == _REFUSED:
-            text = "lengths or indices that do not belong together"
+            text = "inconsistent lengths or indices"
             raise EngineError(f"{self._name} was called with {text}")
         place, others = result - _REFUSED - 1, [*arguments]
         array, dtype = others[place], self._dtypes[place]
@@ -231,7 +231,7 @@ class Structure:
         """
         if values.keys() != self.codes.keys():
             unknown = sorted(values.keys() ^ self.codes.keys())
-            raise EngineError(f"{self.name}: {unknown} are missing or unknown")
+            raise EngineError(f"{self.name}: fields {unknown} are missing or unknown")
         packed = Packed(self, values)
         self._fill.call(packed.address, *[values[name] for name in self.codes])
         return packed

@@ -296,9 +296,9 @@ class LocalRobot:
             reported = RangeScan if kind is LocalScan else kind
             of = "" if name is None else f" of {name!r}"
             came = sorted({each.__name__ for each in self._newest} - {"LocalScan"})
-            text = f"robot {self.name!r} has reported no {reported.__name__}{of} yet"
-            hint = f"only {came}" if came else "expected a call of step before"
-            raise ClientError(f"{text}, until {self.simulation.time:.2f} s, {hint}")
+            text = f"robot {self.name!r} has reported no {reported.__name__}{of}"
+            hint = f"only {came}" if came else "expected a call of step() first"
+            raise ClientError(f"{text} until {self.simulation.time:.2f} s, {hint}")
         return cast(AnyReport, list(known.values())[-1])
 
     def drive(self, speed: float, turn: float = 0.0) -> None:
@@ -425,8 +425,8 @@ class LocalRobot:
         turns = self._turns.get(scanner and scanner.casefold())
         if turns is None or turns.newest is None:
             radar = "a radar" if scanner is None else repr(scanner)
-            text = f"robot {self.name!r} has no turn of {radar} yet"
-            raise ClientError(f"{text}, expected request_spectra, and 0.5 s after it")
+            text = f"robot {self.name!r} has no revolution of {radar} yet"
+            raise ClientError(f"{text}, expected request_spectra() 0.5 s before")
         return turns.newest
 
     def camera(
@@ -479,7 +479,7 @@ class LocalRobot:
                 the robot has been removed.
         """
         if self.simulation.robots.get(self.name) is not self:
-            raise ClientError(f"robot {self.name!r} has been removed, expected another")
+            raise ClientError(f"robot {self.name!r} was removed from the simulation")
         texts = self.simulation.receive(self._client, data)
         if texts:
             raise ClientError("; ".join(texts))

@@ -363,7 +363,7 @@ class LocalSimulation:
         check_port(port)
         check_number("speed", speed, above=0.0)
         if self._thread is not None:
-            raise ValueError("it is served already, expected close() before")
+            raise ValueError("the simulation is already served, expected close() first")
         thread = ServerThread(self.host, speed=speed, after_tick=self._pass_on)
         try:
             listening = thread.begin(address, port)

@@ -57,7 +57,7 @@ def film_format(path: Path) -> str:
             imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
             hint, name = install_command("film"), path.with_suffix(".gif")
-            text = f"MP4 films need ffmpeg, expected: {hint}, or a film {name}"
+            text = f"MP4 films need ffmpeg; install it: {hint}, or choose {name}"
             raise ValueError(text) from None
     return suffix
 

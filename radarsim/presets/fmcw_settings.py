@@ -127,7 +127,7 @@ class FmcwSettings(BaseModel, extra="forbid", frozen=True):
             )
         rays = self.azimuths * self.rays_across * self.rays_up
         if rays > MAX_FAN_RAYS:
-            raise ValueError(f"{rays} rays in a turn, expected at most {MAX_FAN_RAYS}")
+            raise ValueError(f"{rays} rays in a scan, expected at most {MAX_FAN_RAYS}")
         if self.padding < 1:
             raise ValueError(
                 f"bin_size {self.bin_size:g} m, expected at most c/2B,"

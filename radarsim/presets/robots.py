@@ -130,10 +130,10 @@ class Item(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     def _has_the_parts_of_its_type(self) -> Self:
         if (self.type == "RangeScanner") != (self.sensor is not None):
             raise ValueError(
-                "expected a sensor for a range scanner, and for no other item"
+                "expected 'sensor' for a RangeScanner, and not for other types"
             )
         if (self.type == "MisPkg") != bool(self.links):
-            raise ValueError("expected links for a MisPkg, and for no other item")
+            raise ValueError("expected 'links' only for a MisPkg, which needs them")
         if self.parent is not None and self.type != "Camera":
             raise ValueError("only a Camera may have a parent")
         return self
@@ -260,7 +260,7 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     def _drives_or_flies(self) -> Self:
         missing = [key for key in _WHEEL_KEYS if key not in self.model_fields_set]
         if self.flight is None and missing:
-            raise ValueError(f"no {list_names(missing)}, expected for wheeled robots")
+            raise ValueError(f"wheeled robots need {list_names(missing)}, or 'flight'")
         has_wheels = len(missing) < len(_WHEEL_KEYS) or self.steering is not None
         if self.flight is not None and has_wheels:
             raise ValueError("expected flight, or wheels and steering, but not both")
@@ -281,7 +281,7 @@ class RobotModel(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             for key in source.of:
                 if key not in type(self).model_fields:
                     known = list(type(self).model_fields)
-                    raise ValueError(f"source of {expected_one_of(key, known)}")
+                    raise ValueError(f"source for key {expected_one_of(key, known)}")
         return self
 
     @property

@@ -227,7 +227,7 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
                 f" expected 0 to {MAX_FINITE_POWER:g}, or .inf"
             )
         if sum(self.ray_weights) <= 0:
-            raise ValueError(f"ray_weights {self.ray_weights}, expected one above 0")
+            raise ValueError(f"ray_weights {self.ray_weights}, expected a sum above 0")
         if self.resolution_deg > self.fov_deg:
             raise ValueError(
                 f"resolution_deg {self.resolution_deg:g}, expected at most"
@@ -258,13 +258,13 @@ class SensorSettings(BaseModel, extra="forbid", frozen=True):
             return
         if max(self.cone_grid) > MAX_NODES and self.cone_sampling == "quadrature":
             raise ValueError(
-                f"cone_rays {self.cone_rays}, {max(self.cone_grid)} in a row, expected"
-                f" at most {MAX_NODES}; even or random ones may be more"
+                f"cone_rays {self.cone_rays} have {max(self.cone_grid)} rays in a row,"
+                f" expected at most {MAX_NODES} with cone_sampling 'quadrature'"
             )
         if all(widths) and self.cone_grid[1] == 1:
             raise ValueError(
-                f"cone_rays {self.cone_rays} over two widths, expected a product of"
-                " two numbers above 1, such as 9 or 16"
+                f"cone_rays {self.cone_rays} with two beamwidths, expected a product"
+                " of two numbers above 1, such as 9 or 16"
             )
 
 

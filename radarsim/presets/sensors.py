@@ -62,8 +62,8 @@ def load_settings(name: str, /, **settings: object) -> SensorSettings:
     loaded = _validate(label, SensorSettings, preset.settings, settings)
     if loaded.has_detector and not preset.fmcw:
         raise PresetError(
-            f"{label}: detector {loaded.detector!r}, expected 'penetration', as it has"
-            " no spectrum"
+            f"{label}: detector {loaded.detector!r}, expected 'penetration', since the"
+            " sensor has no spectrum"
         )
     # Without this check, the missing package would only show at the first scan.
     if loaded.has_detector and not plugins.has("radarsim.sensors", "fmcw"):
@@ -84,7 +84,7 @@ def load_fmcw_settings(name: str, /, **settings: object) -> FmcwSettings:
     preset = _scanner_preset(name)
     if not preset.fmcw:
         known = ", ".join(each for each in sensor_presets() if has_fmcw(each))
-        raise PresetError(f"sensor {name}: no spectrum, expected one of {known}")
+        raise PresetError(f"sensor {name} has no spectrum, expected one of {known}")
     return _validate(f"sensor {name}", FmcwSettings, preset.fmcw, settings)
 
 

@@ -85,7 +85,7 @@ def format_number(value: float) -> str:
         ValueError: If the number is not finite, or larger than ``LARGEST_COMMANDED``.
     """
     if not math.isfinite(value) or abs(value) > LARGEST_COMMANDED:
-        limit = f"at most {LARGEST_COMMANDED:g} in size"
+        limit = f"a magnitude of at most {LARGEST_COMMANDED:g}"
         raise ValueError(f"number {value!r}, expected {limit}")
     # Adding 0.0 turns -0.0 into 0.0.
     return np.format_float_positional(value + 0.0, trim="0")
@@ -294,7 +294,7 @@ class MovePackage:
                 orders.append(LinkOrder(name, int(parse_commanded(text)), 0.0))
             elif key.lower() in ("value", "order"):
                 if not orders:
-                    raise MalformedMessage(f"{key} before a Link, expected it after")
+                    raise MalformedMessage(f"{key} before Link, expected Link first")
                 number, last = parse_commanded(text), orders.pop()
                 if key.lower() == "value":
                     orders.append(last._replace(value=number))

@@ -249,7 +249,7 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
     Returns:
         Kinds, and (E, 4) beams, ranges, powers and strengths.
     """
-    parts = _split_parts("echo", text, 5, "five parts")
+    parts = _split_parts("echo", text, 5, "five values")
     kinds = tuple([kind.lower() for kind in parts[2::5]])
     del parts[2::5]
     return kinds, _parse_parts(parts).reshape(-1, 4)

@@ -199,8 +199,8 @@ def fill_lines(
     if size < 0:
         text = marked.tobytes().decode("latin-1")
         raise EngineError(
-            f"{len(values)} numbers and {len(series)} in series,"
-            f" expected one for each mark of {text!r}"
+            f"{len(values)} numbers, and {len(series)} in series,"
+            f" expected one number for each mark in {text!r}"
         )
     return out[:size].tobytes()
 

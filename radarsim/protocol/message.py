@@ -163,7 +163,7 @@ _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1
 
 def clip_numbers(numbers: Floats) -> Floats:
     """Return the numbers clipped to a magnitude below ``LARGEST``, and 0 for NaN."""
-    text = "a number of a line is clipped, expected less than 2**31 in size"
+    text = "a number in a line was clipped to a magnitude below 2**31"
     warnings.warn(text, RuntimeWarning, stacklevel=1)  # Python shows it once
     finite = np.nan_to_num(numbers, nan=0.0)
     return np.clip(finite, -_LARGEST_WRITTEN, _LARGEST_WRITTEN)
@@ -456,7 +456,7 @@ def _parse_parts(
                 break
             # Without this error, a stray brace would silently hide the next field.
             after = sum(len(each) + 1 for each in parts[index:])
-            raise _expected("'}' after the brace", len(text) - after, text)
+            raise _expected("'}' to close the brace", len(text) - after, text)
         words = inside.split(None, 1)
         if len(words) == 2:
             segments.append((words[0], words[1].rstrip()))

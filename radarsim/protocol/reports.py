@@ -128,7 +128,7 @@ class StartPoses:
         if len(words) % 3:
             text = f"start poses {' '.join(words)[:80]!r}"
             raise MalformedMessage(
-                f"{text}, expected 'name x,y,z roll,pitch,yaw' of each"
+                f"{text}, expected 'name x,y,z roll,pitch,yaw' for each"
             )
         rows = zip(words[::3], words[1::3], words[2::3], strict=True)
         return cls(
@@ -267,7 +267,7 @@ class CrateStates:
         """
         keys = [key.lower() for key, _ in message.segments]
         if keys != ["name", "size", "location", "rotation"] * (len(keys) // 4):
-            expected = "Name, Size, Location and Rotation of each"
+            expected = "Name, Size, Location, Rotation per crate"
             raise MalformedMessage(f"fields {keys!r:.80}, expected {expected}")
         texts = [text for _, text in message.segments]
         rows = zip(*(texts[k::4] for k in range(4)), strict=True)

@@ -113,7 +113,7 @@ def load_library(paths: list[Path]) -> ctypes.CDLL:
     """
     if len(paths) != 1:
         names = [path.name for path in paths]
-        raise EngineError(f"embreex has {names!r}, expected one library of Embree 4")
+        raise EngineError(f"embreex has {names!r}, expected one file of Embree 4")
     try:
         library = ctypes.CDLL(str(paths[0]))
         # Without declared types, ctypes would truncate pointers to 32 bits.
@@ -134,7 +134,7 @@ def expect_version(library: ctypes.CDLL) -> None:
     """
     device = library.rtcNewDevice(None)
     if not device:
-        raise EngineError("Embree could not create a device with its defaults")
+        raise EngineError("Embree could not create a device")
     version = library.rtcGetDeviceProperty(device, PROPERTY_VERSION)
     boxes = library.rtcGetDeviceProperty(device, PROPERTY_USER_GEOMETRY)
     library.rtcReleaseDevice(device)

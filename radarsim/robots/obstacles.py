@@ -81,7 +81,7 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
     faces = np.ascontiguousarray(faces, np.int32)
     count = engine.slice_faces(vertices, faces, height, segments)
     if count < 0:
-        raise ValueError(f"a face refers to none of the {len(vertices)} vertices")
+        raise ValueError(f"a face has a vertex number outside 0 to {len(vertices) - 1}")
     return segments[:count].copy()
 
 

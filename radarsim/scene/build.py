@@ -144,7 +144,7 @@ class Budget:
         """
         limit, taken = self._limits[what], self._taken[what]
         if taken + count > limit:
-            expected = f"expected at most {limit} in all, {limit - taken} more"
+            expected = f"expected at most {limit} in all, {limit - taken} are left"
             raise BuildError([((), f"{count} {what}, {expected}")])
         self._taken[what] += count
 
@@ -201,7 +201,7 @@ class PartBuilder:
         if extent > MAX_EXTENT:
             expected = f"expected at most {MAX_EXTENT:g}"
             raise BuildError(
-                [((), f"{extent:.1f} m from the map's origin, {expected}")]
+                [((), f"{extent:.1f} m from the map's origin, {expected} m")]
             )
         return parts
 
@@ -299,11 +299,11 @@ def _join(material: Material, surfaces: list[Surface]) -> Mesh:
     try:
         vertices, faces = (join_surfaces if may_be_open else join_volume)(surfaces)
     except MeshError as error:
-        expected = "expected a closed volume with one outside"
+        expected = "expected a closed volume"
         reason = f"since beams enter {material.name!r}, which has no sheet_loss"
         raise MeshError(f"{error}, {expected}, {reason}") from error
     if not len(faces):
-        raise MeshError(f"no triangle of {material.name!r} has an area")
+        raise MeshError(f"all triangles of {material.name!r} have an area of 0")
     return vertices, faces
 
 
@@ -329,12 +329,12 @@ def _group_by_material(
     in_file = {surface.material or "" for surface in surfaces}
     named = sorted(in_file - {""})
     problems: list[Problem] = [
-        (("materials",), f"no material for {short_repr(name)} of the file")
+        (("materials",), f"no material for {short_repr(name)} in the mesh file")
         for name in named
         if name not in given
     ]
     if "" in in_file - given.keys():
-        text = "parts of the file name no material, expected 'material'"
+        text = "the mesh has parts without a material, expected 'material'"
         problems.insert(0, (("materials",), text))
     unknown = [name for name in given if name not in in_file]
     problems += [
@@ -342,7 +342,7 @@ def _group_by_material(
         for name in unknown[:MAX_NAMES]  # since the search for similar names is slow
     ]
     if len(unknown) > MAX_NAMES:
-        text = f"{len(unknown) - MAX_NAMES} more names that are not in the file"
+        text = f"{len(unknown) - MAX_NAMES} more names that are not in the mesh file"
         problems.append((("materials",), text))
     if problems:
         raise BuildError(problems)

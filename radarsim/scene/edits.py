@@ -95,7 +95,7 @@ def with_object(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
     taken = {part.object_name for part in scene.parts}
     for part in added.parts:
         if part.object_name in taken:
-            text = f"object {part.object_name!r}, expected a name that no other has"
+            text = f"object {part.object_name!r}, expected a new name"
             raise MapError([text])
     return replace(
         scene,

@@ -167,11 +167,11 @@ class GltfFile:
             raise MeshError(_describe(error.errors(include_url=False)[0])) from error
         version = self._tree.asset.version
         if version.partition(".")[0] != "2":
-            raise MeshError(f"glTF {version[:20]}, expected glTF 2")
+            raise MeshError(f"glTF version {version[:20]}, expected glTF 2")
         for name in self._tree.extensionsRequired:
             if name != _QUANTIZATION and not name.startswith(_EXTENSIONS_OF_LOOKS):
                 needed = f"requires the extension {short_repr(name)}"
-                raise MeshError(f"{needed}, expected none but {_QUANTIZATION}")
+                raise MeshError(f"{needed}, expected only {_QUANTIZATION}")
         self.materials = self._tree.materials
         self._files = files
         self._buffers: dict[int, bytes | memoryview] = {}
@@ -284,7 +284,7 @@ class GltfFile:
         uri = _item(self._tree.buffers, index, "buffer").uri
         if uri is None:
             if self._binary is None:
-                raise MeshError("a buffer has no uri, expected one")
+                raise MeshError("a buffer has no uri, expected a uri or a GLB file")
             return self._binary
         head, separator, data = uri.partition("base64,")
         if not separator:
@@ -292,7 +292,7 @@ class GltfFile:
         try:
             return base64.b64decode(data)
         except binascii.Error as error:
-            raise MeshError(f"a buffer in base64: {error}, expected base64") from error
+            raise MeshError(f"a buffer, expected valid base64: {error}") from error
 
 
 def _matrix(node: _Node) -> Floats:
@@ -334,7 +334,7 @@ def _describe(details: ErrorDetails) -> str:
 def _split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
     """Return the JSON and the binary chunk of a GLB file."""
     if len(content) < _HEADER.size:
-        raise MeshError(f"{len(content)} bytes, expected a header of {_HEADER.size}")
+        raise MeshError(f"{len(content)} bytes, expected at least {_HEADER.size}")
     magic, version, _ = _HEADER.unpack_from(content)
     if magic != b"glTF" or version != 2:
         raise MeshError(f"{magic!r} version {version}, expected b'glTF' version 2")

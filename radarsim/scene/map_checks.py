@@ -59,10 +59,10 @@ def material_problems(item: object) -> Iterator[Problem]:
     given = {key for key, value in item.items() if value is not None}
     if not given & {"density", "sheet_loss", "db_per_m", "based_on"}:
         yield ("density",), "missing, expected 'opaque' or a number"
-    message = "expected a density that is a number, or none"
+    hint = "expected a number or no value for"
     for density, key in _EXCLUDED_BY_OPAQUE:
         if item.get(density) == "opaque" and key in given:
-            yield (key,), f"{short_repr(item[key])} with 'opaque', {message}"
+            yield (key,), f"{short_repr(item[key])} with 'opaque', {hint} {density!r}"
     for sheet, key in _EITHER_SHEET_OR_INSIDE:
         if {sheet, key} <= given:
             yield (key,), f"expected either {sheet!r} or {key!r}"
@@ -71,7 +71,7 @@ def material_problems(item: object) -> Iterator[Problem]:
         known = isinstance(base, str) and base in library_names()
         if not known or library_entry(base).amount != key:
             bases = [name for name, entry in library().items() if entry.amount == key]
-            yield (key,), f"expected only with 'based_on' one of {bases}"
+            yield (key,), f"expected only where 'based_on' is one of {bases}"
 
 
 def surface_problems(entry: MaterialKeys, material: Material) -> Iterator[Problem]:
@@ -86,9 +86,9 @@ def surface_problems(entry: MaterialKeys, material: Material) -> Iterator[Proble
         ("sheet_attenuation_db", is_sheet, "has a 'sheet_loss'"),
     ):
         if given.get(key) and not (fits and math.isfinite(material.density)):
-            yield (key,), f"expected only for what a radar can enter and {of}"
+            yield (key,), f"expected only if a radar can enter the material and it {of}"
     if "transmission_db" in given and not material.radar_mirror:
-        yield ("transmission_db",), "expected only for a mirror for radar"
+        yield ("transmission_db",), "expected only for a material that mirrors radar"
     for wave, key, density in (
         ("radar", "absorption_db", material.density),
         ("laser", "laser_absorption_db", material.laser_density),
@@ -129,7 +129,7 @@ def object_problems(item: object) -> Iterator[Problem]:
             yield (key,), "expected only for a mesh"
     if "reflector" in given:
         for key in sorted(given & _NOT_OF_REFLECTORS):
-            yield (key,), "expected none for a reflector"
+            yield (key,), "not allowed for a reflector"
     elif not given & {"material", "materials"}:
         yield (), "no material, expected 'material' or, for a mesh, 'materials'"
     for first, second in _EXCLUSIVE:

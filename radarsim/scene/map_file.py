@@ -113,6 +113,6 @@ def _read(path: Path) -> YamlFile:
         reason = describe_os_error(error)
         raise MapError([f"{path}: {reason}, expected a map file"]) from error
     if isinstance(file.data, dict) and {"image", "resolution"} <= file.data.keys():
-        text = "a map of map_server, expected one that 'radarsim import' makes of it"
+        text = "a map of ROS map_server, which 'radarsim import' can convert"
         raise MapError([file.problem(("image",), text)])
     return file

@@ -118,8 +118,8 @@ class MapLoader:
         own = sum(_count(layer, "objects") for _, layer in variants)
         entries = own + (len(variants) + 1) * _count(self._file.data, "objects")
         if len(variants) > MAX_VARIANTS or entries > MAX_ENTRIES:
-            text = f"{len(variants)} variants of {entries} objects in all"
-            expected = f"expected at most {MAX_VARIANTS} of {MAX_ENTRIES}"
+            text = f"{len(variants)} variants with {entries} objects in all"
+            expected = f"expected at most {MAX_VARIANTS} with {MAX_ENTRIES}"
             self.problems.report(("variants",), [((), f"{text}, {expected}")])
             return
         for name, _ in variants:
@@ -184,7 +184,7 @@ class MapLoader:
         if variant not in variants:
             text = expected_one_of(variant, list(variants))
             if not variants:
-                text = f"{short_repr(variant)}, but the map has no variants"
+                text = f"{short_repr(variant)}, expected a map with variants"
             self.problems.report(("variants",), [((), text)])
             return
         at = ("variants", variant)

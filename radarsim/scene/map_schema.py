@@ -292,7 +292,7 @@ class ReflectorEntry(Entry):
     @model_validator(mode="after")
     def _one_of_both(self) -> "ReflectorEntry":
         if (self.trihedral is None) == (self.rcs_dbsm is None):
-            raise ValueError("expected either 'trihedral' or 'rcs_dbsm'")
+            raise ValueError("expected exactly one of 'trihedral' and 'rcs_dbsm'")
         return self
 
 
@@ -324,7 +324,7 @@ class ScatterEntry(Entry):
     @classmethod
     def _ascending(cls, value: list[float]) -> list[float]:
         if value[0] > value[1]:
-            raise ValueError(f"{short_repr(value)}, expected the smaller one first")
+            raise ValueError(f"{short_repr(value)}, expected the smaller number first")
         return value
 
 

@@ -147,7 +147,7 @@ def check_vertices(vertices: Floats) -> None:
     largest = np.abs(vertices).max(initial=0.0)
     if not largest <= MAX_COORDINATE:  # The negated comparison is also true for NaN.
         expected = f"expected at most {MAX_COORDINATE:g}"
-        raise MeshError(f"a vertex has a coordinate of {largest:g}, {expected}")
+        raise MeshError(f"a vertex has a coordinate of {largest:g} m, {expected} m")
 
 
 def check_stl(content: bytes, budget: MeshBudget) -> bytes:
@@ -181,7 +181,7 @@ def check_ply(content: bytes, budget: MeshBudget) -> bytes:
     """
     end = content.find(b"end_header", 0, _PLY_HEADER)
     if end < 0:
-        text = f"no end of the header, expected one within {_PLY_HEADER} bytes"
+        text = f"expected 'end_header' within the first {_PLY_HEADER} bytes"
         raise MeshError(text)
     rows, is_text = _ply_elements(content[:end])
     if is_text:
@@ -194,7 +194,7 @@ def check_ply(content: bytes, budget: MeshBudget) -> bytes:
         left -= count * row_bytes
     if left < 0:
         counts = ", ".join(f"{count} {name}" for name, count, _ in rows)
-        expected = f"expected a file that is {-left} bytes longer"
+        expected = f"expected {-left} more bytes in the file"
         raise MeshError(f"{short_repr(counts)} in the header, {expected}")
     return _as_ascii(content[:end]) + content[end:]
 
@@ -227,5 +227,5 @@ def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
                 pass
     for name, total, row in elements:
         if total and not row:
-            raise MeshError(f"element {name!r} in the header, expected a property")
+            raise MeshError(f"element {name!r} in the header has no properties")
     return elements, is_text

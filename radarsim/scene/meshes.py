@@ -69,13 +69,13 @@ def read_surfaces(
     except MeshError as error:
         raise MeshError(f"{path.name!r}: {error}") from error
     except MemoryError as error:
-        raise MeshError(f"{path.name!r}: too large") from error
+        raise MeshError(f"{path.name!r}: too large for the memory") from error
     except Exception as error:  # Parsers raise any exception if a file is broken.
         file_type = suffix[1:].upper()
         text = f"{path.name!r}: cannot be read as {file_type}: {_reason(error)}"
         raise MeshError(text) from error
     if not surfaces:
-        raise MeshError(f"{path.name!r}: no triangles")
+        raise MeshError(f"{path.name!r} has no triangles")
     return surfaces
 
 
@@ -94,10 +94,10 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
     vertices, faces = concatenate(_weld(surfaces))
     doubled, flat = count_degenerate(vertices, faces)
     if doubled:
-        text = "faces are present in both orientations, with nothing inside"
+        text = "faces occur in both orientations and enclose no volume"
         raise MeshError(f"{doubled} {text}")
     if flat:
-        raise MeshError(f"{flat} faces enclose no volume, as two-sided sheets")
+        raise MeshError(f"{flat} faces are two-sided sheets that enclose no volume")
     return vertices, faces
 
 
@@ -136,7 +136,7 @@ def _weld(surfaces: list[Surface]) -> list[Mesh]:
         oriented = orient_outward(vertices, faces)
         if oriented is None:
             count = connect_faces(faces).open_edges
-            raise MeshError(f"not closed: {count} edges have no partner")
+            raise MeshError(f"not closed: {count} unmatched edges")
         closed.append((vertices, oriented))
     return closed
 
@@ -232,7 +232,7 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
         if statement == b"v" and words:
             numbers = _parse(float, words, "a number")
             if len(numbers) < 3:
-                raise ValueError("a vertex does not have three coordinates")
+                raise ValueError("a vertex has fewer than three coordinates")
             coordinates.extend(numbers[:3])
         elif statement == b"f" and len(words) > 2:
             budget.take(len(words) - 2, "triangles")
@@ -269,7 +269,7 @@ def _parse(
     try:
         return [kind(word) for word in words]
     except ValueError:
-        text = f"a line has something else where {what} is expected"
+        text = f"a line has a wrong value, expected {what}"
         raise ValueError(text) from None
 
 

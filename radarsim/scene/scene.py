@@ -80,11 +80,11 @@ class Part:
             object.__setattr__(self, name, array)
         if not np.isfinite(vertices).all():
             raise ValueError(
-                f"vertices of {self.object_name!r}, expected finite numbers"
+                f"vertices of {self.object_name!r}: expected finite numbers"
             )
         if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
             raise ValueError(
-                f"faces from {faces.min()} to {faces.max()},"
+                f"faces have vertex numbers from {faces.min()} to {faces.max()},"
                 f" expected 0 to {len(vertices) - 1}"
             )
 

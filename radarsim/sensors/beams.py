@@ -165,7 +165,7 @@ class BeamPattern:
         """
         (matching,) = np.nonzero(self._table.sides == side)
         if self.has_random_rays or len(matching) != 1 or len(self.weights) > 3:
-            raise ValueError(f"ray {side}, expected a beam of three rays")
+            raise ValueError(f"no ray {side}, expected beams of three rays")
         nodes = np.full(len(self.angles), matching[0], np.int16)
         return self.aim(pose, -1, nodes)
 

@@ -129,7 +129,7 @@ def extract_echoes(
         echoes,
     )
     if count < 0:
-        raise EngineError("events of rays or parts that the traces do not have")
+        raise EngineError("events refer to rays or parts that are not in the traces")
     return echoes[:count]
 
 

@@ -91,7 +91,7 @@ class ReadingTable:
             tables = self._tables = self._pack()
         depleted = engine.take_readings(rows, tables, ticks, out)
         if depleted < 0:
-            raise EngineError(f"jobs do not write the {len(out)} numbers of lines")
+            raise EngineError(f"expected jobs that write {len(out)} numbers in all")
         return out.tolist(), depleted > 0
 
     def _pack(self) -> Packed:

@@ -292,7 +292,7 @@ class Scan:
             ValueError: If the scan is not from ``RangeScanner.scan``.
         """
         if self.scene is None:
-            raise ValueError("scan without a map, expected one from RangeScanner.scan")
+            raise ValueError("the scan has no map, expected a scan by RangeScanner")
         return radarsim.plot_scan(self.scene, self, ax)
 
     @property

@@ -80,7 +80,7 @@ class Renderer:
         angle = FIELD_OF_VIEW if field_of_view is None else field_of_view
         if not (are_whole and min(width, height) > 0 and 0 < angle < math.pi):
             came = f"{width} x {height} pixels, {math.degrees(angle):g} degrees"
-            expected = "whole numbers of pixels, and less than 180 degrees"
+            expected = "whole numbers of pixels and an angle below 180 degrees"
             raise ValueError(f"picture of {came}, expected {expected}")
         self._tracer = tracer_of(scene)
         materials = [*(part.material for part in self._tracer.parts), ROBOT]

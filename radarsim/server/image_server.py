@@ -166,7 +166,7 @@ class ImageServer(PeerServer):
             try:
                 await self._answer(waiting)
             except ServerError as error:
-                log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
+                log.error("the image server has stopped: %s", error)  # noqa: TRY400 - no bug of this one
                 self._close()
                 return
             # The pause is counted from the start of the picture, so that the rate does

@@ -61,8 +61,8 @@ class RefusalLog:
         if now < self._next_line:
             self._unlogged += 1
             return
-        others = f", and {self._unlogged} others before" if self._unlogged else ""
-        reason = f"there are {limit} {self._kind}"
+        others = f", like {self._unlogged} others before" if self._unlogged else ""
+        reason = f"the limit is {limit} {self._kind}"
         log.warning("%s: refused%s: %s", peer, others, reason)
         self._unlogged, self._next_line = 0, now + LOG_INTERVAL
 
@@ -217,7 +217,7 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
             self._end_in_time()
         self._looks = self._looks + 1 if self._floods() else 0
         if self._looks >= FLOOD_LOOKS:
-            log.warning("%s: closed: a flood of %s", self.peer, self.SENT)
+            log.warning("%s: closed: too many %s", self.peer, self.SENT)
             self.close()
 
     def _floods(self) -> bool:

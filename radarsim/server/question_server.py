@@ -55,7 +55,7 @@ class QuestionServer(PeerServer):
         answer: Callable[[str], bytes],
         *,
         port: int,
-        kind: str = "clients that ask questions",
+        kind: str = "query clients",
     ) -> None:
         """Create a server that does not listen yet.
 
@@ -98,7 +98,7 @@ class QuestionServer(PeerServer):
 class QuestionClient(PeerConnection):
     """The connection of one client that sends queries."""
 
-    KIND = "client that asks questions"
+    KIND = "query client"
     MOST = MAX_CLIENTS
 
     def __init__(

@@ -179,7 +179,7 @@ class Server(PeerServer):
                 due += lag
                 lost += lag
             if lost and due > next_log:
-                log.warning("machine too slow: simulated time waited %.1f s", lost)
+                log.warning("machine too slow: simulated time fell %.1f s behind", lost)
                 next_log, lost = due + LAG_LOG_INTERVAL, 0.0
             await asyncio.sleep(max(0.0, -lag))
             try:
@@ -333,12 +333,12 @@ class Connection(PeerConnection):
         transport = self._transport
         assert transport is not None
         transport.write(self._host.finish(self._number))
-        self._end("it closed its side" if self._sends_no_more else "no robot")
+        self._end("closed by the client" if self._sends_no_more else "no robot")
         transport.close()  # closes after all bytes are sent
 
     def _end(self, reason: str) -> None:
         dropped = self._host.dropped_readings(self._number)
-        lost = f", {dropped} readings it did not read were dropped" if dropped else ""
+        lost = f", {dropped} unread readings were dropped" if dropped else ""
         super()._end(f"{reason}{lost}")
 
     def _forget(self) -> None:

@@ -81,7 +81,7 @@ class WirelessServer(QuestionServer):
             simulation: Simulation with the robots.
             port: Port to listen on; 0 for a free one.
         """
-        super().__init__(lambda _: b"", port=port, kind="robots that talk")
+        super().__init__(lambda _: b"", port=port, kind="wireless clients")
         self.robots: dict[str, WirelessClient] = {}
         self._simulation = simulation
         self._relays: dict[tuple[str, str, int], RelayPort] = {}
@@ -176,7 +176,7 @@ class WirelessServer(QuestionServer):
             self._seen.discard(name)
             if name in self.robots:
                 client = self.robots[name]
-                log.info("%s: %s has gone", client.peer, printable_name(name))
+                log.info("%s: robot %s was removed", client.peer, printable_name(name))
                 client.close()
         for key in list(self._relays)[:1]:
             relay = self._relays[key] = self._relays.pop(key)  # move it to the end
@@ -189,7 +189,7 @@ class WirelessServer(QuestionServer):
 class WirelessClient(QuestionClient):
     """The connection of a robot that registers and requests relay ports."""
 
-    KIND = "robot that talks"
+    KIND = "wireless client"
     MOST = MAX_ROBOTS
 
     def __init__(self, server: WirelessServer) -> None:

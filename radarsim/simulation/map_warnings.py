@@ -140,13 +140,13 @@ def occupied_starts(scene: Scene) -> list[str]:
             if vehicle.robot.pose == wanted:
                 continue
         in_way = simulation.obstacles_at(model, wanted)
-        taken = f"{start.name}: taken by {', '.join(in_way) or 'what is above it'}"
+        taken = f"{start.name}: occupied by {', '.join(in_way) or 'objects above'}"
         if vehicle is None:
-            lines.append(f"{taken}; no place for a P3AT within 1 m")
+            lines.append(f"{taken}; no free place for a P3AT within 1 m")
         else:
             pose = vehicle.robot.pose
             position = f"x {pose.x:.2f} m, y {pose.y:.2f} m"
-            lines.append(f"{taken}; a P3AT would stand at {position}")
+            lines.append(f"{taken}; a P3AT would be placed at {position}")
     return lines
 
 
@@ -158,12 +158,12 @@ def trial_warnings(scene: Scene) -> list[str]:
     model, lines = load_robot("P3AT"), []
     clearance = math.hypot(model.length, model.width) / 2
     if trial.safety_distance < clearance:
-        lines.append(f"a P3AT keeps at least {clearance:.3f} m")
+        lines.append(f"a P3AT needs a safety distance of at least {clearance:.3f} m")
     goal = Pose2(*trial.goal)
     if in_way := _simulation(scene).obstacles_at(model, goal):
-        lines.append(f"goal {goal.x:.2f} {goal.y:.2f}: taken by {', '.join(in_way)}")
+        lines.append(f"goal {goal.x:.2f} {goal.y:.2f}: occupied by {', '.join(in_way)}")
     position = start.pose.x, start.pose.y
     if not is_connected(scene, position, trial.goal, trial.safety_distance):
-        distance = f"{trial.safety_distance:g} m from everything solid"
+        distance = f"{trial.safety_distance:g} m from solid objects"
         lines.append(f"no path to the goal that keeps {distance}")
     return lines

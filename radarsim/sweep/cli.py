@@ -74,7 +74,7 @@ def sweep(
     import_optional("pyarrow", EXTRA)
     folder.open(path, wanted, tasks, resume=resume)
     for number in folder.damaged:
-        print_message(f"{output / LOG}:{number}: damaged, its task is run again")
+        print_message(f"{output / LOG}:{number}: damaged, the task is run again")
     done = folder.lines.keys() - folder.errors.keys()
     left = {key: tasks[key] for key in tasks if key not in done}
     began = time.perf_counter()
@@ -135,5 +135,5 @@ def _collect(
             folder.add(keys[number], {"error": error} if error else {"rows": rows})
             done += 1
     except (KeyboardInterrupt, SystemExit):
-        print_message(f"{done} of {len(keys)} tasks done; go on with --resume")
+        print_message(f"{done} of {len(keys)} tasks done; continue with --resume")
         raise

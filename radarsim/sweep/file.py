@@ -108,7 +108,7 @@ class SweepFile(_Model):
             if kind != self.kind and getattr(self, key) is not None:
                 raise ValueError(f"'{key}' is only for kind {kind}, not {self.kind}")
         if self.kind == "scan" and self.pose is None:
-            raise ValueError("no 'pose', expected one with kind scan")
+            raise ValueError("no 'pose', which kind scan needs")
         if self.kind != "scan" and self.count != 1:
             raise ValueError("'count' is only for kind scan")
         return self

@@ -137,7 +137,7 @@ class SweepFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             if not resume and any(self.path.iterdir()):
                 raise SweepError(
-                    f"{self.path}: not empty, expected an empty folder, or --resume"
+                    f"{self.path}: not empty, expected an empty folder or --resume"
                 )
             data = log.read_bytes() if log.exists() else b""
             complete = data[: data.rfind(b"\n") + 1]
@@ -165,9 +165,9 @@ class SweepFolder:
             except (OSError, ValueError, KeyError, TypeError):
                 before = "another file"
             raise SweepError(
-                f"{self.path}: has {others} tasks of {before!r} that {file.name!r} with"
-                " its maps does not have; expected another folder, or a file that only"
-                " adds values"
+                f"{self.path} has results of {before!r} for {others} tasks that are not"
+                f" in {file.name!r}; expected another folder, or a file that only adds"
+                " values"
             )
         if not (self.path / ABOUT).exists():
             self._write_about(file, sweep, tasks)

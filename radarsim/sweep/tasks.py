@@ -67,7 +67,7 @@ def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
         found = name.replace(stem, str(near), 1) if near.is_file() else name
         scene = load_map(found)
         if sweep.kind == "trial" and scene.trial is None:
-            raise MapError([f"{name}: no 'trial', expected one with kind trial"])
+            raise MapError([f"{name}: no 'trial', which kind trial needs"])
         scenes[name] = scene
     return scenes
 
@@ -103,7 +103,7 @@ def prepare_worker(version: str, scenes: Mapping[str, Scene]) -> None:
     """
     if version != __version__:
         raise SweepError(
-            f"a worker has radarsim {__version__}, expected {version}, as here"
+            f"worker with radarsim {__version__}, expected local version {version}"
         )
     _scenes.update({digest(scene): scene for scene in scenes.values()})
 

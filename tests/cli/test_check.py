@@ -52,7 +52,7 @@ def test_occupied_starts_are_listed(tmp_path: Path) -> None:
     lines = radarsim("check", path).text.splitlines()
     at = lines.index("starts that are not free")
     assert len(lines) == at + 2
-    expected = "  RobotStart2: taken by wall; a P3AT would stand at x "
+    expected = "  RobotStart2: occupied by wall; a P3AT would be placed at x "
     assert lines[at + 1].startswith(expected)
 
 
@@ -118,7 +118,7 @@ def test_goal_in_something_is_reported_with_what_is_there(tmp_path: Path) -> Non
         "trial: {start: RobotStart1, goal: [2.6, 0], safety_distance: 0.5}\n"
     )
     run = radarsim("check", path)
-    assert "goal 2.60 0.00: taken by pillar" in run.text
+    assert "goal 2.60 0.00: occupied by pillar" in run.text
 
 
 def test_plan_is_drawn_into_a_file_beside_the_summary(tmp_path: Path) -> None:

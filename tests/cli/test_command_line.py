@@ -138,7 +138,7 @@ def test_a_variable_that_is_no_options_is_named(
     assert run.code == 0
     assert run.err == (
         "radarsim: warning: RADARSIM_SCAN_COUNTS"
-        " (did you mean 'RADARSIM_SCAN_COUNT'?) is ignored: no option has it\n"
+        " (did you mean 'RADARSIM_SCAN_COUNT'?) is ignored: no such option\n"
     )
 
 

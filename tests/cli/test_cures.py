@@ -98,7 +98,7 @@ def test_port_in_use_is_reported_with_a_hint_before_the_map_is_read(
     run = radarsim(*command.split(), option, taken_port)
     assert (run.code, run.out) == (1, b"")
     assert "in use by another program" in run.err
-    assert f"{option} 0 takes a free one" in run.err
+    assert f"{option} 0 picks a free port" in run.err
     assert "no_such_map" not in run.err
 
 

@@ -182,7 +182,7 @@ def test_unwritable_places_are_reported_before_the_run(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").mkdir()
     run = radarsim("map", "-o", tmp_path, *SEEN)
     assert (run.code, run.out) == (2, b"")
-    assert "a folder of that name" in run.err
+    assert "it is a folder" in run.err
     (tmp_path / "x.gif").symlink_to("/dev/null")
     film = ("--film", str(tmp_path / "x.gif"))
     run = radarsim("map", "-o", tmp_path / "m", *SEEN, *film)
@@ -263,7 +263,7 @@ def test_files_of_other_programs_are_not_overwritten(tmp_path: Path) -> None:
         (tmp_path / f"map{ending}").write_text("mine\n")
         run = radarsim("map", "-o", tmp_path, *FOLIAGE)
         assert run.code == 2
-        assert f"map{ending}, which is of another program" in run.err
+        assert f"map{ending}, which is another program's" in run.err
         (tmp_path / f"map{ending}").unlink()
     assert radarsim("map", "-o", tmp_path, *FOLIAGE).code == 0
     assert radarsim("map", "-o", tmp_path, *FOLIAGE).code == 0  # its own may go
@@ -278,7 +278,7 @@ def test_simulated_map_is_not_overwritten_beside_itself(
     Path("my_room.yaml").write_text(text)
     run = radarsim("map", "my_room.yaml", "--time-limit", "1")
     assert run.code == 2
-    data = "would overwrite my_room.yaml, which is the simulated map, expected -o OUT"
+    data = "overwrite my_room.yaml, which is the simulated map, expected another OUT"
     assert data in run.err
     assert Path("my_room.yaml").read_text() == text
 
@@ -356,7 +356,7 @@ def test_watch_reports_which_motion_sources_a_robot_has(
     assert process.returncode == 1
     assert (
         b"radarsim: no map: no pose from odometry has come;"
-        b" expected motion from ins or none\n" in errors
+        b" set the motion source to ins or none\n" in errors
     )
     assert not [*tmp_path.iterdir()]
 

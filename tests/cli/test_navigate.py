@@ -289,7 +289,7 @@ def test_trace_overwrites_only_traces(tmp_path: Path) -> None:
     command = [*NEAR, "empty_room", "--trace", str(trace)]
     run = radarsim(*command)
     assert run.code == 2
-    assert "run.csv is not a trace by radarsim, expected another file" in run.err
+    assert "run.csv exists and is not a trace, expected another name" in run.err
     assert trace.read_text() == "my,own,table\n1,2,3\n"
     trace.unlink()
     assert radarsim(*command).code == 0

@@ -114,7 +114,7 @@ def test_turns_along_a_path_are_written_as_in_a_data_set(tmp_path: Path) -> None
     options = ["--path", str(path), "-o", str(folder)]
     result = radarsim("spectrum", "foliage_room", *SMALL, *options)
     assert result.code == 0
-    assert "readers of oxford assume bins of 0.0432 m, not 0.0438 m" in result.err
+    assert "readers of oxford assume bins of 0.0432 m; set 0.0438 m in" in result.err
     # Times of a few digits are counted from an epoch: readers sort names as text.
     epoch = 1_600_000_000
     start = 1_000_000 * epoch + 5_000_000

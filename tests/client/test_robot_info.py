@@ -140,11 +140,9 @@ def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
     robot = replace(ROBOT, scanners=(SCANNER, other))
     assert robot.scanner() is SCANNER
     assert robot.scanner("t") is other
-    with pytest.raises(
-        ClientError, match=r"has \['S', 'T'\], expected the scanner 'U'"
-    ):
+    with pytest.raises(ClientError, match=r": \['S', 'T'\], expected the scanner 'U'"):
         robot.scanner("U")
-    with pytest.raises(ClientError, match=r"robot 'P3AT' has \[\], expected a scanner"):
+    with pytest.raises(ClientError, match=r"of 'P3AT': \[\], expected a scanner"):
         replace(ROBOT, scanners=()).scanner()
 
 

@@ -188,6 +188,6 @@ def test_calls_on_a_closed_client_raise_an_error(empty_room: Scene) -> None:
     client.close()
     client.close()
     assert client.read()  # reports that had arrived
-    with pytest.raises(ClientError, match=r"^the link is closed while .* the report"):
+    with pytest.raises(ClientError, match=r"^the connection is closed while .* report"):
         client.read()
     assert not client.stop()

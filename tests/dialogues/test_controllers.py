@@ -173,7 +173,7 @@ def test_crates_leave_with_their_controller_unless_they_are_permanent(
     wire.wait(0.1)
     wire.send("INIT {ClassName USARBot.P3AT} {Name R1}", "CONTROL {Type GetSTA}")
     assert wire.news == [
-        "CONTROL by a client that is no controller, expected INIT of WorldController"
+        "CONTROL by a client that is not a controller, expected INIT of WorldController"
     ]
     assert [each.crate.name for each in wire.host.simulation.crates] == ["foo"]
 

@@ -442,7 +442,7 @@ items: [{type: RangeScanner, name: Roof, position: [0, 0, 0.2], sensor: sick}]
     [
         ({"wheel_radius": 0.1}, "flight, or wheels"),
         ({"steering": {"max_front_deg": 30}}, "flight, or"),
-        ({"flight": None}, "expected for wheeled robots"),
+        ({"flight": None}, "wheeled robots need"),
     ],
 )
 def test_what_flies_has_no_wheels(keys: dict[str, object], problem: str) -> None:

@@ -102,16 +102,16 @@ CALLS: list[tuple[Call, str]] = [
     (lambda r: r.drive("0.4"), "speed in m/s '0.4', expected a finite number"),
     (lambda r: r.drive(np.ones(2)), "speed in m/s array.*, expected a finite number"),
     (lambda r: r.drive_wheels(None, 1), "left in rad/s None, expected a finite"),
-    (lambda r: r.scan(), "no RangeScan of 'lms200' yet, .*expected a call of step"),
-    (lambda r: r.truth, "no GroundTruth yet, until 0.00 s, expected a call of step"),
-    (lambda r: r.scan("lms20"), "has .'lms200'., expected .* mean 'lms200'"),
+    (lambda r: r.scan(), "no RangeScan of 'lms200' .*expected a call of step"),
+    (lambda r: r.truth, "no GroundTruth until 0.00 s, expected a call of step"),
+    (lambda r: r.scan("lms20"), ": .'lms200'., expected .* mean 'lms200'"),
     (lambda r: r.newest("GroundTruth"), "kind 'GroundTruth', expected a class"),
-    (lambda r: r.spectrum(), "no turn of a radar yet, expected request_spectra"),
+    (lambda r: r.spectrum(), "no revolution of a radar yet, expected request_spectra"),
     (lambda r: r.request_targets(), "scanner 'lms200' has no detector, expected"),
-    (lambda r: r.request_spectra(), "no FMCW radar, expected such as a P3AT_Navtech"),
+    (lambda r: r.request_spectra(), "no FMCW radar, expected a class such as P3AT"),
     (lambda r: r.camera(width=0), "picture of 0 x 480 pixels, 80 degrees, expected"),
     (lambda r: r.camera(width=0.5), "picture of 0.5 x 480 pixels, .* whole numbers"),
-    (lambda r: r.camera(fov_deg=200), "200 degrees, expected .* less than 180 deg"),
+    (lambda r: r.camera(fov_deg=200), "200 degrees, expected .* below 180 deg"),
     (lambda r: r.simulation.camera((0, 0, 0)), "pose .0, 0, 0., expected six finite"),
     (lambda r: r.simulation.render("run.jpg"), "ending '.jpg' .* expected one of"),
     (lambda r: r.simulation.render("run.gif", speed=0), "speed 0, expected more than"),
@@ -132,7 +132,7 @@ def test_robot_that_has_been_removed_is_reported(sim: Sim) -> None:
     robot = sim.spawn()
     sim.step(0.2)
     robot.remove()
-    with pytest.raises(radarsim.RadarsimError, match="'P3AT' has been removed"):
+    with pytest.raises(radarsim.RadarsimError, match="'P3AT' was removed"):
         robot.drive(0.1)
     with pytest.raises(ValueError, match=r"expected one of \[\]"):
         robot.remove()
@@ -142,7 +142,7 @@ def test_robot_that_has_been_removed_is_reported(sim: Sim) -> None:
 EVALUATIONS: list[tuple[dict[str, Any], str]] = [
     ({"controller": "bug2"}, "controller 'bug2', expected a function"),
     ({"maps": "bug_box"}, "maps 'bug_box', expected a list of names or paths"),
-    ({"seeds": 1.5}, "seeds 1.5, expected their number, or a list of them"),
+    ({"seeds": 1.5}, "seeds 1.5, expected a number of seeds, or a list"),
     ({"seeds": 0}, "expected at least one map and one seed"),
     ({"workers": 0}, "workers 0, expected at least 1"),
     ({"time_limit": 0}, "time_limit in s 0, expected more than 0"),

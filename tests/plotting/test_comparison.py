@@ -115,7 +115,7 @@ def test_scan_without_a_map_has_no_picture(empty_room: Scene) -> None:
     tracer, laser = tracer_of(empty_room), radarsim.load_sensor("laser")
     (scan,) = scan_together(tracer, [ScanRequest(laser, Pose3(0, 0, 1, 0, 0, 0))])
     assert scan._repr_html_() is None
-    with pytest.raises(ValueError, match="without a map"):
+    with pytest.raises(ValueError, match="has no map"):
         scan.plot()
 
 

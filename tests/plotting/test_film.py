@@ -170,4 +170,4 @@ def test_missing_ffmpeg_is_an_error_with_a_hint(
     with pytest.raises(ValueError, match="MP4") as error:
         film_format(Path("out/run.mp4"))
     assert "pip install '.[film]' in the checkout" in str(error.value)
-    assert "or a film out/run.gif" in str(error.value)
+    assert "or choose out/run.gif" in str(error.value)

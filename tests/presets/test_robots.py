@@ -216,7 +216,7 @@ def test_based_on_can_add_items_to_a_class_without_items(tmp_path: Path) -> None
         ("mass: 2\n", ":13:1: mass: "),
         (
             "sources: [{of: [masss], source: me, confidence: choice}]\n",
-            ":1:1: source of 'masss' (did you mean 'mass'?), expected",
+            ":1:1: source for key 'masss' (did you mean 'mass'?), expected",
         ),
         ("steering: {max_front_deg: 90}\n", ":13:27: "),
     ],

@@ -45,7 +45,7 @@ def test_scan_has_one_beam_more_than_steps(fov: float, step: float, beams: int) 
         ),
         (
             "ray_weights=0,0,0",
-            "ray_weights (0.0, 0.0, 0.0), expected one above 0",
+            "ray_weights (0.0, 0.0, 0.0), expected a sum above 0",
         ),
         (
             "resolution_deg=300",
@@ -65,8 +65,8 @@ def test_scan_has_one_beam_more_than_steps(fov: float, step: float, beams: int) 
         ),
         (
             "side_mode=cone cone_rays=371 beamwidth_az_deg=4",
-            "cone_rays 371, 371 in a row, expected at most 100; even"
-            " or random ones may be more",
+            "cone_rays 371 have 371 rays in a row, expected at most 100 with"
+            " cone_sampling 'quadrature'",
         ),
         (
             "side_mode=cone",
@@ -80,7 +80,7 @@ def test_scan_has_one_beam_more_than_steps(fov: float, step: float, beams: int) 
         ),
         (
             "side_mode=cone cone_rays=7 beamwidth_az_deg=2 beamwidth_el_deg=2",
-            "cone_rays 7 over two widths, expected a product of two"
+            "cone_rays 7 with two beamwidths, expected a product of two"
             " numbers above 1, such as 9 or 16",
         ),
     ],

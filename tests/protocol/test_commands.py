@@ -165,7 +165,7 @@ WRONG_LINKS = {
     "no opcode": ("SET {Type Camera} {Name C}", "expected a field"),
     "two angles": ("MISPKG {Name A} {Rotation 1,2}", "expected"),
     "no name": ("MISPKG {Link 1}", "expected a field .{Name"),
-    "no link": ("ACT {Name A} {Value 1}", "Value before a Link"),
+    "no link": ("ACT {Name A} {Value 1}", "Value before Link"),
     "no number": ("MISPKG {Name A} {Link one}", "'one', expected"),
     "many": ("MISPKG {Name A}" + " {Link 1}" * 33, "33 links, expected at most"),
     "flippers": ("MULTIDRIVE" + " {F 1}" * 99, "99 links, expected at most 32"),
@@ -317,7 +317,7 @@ def test_encode_command_writes_usarsim_lines(command: Command, line: str) -> Non
 
 @pytest.mark.parametrize("number", [nan, inf, -inf, 1.1e9])
 def test_encode_command_rejects_numbers_out_of_range(number: float) -> None:
-    with pytest.raises(ValueError, match=r"expected at most 1e\+09 in size"):
+    with pytest.raises(ValueError, match=r"expected a magnitude of at most 1e\+09"):
         encode_command(Drive(0, number))
 
 

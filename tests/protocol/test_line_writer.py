@@ -154,7 +154,7 @@ def test_number_that_cannot_be_written_is_clipped(
             RangeScan(1.0, "radar", value, 0.2, np.array([1.0])),
         ]
 
-    with pytest.warns(RuntimeWarning, match="is clipped"):
+    with pytest.warns(RuntimeWarning, match="was clipped"):
         written = encode_blocks([block([good, *bad(number), good], dialect)])
     expected = encode_blocks([block([good, *bad(near), good], dialect)])
     assert written == expected
@@ -192,7 +192,7 @@ def test_a_thousand_scans_are_written_at_once() -> None:
 
 def test_number_of_a_group_that_cannot_be_written_is_clipped() -> None:
     group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
-    with pytest.warns(RuntimeWarning, match="is clipped"):
+    with pytest.warns(RuntimeWarning, match="was clipped"):
         (line,) = encode_blocks([block([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])])
     assert b"{Pose 0.0000,0.0000,0.0000}" in line
 
@@ -200,7 +200,7 @@ def test_number_of_a_group_that_cannot_be_written_is_clipped() -> None:
 @pytest.mark.parametrize("numbers", [[1.0] * 3, [1.0] * 5])
 def test_group_needs_a_number_for_each_mark(numbers: list[float]) -> None:
     group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
-    with pytest.raises(EngineError, match=f"^{len(numbers)} numbers and 0 in series"):
+    with pytest.raises(EngineError, match=f"^{len(numbers)} numbers, and 0 in series"):
         encode_blocks([block([], COMPAT, group, numbers)])
 
 

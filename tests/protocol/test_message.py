@@ -64,7 +64,7 @@ def test_unclosed_last_segment_is_left_out_as_in_the_original() -> None:
     )
     assert decode_message("DRIVE {Left 1", keeps_closed=True).segments == ()
     assert parse_segments("{Name R1} {Class", keeps_closed=True) == (("Name", "R1"),)
-    with pytest.raises(MalformedMessage, match="expected '}' after the brace"):
+    with pytest.raises(MalformedMessage, match="expected '}' to close the brace"):
         decode_message("DRIVE {A 1 {Left 1}", keeps_closed=True)
 
 
@@ -81,12 +81,12 @@ def test_unclosed_last_segment_is_left_out_as_in_the_original() -> None:
         ),
         pytest.param(
             "DRIVE {Left 1",
-            "expected '}' after the brace at column 7 in 'DRIVE {Left 1'",
+            "expected '}' to close the brace at column 7 in 'DRIVE {Left 1'",
             id="open brace",
         ),
         pytest.param(
             "DRIVE {C 1} {A {B 1}}",
-            "expected '}' after the brace at column 13 in 'DRIVE {C 1} {A {B 1}}'",
+            "expected '}' to close the brace at column 13 in 'DRIVE {C 1} {A {B 1}}'",
             id="nested",
         ),
         pytest.param(

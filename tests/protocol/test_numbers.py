@@ -160,7 +160,7 @@ def test_truncated_numbers_match_usarsim(
 @pytest.mark.parametrize("rule", list(Rounding))
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 2.0**31])
 def test_numbers_out_of_range_are_clipped(rule: Rounding, value: float) -> None:
-    with pytest.warns(RuntimeWarning, match="is clipped"):
+    with pytest.warns(RuntimeWarning, match="was clipped"):
         text = NumberFormat(2, rule).format(value)
     largest = "2147483520.00"
     signed = f"-{largest}" if value < 0 else largest

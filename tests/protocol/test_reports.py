@@ -475,7 +475,7 @@ MALFORMED = {
     "no touch": ("SEN {Type Touch} {Name T}", "'{Touch ...}'"),
     "short echo": (
         f"{ECHOES} {{Echoes 1,2,Hit,1}}",
-        "echo '1,2,Hit,1', expected five parts",
+        "echo '1,2,Hit,1', expected five values",
     ),
     "echo of no range": (
         f"{ECHOES} {{Echoes 1,,Hit,1,1}}",

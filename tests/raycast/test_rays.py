@@ -21,7 +21,7 @@ def rays(**changed: Any) -> Rays:
 
 @pytest.mark.parametrize("names", [("directions",), ("origins", "directions")])
 def test_columns_of_other_lengths_are_rejected(names: tuple[str, ...]) -> None:
-    with pytest.raises(EngineError, match=r"float64\[2, 3\]|do not belong together"):
+    with pytest.raises(EngineError, match=r"float64\[2, 3\]|inconsistent lengths"):
         TRACER.trace(rays(**dict.fromkeys(names, np.zeros((2, 3)))))
 
 

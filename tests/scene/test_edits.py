@@ -162,7 +162,7 @@ def test_air_changes_with_its_material(empty_room: Scene) -> None:
         ("x", {"sphere": 1.0}, "material"),
         ("x", {"spere": 1.0}, "did you mean 'sphere'"),
         ("x", {"mesh": "no.obj", "material": "wood"}, r"no\.obj"),
-        ("cabinet", {"sphere": 1.0, "material": "wood"}, "that no other has"),
+        ("cabinet", {"sphere": 1.0, "material": "wood"}, "expected a new name"),
     ],
 )
 def test_mistakes_in_objects_are_map_errors_without_a_file(

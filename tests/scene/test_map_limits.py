@@ -41,7 +41,7 @@ def test_copies_of_all_objects_are_limited(
     text = objects(*(f"name: row{i}, {row}" for i in range(30)))
     found = problems(text)
     assert len(found) == 30 - 4
-    message = f"{count} {what}, expected at most {most} in all, 0 more"
+    message = f"{count} {what}, expected at most {most} in all, 0 are left"
     assert found[0] == f"m.yaml:11:5: objects.4: {message}"
 
 
@@ -74,7 +74,7 @@ def test_excess_is_reported_before_anything_is_built(
     (found,) = problems(
         mesh + "".join(f"  - {{name: r{i}, {SMALL}, {row}}}\n" for i in range(3))
     )
-    assert "9000 objects, expected at most 20000 in all, 1999 more" in found
+    assert "9000 objects, expected at most 20000 in all, 1999 are left" in found
 
 
 def test_objects_of_all_variants_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,7 +83,7 @@ def test_objects_of_all_variants_are_limited(monkeypatch: pytest.MonkeyPatch) ->
     more = f"objects: [{{name: c, {SMALL}}}]"
     path = Path("m.yaml")
     path.write_text(f"{text}variants: {{x: {{{more}}}, y: {{{more}}}, z: {{}}}}\n")
-    with pytest.raises(MapError, match="3 variants of 10 objects in all"):
+    with pytest.raises(MapError, match="3 variants with 10 objects in all"):
         load_variants(path)
     path.write_text(f"{text}variants: {{x: {{{more}}}, y: {{{more}}}}}\n")
     assert len(load_variants(path)) == 3
@@ -180,6 +180,6 @@ def test_copies_of_all_variants_are_limited(
         load_variants(file)
     assert [problem.partition(": ")[2] for problem in raised.value.problems] == [
         f"variants.v{i}.objects.0: 10 objects of the map and its variants,"
-        " expected at most 60 in all, 0 more"
+        " expected at most 60 in all, 0 are left"
         for i in (6, 7)
     ]

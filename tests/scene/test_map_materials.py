@@ -164,7 +164,7 @@ def test_amounts_are_those_of_the_entry() -> None:
         ),
         (
             "{density: opaque, db_per_m: ^1}",
-            "1 with 'opaque', expected a density that is a number, or none",
+            "1 with 'opaque', expected a number or no value for 'density'",
         ),
         ("{sheet_loss: 1, db_per_m: ^1}", "expected either 'sheet_loss' or 'db_per_m'"),
         (
@@ -181,17 +181,17 @@ def test_amounts_are_those_of_the_entry() -> None:
         ),
         (
             "{based_on: concrete, attenuation_db: ^3}",
-            "expected only for what a radar can enter and has an inside",
+            "expected only if a radar can enter the material and it has an inside",
         ),
         (
             "{density: 1, sheet_attenuation_db: ^3}",
-            "expected only for what a radar can enter and has a 'sheet_loss'",
+            "expected only if a radar can enter the material and it has a 'sheet_loss'",
         ),
         ("{density: 1, albedo: ^1.5}", "1.5, expected at most 1"),
         ("{based_on: ^leaf}", f"'leaf', expected one of {list(library_names())}"),
         (
             "{based_on: rain, g_per_m3: ^3}",
-            "expected only with 'based_on' one of ['dust', 'fog', 'smoke']",
+            "expected only where 'based_on' is one of ['dust', 'fog', 'smoke']",
         ),
     ],
 )

@@ -94,7 +94,7 @@ def test_meshes_of_a_variant_are_relative_to_the_map() -> None:
         pytest.param(
             "",
             "m.yaml@fog",
-            "m.yaml:1:1: variants: 'fog', but the map has no variants",
+            "m.yaml:1:1: variants: 'fog', expected a map with variants",
             id="no variants",
         ),
         (

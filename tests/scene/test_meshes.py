@@ -228,7 +228,7 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
             "'a.dae', expected one of ['.glb', '.gltf', '.obj', '.ply', '.stl']",
             id="another format",
         ),
-        pytest.param("a.stl", "", "'a.stl': no triangles", id="empty"),
+        pytest.param("a.stl", "", "'a.stl' has no triangles", id="empty"),
         pytest.param(
             "a.ply",
             ply_box().replace("3 0 2 3", "3 0 2 9"),
@@ -239,7 +239,7 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
         pytest.param(
             "a.gltf",
             json.dumps(gltf_box(None, NODES)),
-            "'a.gltf': a buffer has no uri, expected one",
+            "'a.gltf': a buffer has no uri, expected a uri or a GLB file",
             id="missing key",
         ),
     ],
@@ -271,7 +271,7 @@ def test_coordinates_whose_volumes_overflow_are_refused(
     path = write(tmp_path / name, content)
     with pytest.raises(MeshError) as caught:
         read_surfaces(path, tmp_path)
-    said = f"a vertex has a coordinate of {largest}, expected at most 1e+12"
+    said = f"a vertex has a coordinate of {largest} m, expected at most 1e+12 m"
     assert str(caught.value) == f"{name!r}: {said}"
 
 
@@ -317,14 +317,14 @@ def test_closed_pieces_stay_separate_where_they_touch() -> None:
 def test_open_surface_is_not_a_volume() -> None:
     with pytest.raises(MeshError) as caught:
         join_volume([surface(TRIANGLES), surface(TRIANGLES[2:])])
-    assert str(caught.value) == "not closed: 4 edges have no partner"
+    assert str(caught.value) == "not closed: 4 unmatched edges"
 
 
 def test_two_sided_sheet_is_not_a_volume() -> None:
     both = np.vstack([TRIANGLES, TRIANGLES[:, ::-1]])
     with pytest.raises(MeshError) as caught:
         join_volume([surface(TRIANGLES, at=5.0), surface(both)])
-    assert "12 faces are present in both orientations" in str(caught.value)
+    assert "12 faces occur in both orientations" in str(caught.value)
     assert len(join_surfaces([surface(both)])[1]) == 24
 
 

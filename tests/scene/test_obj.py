@@ -99,8 +99,8 @@ def test_file_without_triangles_has_no_pieces(text: str) -> None:
     [
         ("f 1 2 6\n", "refers to a vertex that does not exist"),
         ("f 1 2 0\n", "refers to a vertex that does not exist"),
-        ("f 1 2 x\n", "where a whole number is"),
-        ("v 1 2 x\nf 1 2 3\n", "where a number is"),
+        ("f 1 2 x\n", "expected a whole number"),
+        ("v 1 2 x\nf 1 2 3\n", "expected a number"),
         ("v 1 2\nf 1 2 3\n", "three coordinates"),
     ],
 )

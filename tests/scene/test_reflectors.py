@@ -95,11 +95,11 @@ def test_scattered_trihedrals_scale_with_their_copies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "place", "message"),
     [
-        ("reflector: {}", "reflector", "either 'trihedral'"),
-        ("reflector: {trihedral: 0.1, rcs_dbsm: 3}", "reflector", "either"),
+        ("reflector: {}", "reflector", "one of 'trihedral'"),
+        ("reflector: {trihedral: 0.1, rcs_dbsm: 3}", "reflector", "exactly"),
         ("reflector: {trihedral: 0}", "trihedral", "more than 0"),
-        ("reflector: {rcs_dbsm: 0}, material: wood", "material", "none"),
-        ("reflector: {rcs_dbsm: 0}, yaw_deg: 3", "yaw_deg", "none"),
+        ("reflector: {rcs_dbsm: 0}, material: wood", "material", "not allowed"),
+        ("reflector: {rcs_dbsm: 0}, yaw_deg: 3", "yaw_deg", "not allowed"),
         ("reflector: {rcs_dbsm: 0}, sphere: 1", "objects", "one of"),
     ],
 )

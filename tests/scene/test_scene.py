@@ -42,9 +42,9 @@ def test_part_has_its_own_read_only_arrays() -> None:
         pytest.param(np.zeros((3, 3)), [0, 1, 2], r"faces of shape \(3,\)"),
         pytest.param(np.full((3, 3), np.nan), [[0, 1, 2]], "expected finite numbers"),
         pytest.param(
-            np.zeros((3, 3)), [[0, 1, 3]], "faces from 0 to 3, expected 0 to 2"
+            np.zeros((3, 3)), [[0, 1, 3]], "vertex numbers from 0 to 3, expected 0 to 2"
         ),
-        pytest.param(np.zeros((3, 3)), [[-1, 1, 2]], "faces from -1 to 2"),
+        pytest.param(np.zeros((3, 3)), [[-1, 1, 2]], "numbers from -1 to 2"),
     ],
 )
 def test_part_refuses_malformed_arrays(vertices: Any, faces: Any, message: str) -> None:

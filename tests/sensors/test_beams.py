@@ -226,7 +226,7 @@ def test_rays_of_a_beam_are_consecutive() -> None:
     ],
 )
 def test_cone_has_no_side_rays_to_select(settings: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match="ray -1, expected a beam of three rays"):
+    with pytest.raises(ValueError, match="no ray -1, expected beams of three rays"):
         BeamPattern(load_settings("radar", **settings)).aim_side(HERE, -1)
 
 

@@ -303,7 +303,7 @@ def test_encoder_counts_from_its_reset() -> None:
 @pytest.mark.parametrize("size", [0, 2])
 def test_jobs_have_to_write_the_numbers_of_their_lines(size: int) -> None:
     table = tachometer().table
-    with pytest.raises(EngineError, match=f"^jobs do not write the {size} numbers"):
+    with pytest.raises(EngineError, match=f"^expected jobs that write {size} numbers"):
         table.run([(0, table.program([Job(Reading.TIME)], size))], 0)
 
 

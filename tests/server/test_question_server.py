@@ -186,7 +186,7 @@ async def test_one_client_too_many_is_refused(
         last = await stack.enter_async_context(connected(server))
         with pytest.raises((ConnectionError, asyncio.IncompleteReadError)):
             await last.ask(b"{Actors}\n")
-        assert f"there are {MAX_CLIENTS} clients that ask questions" in caplog.text
+        assert f"the limit is {MAX_CLIENTS} query clients" in caplog.text
 
 
 R2_PLACE = "-3.0000,0.0000,-0.1400"

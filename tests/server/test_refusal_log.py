@@ -19,6 +19,6 @@ async def test_first_refusal_is_reported_and_the_others_are_counted(
     for number in range(1000):
         refusals.add(f"10.0.0.2:{number}", 64)
     assert caplog.messages == [
-        "10.0.0.1:0: refused: there are 64 viewers",
-        "10.0.0.2:0: refused, and 999 others before: there are 64 viewers",
+        "10.0.0.1:0: refused: the limit is 64 viewers",
+        "10.0.0.2:0: refused, like 999 others before: the limit is 64 viewers",
     ]

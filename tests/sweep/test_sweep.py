@@ -158,7 +158,7 @@ def test_each_damaged_line_is_named_and_its_task_run_again(
         assert again.code == 0
         if before[LOG][place : place + 1] != b"\n":
             number = before[LOG][:place].count(b"\n") + 1
-            assert f"{out / LOG}:{number}: damaged, its task is run again" in again.err
+            assert f"{out / LOG}:{number}: damaged, the task is run again" in again.err
         assert files_of(out) == before
     (out / LOG).write_bytes(b"[" * 100_000 + b"\n" + before[LOG])
     again = sweep(small, "-o", out, "--resume")
@@ -173,12 +173,12 @@ def test_another_sweep_does_not_replace_a_table(small: Path, out: Path) -> None:
     before = files_of(out)
     refused = sweep(other, "-o", out, "--resume", "--workers", 1)
     assert refused.code == 1
-    assert "has 4 tasks of 'small.yaml' that 'other.yaml' with its maps" in refused.err
+    assert "results of 'small.yaml' for 4 tasks that are not in 'other" in refused.err
     assert files_of(out) == before
     (out / TABLE).unlink()
     (out / ABOUT).unlink()  # as an old version leaves a sweep that was stopped
     refused = sweep(other, "-o", out, "--resume", "--workers", 1)
-    assert "has 4 tasks of 'another file' that 'other.yaml'" in refused.err
+    assert "results of 'another file' for 4 tasks" in refused.err
     other.write_text(SMALL.replace("[0, 25.5]", "[0, 10, 25.5]"))
     assert sweep(other, "-o", out, "--resume", "--workers", 1).code == 0
     assert len(rows_of(out)) == 2 * 3 * 2 * 3
@@ -269,7 +269,7 @@ def test_dry_run_counts_and_writes_nothing(small: Path, out: Path) -> None:
 def test_worker_and_results_of_another_version_are_refused(
     small: Path, out: Path
 ) -> None:
-    with pytest.raises(SweepError, match=r"expected 0\.0\.1"):
+    with pytest.raises(SweepError, match=r"expected local version 0\.0\.1"):
         prepare_worker("0.0.1", {})
     out.mkdir()
     (out / LOG).write_text(as_line({"version": "0.0.1", "task": "x", "rows": []}))
@@ -440,4 +440,4 @@ def test_cluster_of_another_version_is_refused(
     monkeypatch.setattr("radarsim.sweep.cli.__version__", "9.9")
     run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
     assert run.code == 1
-    assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err
+    assert f"radarsim {radarsim.__version__}, expected local version 9.9" in run.err

@@ -150,9 +150,9 @@ def spectrum(
     from radarsim.scene.map_file import load_map
 
     if plan.path is not None:
-        shown.refuse("expected no --path with it")
+        shown.refuse("cannot be combined with --path")
         if detector.detector is not None:
-            text = "expected no --path with it"
+            text = "cannot be combined with --path"
             raise click.BadParameter(text, param_hint="--detector")
         scanner = plan.load_scanner()
         scene = load_map(map_)
@@ -164,7 +164,7 @@ def spectrum(
         return
     ending = check_ending(output, _ENDINGS, "-o")
     if layout is not None:
-        shown.refuse("expected no --layout with it")
+        shown.refuse("cannot be combined with --layout")
         if ending != "png":
             text = f"a .{ending} file, expected .png with --layout"
             raise click.BadParameter(text, param_hint="-o")
@@ -174,7 +174,7 @@ def spectrum(
         text = f"{count}, expected 1 for a .{ending} file"
         raise click.BadParameter(text, param_hint="--count")
     if shown.azimuth is not None and shown.view != "ascope":
-        raise click.BadParameter("expected --view ascope", param_hint="--azimuth")
+        raise click.BadParameter("needs --view ascope", param_hint="--azimuth")
     check_writable(output, "-o")
     scanner = plan.load_scanner()
     scene = load_map(map_)
@@ -324,7 +324,7 @@ def _write_sequence(
             size, assumed = settings.bin_size, assumed_bin(layout, start_us)
             if abs(size / assumed - 1) > ALIKE:
                 text = f"readers of {layout} assume bins of {assumed:g} m"
-                text += f", not {size:g} m: set that in them"
+                text += f"; set {size:g} m in the reader"
                 click.echo(f"warning: {text}", err=True)
             notes = sequence_notes(layout, turn, start_us, epoch_us)
         time_us += epoch_us
@@ -366,7 +366,7 @@ class NavtechOptions:
         problem = ""
         # isdigit() also accepts other Unicode digits, some of which int() refuses.
         if not (port.isascii() and port.isdigit() and int(port) <= 65535):
-            problem = "a port from 0 to 65535, and a robot after a colon"
+            problem = "PORT or PORT:ROBOT, with a port from 0 to 65535"
         elif colon and not robot:
             problem = "the name of a robot after the colon"
         if problem:

@@ -303,7 +303,7 @@ def load_turns(
     images, list_name = (Path(folder) / name for name in LAYOUTS[layout][:2])
     files, notes = sorted(images.glob("*.png")), Path(folder) / "README.md"
     if not files:
-        raise ValueError(f"{images}: no .png files, expected those of {layout!r}")
+        raise ValueError(f"{images}: no .png files, expected images of {layout!r}")
     if bin_size is None and notes.exists():
         found = re.search(r"bins of (\d+\.?\d*) m", notes.read_text("utf-8"))
         bin_size = float(found[1]) if found else None
@@ -332,5 +332,5 @@ def _frame_times(list_name: Path, files: list[Path]) -> Floats:
     times = {words[1]: float(words[3]) for words in map(str.split, lines) if words[3:]}
     for path in files:
         if path.stem not in times:
-            raise ValueError(f"{list_name}: no line of the image {path.name}")
+            raise ValueError(f"{list_name}: no line for the image {path.name}")
     return np.array([times[path.stem] for path in files])

@@ -306,5 +306,5 @@ def collect_turns(
             return collection
     if scanner is None:
         text = f"robot {vehicle.robot.name!r} has no FMCW radar"
-        raise ClientError(f"{text}, expected such as a P3AT_Navtech")
+        raise ClientError(f"{text}, expected a class such as P3AT_Navtech")
     raise ClientError(f"FMCW radar {expected_one_of(scanner, names)}")

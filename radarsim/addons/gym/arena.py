@@ -61,8 +61,8 @@ class Arena:
         self.scene = map_ if isinstance(map_, Scene) else load_map(map_)
         self.model = load_robot(settings.robot).in_dialect(config.dialect.name)
         if self.model.steering is not None:
-            text = f"robot {self.model.name!r} steers as a car does"
-            raise ValueError(f"{text}, expected one that is skid-steered")
+            text = f"robot {self.model.name!r} has car-like steering"
+            raise ValueError(f"{text}, expected a skid-steered robot")
         period = settings.decision_period
         # A period of at most half a tick would be rounded to 0 ticks.
         if not TICK / 2 < period <= MOST_SECONDS:

@@ -129,7 +129,7 @@ class FreePlaces:
         if not pieces:
             raise ValueError(
                 f"map {scene.name!r}: no start has {clearance:.2f} m of free floor"
-                " around it, expected one at least"
+                " around it, expected at least one such start"
             )
         self._pieces = tuple(pieces.values())
         self._floor = MultiPolygon(self._pieces)
@@ -173,8 +173,8 @@ class FreePlaces:
                 x, y = places[is_free.argmax()].tolist()
                 return x, y
         raise ValueError(
-            f"no free place {distance:g} m from {len(others)} others among"
-            f" {_MAX_DRAWS * _DRAWN_TOGETHER} that were drawn"
+            f"{_MAX_DRAWS * _DRAWN_TOGETHER} random positions: none is free and at"
+            f" least {distance:g} m away from {len(others)} other positions"
         )
 
 
@@ -308,7 +308,7 @@ class GoToTask:
             ValueError: If an action is not finite.
         """
         if not self._is_placed.all():
-            raise ResetNeeded("step before reset, expected reset first")
+            raise ResetNeeded("step() was called before reset()")
         if not np.isfinite(actions).all():
             raise ValueError(f"actions {actions.tolist()}, expected finite numbers")
         actions = np.clip(np.asarray(actions, np.float64), -1.0, 1.0)
@@ -410,7 +410,7 @@ def _goal_position(scene: Scene, goal: str | Sequence[float]) -> Sequence[float]
 
 def _trial(scene: Scene) -> Trial:
     if scene.trial is None:
-        raise ValueError(f"map {scene.name!r} has no trial, expected one for 'map'")
+        raise ValueError(f"map {scene.name!r} has no trial with a start and a goal")
     return scene.trial
 
 

@@ -81,7 +81,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
             ValueError: If an option is wrong, or no free position is found.
         """
         if "start" in (options or {}):
-            raise ValueError("option 'start' is not known: robots start at random")
+            raise ValueError("unknown option 'start': robots start at random")
         if seed is not None:
             self._rngs = [np_random(seed + row)[0] for row in range(len(self._rows))]
         self.agents = list(self.possible_agents)

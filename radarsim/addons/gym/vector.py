@@ -160,10 +160,10 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         mask = np.asarray(options["reset_mask"])
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
             text = f"reset_mask of shape {mask.shape} and type {mask.dtype}"
-            expected = f"shape ({self.num_envs},), type bool, and true somewhere"
+            expected = f"shape ({self.num_envs},), type bool, at least one true"
             raise ValueError(f"{text}, expected {expected}")
         if not self._observations and not mask.all():
-            raise ResetNeeded("reset of some before all, expected reset of all first")
+            raise ResetNeeded("reset_mask before the first reset of all environments")
         return mask
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:

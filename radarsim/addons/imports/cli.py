@@ -160,5 +160,5 @@ def _kind_of(file: Path) -> Kind:
     for kind, endings in _ENDINGS.items():
         if file.suffix.lower() in endings:
             return kind
-    text = f"{str(file)!r}, expected --from with it"
+    text = f"{str(file)!r}, expected a known file ending, or --from"
     raise click.BadParameter(text, param_hint="FILE")

@@ -43,7 +43,7 @@ class _TreeBuilder(ElementTree.TreeBuilder):
     def doctype(self, *_: object) -> None:
         # Document types are refused. Their entities could expand to gigabytes, or
         # include the content of other files.
-        raise MeshError("a document type, expected none")
+        raise MeshError("a DOCTYPE declaration, expected none")
 
 
 def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
@@ -71,7 +71,7 @@ def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
     except (MeshError, MissingPackage):
         raise
     except MemoryError as error:
-        raise MeshError("too large") from error
+        raise MeshError("too large for the memory") from error
     except Exception as error:  # parsers of malformed files may raise any error
         reason = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise MeshError(f"cannot be read as COLLADA: {reason}") from error
@@ -102,7 +102,7 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
     reduced = io.BytesIO(ElementTree.tostring(root))
     file = collada.Collada(reduced, ignore=[collada.DaeError])
     if file.scene is None:
-        raise MeshError("no scene")
+        raise MeshError("no scene, expected <scene>")
     meshes = [
         (name, (vertices * metres, faces))
         for name, (vertices, faces) in _meshes(file.scene, collada)

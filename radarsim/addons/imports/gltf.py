@@ -35,7 +35,7 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
     folder = meshes.parent
     file, inside = path.resolve(), folder.resolve()
     if not file.is_relative_to(inside):
-        raise wrong(path, 1, f"expected a file below the map's folder, {str(folder)!r}")
+        raise wrong(path, 1, f"expected a file inside the map's folder {str(folder)!r}")
     try:
         names = sorted({each.material or "" for each in read_surfaces(file, inside)})
         files = MeshFiles(inside, inside, MeshBudget())
@@ -50,15 +50,15 @@ def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap
     for material in described:
         if not material.name or material.name not in names:
             if material.extras:
-                text = "the extras of a material without a name, or use, are not read"
+                text = "the extras of a material that is unnamed or unused are ignored"
                 imported.note(path, 1, text)
             continue
         keys = _known_keys(path, imported, material)
         # Material names of a map file are unique, so two materials with the same name
         # need the same extras.
         if keys and own.setdefault(material.name, keys) != keys:
-            text = f"two materials are called {short_repr(material.name)}"
-            raise wrong(path, 1, f"{text}, expected the same extras")
+            text = f"two materials are named {short_repr(material.name)}"
+            raise wrong(path, 1, f"{text}, expected the same extras in both")
     materials = {}
     for name in names:  # patterns of the user have priority
         used = name or path.stem
@@ -77,10 +77,10 @@ def _known_keys(
     extras = material.extras if isinstance(material.extras, dict) else {}
     name = short_repr(material.name)
     if material.extras is not None and material.extras is not extras:
-        imported.note(path, 1, f"the extras of {name} are not read: no object")
+        imported.note(path, 1, f"the extras of {name} are ignored: not a JSON object")
     known = MaterialEntry.model_fields.keys()
     for key in extras:
         if key not in known:
-            text = f"{short_repr(key)} in the extras of {name} is not read"
+            text = f"{short_repr(key)} in the extras of {name} is ignored"
             imported.note(path, 1, text)
     return {key: value for key, value in extras.items() if key in known}

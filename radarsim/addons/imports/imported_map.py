@@ -129,7 +129,7 @@ class ImportedMap:
             shown += f" and {more} more" * (more > 0)
             lines.append(f"{self.options.default_material} by default: {shown}")
         if not self.has_floor:
-            text = "robots drive at z = 0, and rays that point down meet nothing"
+            text = "robots drive at z = 0, and rays that point down hit nothing"
             lines.append(f"no floor below the start: {text}")
         return lines
 
@@ -175,7 +175,7 @@ class ImportedMap:
             ForeignFileError: If the map is invalid or has no objects.
         """
         if not self._objects:
-            nothing = f"{self._source}: it has no object for a map"
+            nothing = f"{self._source}: no objects for a map"
             raise ForeignFileError(f"{nothing}: {self.summary()}")
         *position, yaw = self.start
         spot = {"position": rounded(position), "yaw_deg": round(yaw, 4)}
@@ -201,7 +201,7 @@ class ImportedMap:
         except MapError as error:
             first = error.problems[0].removeprefix(f"{file}:")
             reason = first.partition(": ")[2]
-            wrong = f"{self._source}: cannot become a map: {reason}"
+            wrong = f"{self._source}: cannot be converted to a map: {reason}"
             raise ForeignFileError(wrong) from error
         x, y, z = position
         self.has_floor = any(

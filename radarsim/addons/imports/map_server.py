@@ -71,8 +71,8 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:
         looked = ", ".join(repr(str(each)) for each in folders)
-        hint = "expected it there, or its folder as --model-path"
-        text = f"no picture {short_repr(keys.image)} below {looked}, {hint}"
+        hint = "expected --model-path with its folder"
+        text = f"no picture {short_repr(keys.image)} in {looked}, {hint}"
         raise wrong(path, line, text)
     brightness, is_opaque = read_picture(picture)
     probability: Floats
@@ -96,7 +96,7 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
     if options.start is None:
         found = roomiest(free)
         if found is None:
-            raise wrong(path, line, "no free cell, expected --start")
+            raise wrong(path, line, "no free cell for the start, expected --start")
         start = pose(found[0] + 0.5, found[1] + 0.5, 0.0)
         imported.start = (start.x, start.y, 0.0, math.degrees(start.yaw))
     size = [round(columns * side, 5), round(rows * side, 5), FLOOR_DEPTH]
@@ -110,10 +110,10 @@ def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMa
         imported.add(f"wall_{number}", box, middle, imported.material_of("wall"))
     for key in keys.model_extra or {}:
         at = int(file.place([key], of_key=True).rsplit(":", 2)[1])
-        imported.note(path, at, f"the key {key!r} is not read")
+        imported.note(path, at, f"the key {key!r} is ignored")
     unknown = int(np.count_nonzero(~occupied & ~free))
     if unknown:
-        imported.note(path, line, f"{unknown} cells that are unknown become free")
+        imported.note(path, line, f"{unknown} unknown cells become free cells")
     return imported
 
 

@@ -96,7 +96,7 @@ class _Importer:
             level: Number of models around the scope.
         """
         if level > MAX_LEVELS:
-            text = f"more than {MAX_LEVELS} models and includes in each other"
+            text = f"more than {MAX_LEVELS} levels of nested models and includes"
             raise scope.wrong(text)
         frames = Frames(scope, self._model_of)
         states = {each.name: each for each in state.all("model")} if state else {}
@@ -197,7 +197,7 @@ class _Importer:
             models = [*read_xml(file).all("model")]
             self._files[file] = next(iter(models), None), sum(m.size() for m in models)
             for other in models[1:]:
-                note = f"the model {other.name!r} is left out: it is not the first"
+                note = f"the model {other.name!r} is left out: only the first is read"
                 self._map.note(file, other.line, note)
                 self._map.count_model(["not the first in an included file"])
         model, size = self._files[file]
@@ -250,7 +250,7 @@ def _restored(
     if scale:
         factors = scale.numbers(3)
         if min(factors) <= 0:
-            raise scale.wrong("a scale, expected more than 0")
+            raise scale.wrong(f"a scale of {min(factors):g}, expected more than 0")
     links = {
         link.name: parse_pose(found)
         for link in state.all("link")

@@ -83,14 +83,14 @@ class Frames:
         """Return the pose of a named frame; ``user`` is the element that names it."""
         if name not in self._poses:
             if depth >= MAX_CHAIN:
-                text = f"more than {MAX_CHAIN} poses relative to each other"
+                text = f"a chain of more than {MAX_CHAIN} relative poses"
                 raise user.wrong(f"{text}, expected no loop")
             head, _, rest = name.partition("::")
             named = self._find(head)
             if named is None or (rest and named.tag != "model"):
                 text = f"<{user.tag}> {user.name!r} is left out: its pose is relative"
-                reason = "with a pose that is relative to something else"
-                raise LeftOut(user, f"{text} to {name!r}, which is not there", reason)
+                reason = "with a pose relative to a missing element"
+                raise LeftOut(user, f"{text} to {name!r}, which does not exist", reason)
             pose = self.pose(named, depth=depth + 1)
             if rest:
                 inner = self._inside(named)._frame(rest, user, depth + 1)
@@ -134,7 +134,7 @@ def parse_pose(pose: XmlElement) -> Pose3:
         x, y, z, *quaternion = pose.numbers(7)
         largest = max(map(abs, quaternion))  # the squared length may underflow
         if not largest:
-            raise pose.wrong("a quaternion of length 0")
+            raise pose.wrong("a quaternion of length 0, expected more than 0")
         rotation = Rotation.from_quat([each / largest for each in quaternion])
         with warnings.catch_warnings():  # gimbal lock sets roll to 0, with a warning
             warnings.simplefilter("ignore")

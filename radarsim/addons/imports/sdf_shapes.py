@@ -97,7 +97,7 @@ class MeshCopies:
             raise made
         name, count = made
         if self._triangles + count > MAX_TRIANGLES:
-            raise MeshError(f"{count} more triangles, expected {MAX_TRIANGLES} in all")
+            raise MeshError(f"more than {MAX_TRIANGLES} triangles in all meshes")
         self._triangles += count
         return {"mesh": name, "up_axis": "y"}
 
@@ -144,7 +144,7 @@ class MeshCopies:
             turned = np.column_stack([x, z, -y])  # y is up in GLB
             scene.add_geometry(trimesh.Trimesh(turned, faces, process=False))
         if not has_area:
-            raise MeshError("no triangle has an area")
+            raise MeshError("all triangles have an area of 0")
         content: bytes = scene.export(file_type="glb")
         self._budget.take(len(content), "bytes")
         stem = re.sub(r"[^\w-]", "_", stem, flags=re.ASCII)[:80]
@@ -161,7 +161,7 @@ class MeshCopies:
         else:
             meshes, problems = read_collada(read_bytes(file, MAX_FILE_BYTES))
             for problem in problems:
-                self._map.notes.append(place(file, 1, f"left out: {problem}"))
+                self._map.notes.append(place(file, 1, f"a part is left out: {problem}"))
         self._budget.take(sum(len(faces) for _, (_, faces) in meshes), "triangles")
         return meshes
 

@@ -45,7 +45,7 @@ def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
     except OSError as error:
         raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
     if len(content) > most:
-        raise ForeignFileError(f"{path}: expected at most {most} bytes")
+        raise ForeignFileError(f"{path}: too large, expected at most {most} bytes")
     return content
 
 
@@ -65,7 +65,7 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         if is_utf_16 or b"\0" in content:
             expected = "expected UTF-8, UTF-16 or Latin-1"
-            raise wrong(path, 1, f"bytes that are no text, {expected}") from error
+            raise wrong(path, 1, f"bytes that are not text, {expected}") from error
         text = content.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
@@ -178,7 +178,7 @@ def read_xml(path: Path) -> XmlElement:
         element = XmlElement(tag, attributes, path, parser.CurrentLineNumber)
         count += 1
         if len(open_) > MAX_DEPTH or count > MAX_ELEMENTS:
-            text = f"more than {MAX_DEPTH} levels or {MAX_ELEMENTS} elements"
+            text = f"more than {MAX_DEPTH} levels, or {MAX_ELEMENTS} elements"
             raise wrong(path, element.line, text)
         open_[-1].children.append(element)
         open_.append(element)
@@ -188,7 +188,7 @@ def read_xml(path: Path) -> XmlElement:
 
     def refuse(*_: object) -> None:
         # A document type can declare entities, which could expand to gigabytes.
-        raise wrong(path, parser.CurrentLineNumber, "a document type, expected none")
+        raise wrong(path, parser.CurrentLineNumber, "a DOCTYPE, expected none")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda _: open_.pop()
@@ -200,9 +200,9 @@ def read_xml(path: Path) -> XmlElement:
         parser.Parse(content, True)
     except expat.ExpatError as error:
         reason = expat.errors.messages[error.code]
-        raise wrong(path, error.lineno, f"no XML: {reason}") from error
+        raise wrong(path, error.lineno, f"not XML: {reason}") from error
     except ValueError as error:  # unknown encoding
-        raise wrong(path, 1, f"no XML: {error}") from error
+        raise wrong(path, 1, f"not XML: {error}") from error
     return open_[0].children[0]
 
 

@@ -73,11 +73,11 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
     body = load_robot(shipped.get(name.casefold(), BASE))
     notes = []
     if name.casefold() not in shipped:
-        notes.append(place(path, 1, f"{name} gets the body of a {BASE}"))
+        notes.append(place(path, 1, f"{name} has the size and wheels of a {BASE}"))
     items = []
     for number, key, value in sections[name]:
         if key.casefold() != "addparts":
-            notes.append(place(path, number, f"the key {key!r} is not read"))
+            notes.append(place(path, number, f"the key {key!r} is ignored"))
             continue
         part = _parse_struct(path, number, value)
         item = _item_of(path, number, part)
@@ -108,8 +108,8 @@ def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
                 return name
         raise wrong(path, 1, f"class {expected_one_of(class_name, named)}")
     if len(named) != 1:
-        kinds = ", ".join(named)[:200] or "no class"
-        text = f"{kinds} with AddParts, expected --robot with one of several"
+        kinds = ", ".join(named)[:200] or "none"
+        text = f"classes with AddParts: {kinds}; expected one, or --robot CLASS"
         raise wrong(path, 1, text)
     return named[0]
 
@@ -127,7 +127,7 @@ def _read_sections(path: Path) -> Sections:
             lines = sections.setdefault(head[1], [])
         elif key := _KEY.fullmatch(text):
             if lines is None:
-                raise wrong(path, number, "a key before the first [section]")
+                raise wrong(path, number, "a key before the first '[section]' line")
             lines.append((number, key[1], key[2].strip()))
         else:
             expected = "expected '[section]' or 'Key=Value'"

@@ -273,7 +273,7 @@ class BagReader:
             if isinstance(record, Metadata) and record.name == INFORMATION:
                 self.info = RecordingInfo.from_text(record.metadata)
                 return
-        raise RecordingError(f"{self.path}: expected a recording of radarsim")
+        raise RecordingError(f"{self.path}: not a recording of radarsim")
 
     @property
     def is_being_written(self) -> bool:
@@ -339,7 +339,7 @@ def decode_call(type_: str, message: bytes) -> RunEvent:
         data = octets.data.tobytes()
         return RunEvent(EventType[name.upper()], int(tick), int(client), data)
     except (LookupError, ValueError) as error:
-        text = f"call {error}, expected one of radarsim"
+        text = f"not a call that radarsim recorded: {error}"
         raise RecordingError(text) from error
 
 

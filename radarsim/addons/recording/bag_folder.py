@@ -142,7 +142,7 @@ class RecordingInfo(BaseModel):
             return cls.model_validate(read)
         except (ValidationError, ValueError) as error:
             text = f"metadata {sorted(record)} of the recording"
-            raise RecordingError(f"{text}, expected those of radarsim") from error
+            raise RecordingError(f"{text}, expected radarsim's keys") from error
 
 
 def check_map(info: RecordingInfo, name: str) -> None:
@@ -264,12 +264,12 @@ def find_file(folder: Path) -> Path:
         return files[0]
     if is_there:
         return expected
-    reason = "no recording in it" if folder.is_dir() else "no such recording"
+    reason = "not a recording" if folder.is_dir() else "no such recording"
     instead = "the folder of a recording, with one file *.mcap"
     if folder.suffix == ".mcap" and folder.is_file():
         reason += f" (did you mean {str(folder.parent)!r}?)"
     elif inside := _recordings_in(folder):
-        instead = f"one of those in it: {list_names(inside)}"
+        instead = f"one of its folders {list_names(inside)}"
     else:
         reason += did_you_mean(folder.name, _recordings_in(folder.parent))
     raise RecordingError(f"{folder}: {reason}, expected {instead}")

@@ -72,11 +72,11 @@ def decode(type_: str, data: bytes, expected: type[_Message]) -> _Message:
         ValueError: If the message has another type, or is truncated.
     """
     if type_ != expected.__msgtype__:
-        raise ValueError(f"message of {type_!r}, {expected.__msgtype__} expected")
+        raise ValueError(f"message of type {type_!r}, expected {expected.__msgtype__}")
     try:
         return cast(_Message, typestore().deserialize_cdr(data, type_))
     except (SerdeError, ValueError, struct.error) as error:
-        raise ValueError(f"{type_} {error}, expected a whole message") from error
+        raise ValueError(f"{type_}: {error}, expected a complete message") from error
 
 
 def definition_of(type_: str) -> str:

@@ -95,15 +95,15 @@ def _verify(bag: BagReader, map_: str | None) -> int:
         print_message(f"{bag.folder}: differs at {result.difference}")
         if info.radar_model != RADAR_MODEL:
             print_message(
-                f"recorded with revision {info.radar_model} of the radar model, this is"
-                f" revision {RADAR_MODEL}: what FMCW radars detect is different"
+                f"recorded with revision {info.radar_model} of the radar model, now it"
+                f" is revision {RADAR_MODEL}: FMCW radars detect different targets"
             )
         return 1
     if not bag.is_complete:
         print_message(f"{bag.folder}: {end_text(bag)}")
     click.echo(
         f"{bag.folder}: {result.ticks / 100:g} s of {result.clients} clients,"
-        f" {result.bytes} bytes: all the same"
+        f" {result.bytes} bytes: identical"
     )
     return 0
 
@@ -111,7 +111,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
 def end_text(bag: BagReader) -> str:
     """Return a message on why a recording is incomplete, and how to repair it."""
     if bag.is_being_written:
-        return "it is still being recorded, and was read as far as it goes"
+        return "it is still being recorded; the part written so far was read"
     return f"it is truncated; 'radarsim recording repair {bag.folder}' repairs it"
 
 

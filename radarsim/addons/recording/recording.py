@@ -352,4 +352,4 @@ def load_recording(folder: Path | str) -> Recording:
 
 
 def _not_ours(folder: Path, error: Exception) -> RecordingError:
-    return RecordingError(f"{folder}: {error}, expected topics of radarsim")
+    return RecordingError(f"{folder}: {error}, expected topics of a radarsim run")

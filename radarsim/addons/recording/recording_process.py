@@ -121,7 +121,7 @@ class RecordingProcess:
             self.has_ended = True
             behind = MAX_WAITING // 2**20
             log.warning(
-                "recording ends: it is %d MB behind; the server goes on", behind
+                "recording ends: %d MB wait to be written; the server goes on", behind
             )
 
     def close(self) -> bool:
@@ -137,7 +137,7 @@ class RecordingProcess:
             # A disk that hangs must not block the server.
             self._process.kill()
             self._process.wait()
-            log.warning("%s: not complete after %g s", self.folder, END_TIMEOUT)
+            log.warning("recording %s: incomplete after %g s", self.folder, END_TIMEOUT)
         return is_whole and self._process.returncode == 0
 
     def _is_behind(self) -> bool:
@@ -189,7 +189,7 @@ def record_host(
 
     def complete() -> None:
         if not process.close():
-            raise RecordingError(f"{folder} is not complete; the log says why")
+            raise RecordingError(f"{folder} is incomplete; the log has the reason")
 
     return complete
 

@@ -72,7 +72,7 @@ class Board:
         """
         if topic not in self.drivers:
             known = ", ".join(self.drivers) or "none, see --robot"
-            raise ValueError(f"{topic[:80]!r}, expected a topic of: {known}")
+            raise ValueError(f"{topic[:80]!r}, expected a robot's topic: {known}")
         return self.drivers[topic]
 
 
@@ -129,7 +129,7 @@ class BoardClient:
         try:
             self._take(data)
         except WRONG as error:
-            reason = f"nothing for {error}" if isinstance(error, KeyError) else error
+            reason = f"no key {error}" if isinstance(error, KeyError) else error
             self.complain(f"{data[:80]!r} is not understood: {reason}")
 
     def complain(self, text: str) -> None:
@@ -140,7 +140,7 @@ class BoardClient:
         """Subscribe to a topic; return its last message, encoded, if it is latched."""
         # The limit bounds the memory for clients that subscribe without end.
         if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
-            raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
+            raise ValueError(f"too many subscriptions, expected at most {MOST_ENTRIES}")
         self._subscriptions.setdefault(topic, {})[key] = interval
         return self._board.latched(topic)
 

@@ -268,7 +268,7 @@ async def read_pictures(
         reader, writer = await asyncio.open_connection(*server)
     except OSError as error:
         text = f"{place}: {describe_os_error(error)}"
-        raise ClientError(f"{text}, expected 'radarsim serve --image-port'") from error
+        raise ClientError(f"{text}, expected a server with --image-port") from error
     try:
         while True:
             due = loop.time() + interval
@@ -276,7 +276,7 @@ async def read_pictures(
             head = await reader.readexactly(5)
             image_type, size = struct.unpack(">BI", head)
             if size > LARGEST_PICTURE:
-                raise ClientError(f"{place}: {size} bytes, expected a picture")
+                raise ClientError(f"{place}: a picture of {size} bytes is too large")
             take(as_jpeg(image_type, await reader.readexactly(size)))
             await asyncio.sleep(due - loop.time())
     except (OSError, asyncio.IncompleteReadError, ValueError) as error:
@@ -368,7 +368,7 @@ async def _watch(client: AsyncClient, topics: LiveTopics) -> None:
         reports = await client.read(math.inf)
         for report in reports:
             if isinstance(report, CommandError):
-                raise ClientError(f"the server says: {report.text}")
+                raise ClientError(f"the server reports an error: {report.text}")
         asked = topics.take(reports)
         if asked:
             await client.send(asked)

@@ -64,8 +64,8 @@ class DdsParticipant:
             self._domain = Domain(domain, config)  # lives as long as this object
             self._participant = DomainParticipant(domain)
         except core.DDSException as error:
-            text = f"no DDS on interface {interface!r} in domain {domain}"
-            raise ServerError(f"{text}, expected one of this machine") from error
+            text = f"no DDS on {interface!r} in domain {domain}, expected an interface"
+            raise ServerError(f"{text} of this machine") from error
         self._writers: dict[str, DataWriter[IdlStruct]] = {}
         self._readers: list[tuple[DataReader[Any], DriveCallback]] = []
 

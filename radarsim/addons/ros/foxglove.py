@@ -150,7 +150,7 @@ class FoxgloveClient(BoardClient):
         # topics that they may publish.
         for each in message["channels"]:
             if len(self._own) >= MOST_ENTRIES:
-                raise ValueError(f"expected at most {MOST_ENTRIES} topics")
+                raise ValueError(f"too many topics, expected at most {MOST_ENTRIES}")
             number, topic = int(each["id"]), str(each["topic"])[:LONGEST_NAME]
             type_ = full_name(str(each["schemaName"])[:LONGEST_NAME])
             self._own[number] = topic, str(each["encoding"])[:LONGEST_NAME], type_

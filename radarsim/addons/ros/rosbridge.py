@@ -54,7 +54,7 @@ def _id_of(message: Json) -> str:
     """Return the id of a subscription as JSON text, in which 1 and "1" differ."""
     text = json.dumps(message.get("id"))
     if len(text) > LONGEST_NAME:
-        raise ValueError(f"an id of {len(text)} characters, expected {LONGEST_NAME}")
+        raise ValueError(f"id of {len(text)} characters, expected up to {LONGEST_NAME}")
     return text
 
 
@@ -135,7 +135,7 @@ class RosbridgeClient(BoardClient):
     def _subscribe(self, message: Json) -> None:
         topic = str(message["topic"])
         if len(topic) > LONGEST_NAME:
-            raise ValueError(f"a topic of {len(topic)} characters, expected a name")
+            raise ValueError(f"topic {topic[:80]!r}, expected a shorter name")
         # The throttle rate is in ms; some clients send null for 0.
         interval = float(message.get("throttle_rate") or 0) / 1000
         latched = self._add_subscription(topic, _id_of(message), interval)

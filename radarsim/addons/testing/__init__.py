@@ -93,7 +93,7 @@ class UsarsimClient:
     def send(self, line: str) -> None:
         """Append CRLF to a line of text, and send the line to the server."""
         if "\r" in line or "\n" in line:
-            raise ValueError(f"line {line[:80]!r}, expected no line end in it")
+            raise ValueError(f"line {line[:80]!r}, expected no line break in it")
         self._socket.settimeout(TIMEOUT)
         self._socket.sendall(line.encode("latin-1") + b"\r\n")
 
@@ -187,7 +187,7 @@ def _options(item: pytest.Item, map_: str | Path) -> dict[str, Any]:
     options: dict[str, Any] = {"map": map_}
     for mark in reversed(list(item.iter_markers("usarsim"))):
         if mark.args:
-            raise ValueError(f"mark usarsim{mark.args!r}, expected options by name")
+            raise ValueError(f"mark usarsim{mark.args!r}, expected keyword arguments")
         options |= mark.kwargs
     return options
 

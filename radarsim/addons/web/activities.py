@@ -232,7 +232,7 @@ class Activities:
 
     def _run(self, task: RobotClient, work: Work) -> None:
         """Run a task in its own thread, and report how it ended."""
-        state, text = "failed", "an error of the program"
+        state, text = "failed", "an error in radarsim"
         try:
             text = work(task, self._send_threadsafe)
             state = "done"

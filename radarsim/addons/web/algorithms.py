@@ -270,7 +270,7 @@ class MapMaker:
                     grid = self._mapper.grid
                     self._send(describe_map(self._robot.name, grid, self.colours))
         except RadarsimError as error:
-            log.warning("the map of %s ends: %s", self._robot.name, error)
+            log.warning("mapping with %s ended: %s", self._robot.name, error)
 
 
 def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:

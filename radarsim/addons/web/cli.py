@@ -212,7 +212,7 @@ def conditions_of(
             check_map(info, name)
             drawn = name
         except (MapError, OSError, RecordingError) as error:
-            print_message(f"no map is drawn: {error}; --draw names one")
+            print_message(f"no map is drawn: {error}; --draw MAP selects one")
     return info.config(), drawn
 
 
@@ -341,4 +341,4 @@ class CommanderExtension(ServeExtension):
         code = process.wait()
         if not self._is_stopping:
             how = f"exit code {code}" if code >= 0 else f"signal {-code}"
-            print_message(f"the commander has ended ({how}); there is no page any more")
+            print_message(f"the commander has ended ({how}), and with it the page")

@@ -135,7 +135,7 @@ class Commander:
             RadarsimError: If that is not possible; the browser is sent its message.
         """
         if request.op not in self._handlers:
-            raise BadRequest(f"{request.op} is not possible here")
+            raise BadRequest(f"{request.op!r} is not possible on this page")
         self._handlers[request.op](viewer, request)
 
     # Handlers of requests

@@ -191,7 +191,7 @@ def find_refusal(robot: RobotInfo) -> str | None:
         return "it has no range scanner"
     if Bumpers(safety_distance=1.0).blind(scanner.angles + scanner.mount.yaw):
         seen = f"{scanner.name} sees {math.degrees(scanner.fov):.0f}\N{DEGREE SIGN}"
-        return f"{seen}, not a full circle as that of a {FIRST_CLASS}"
+        return f"{seen}, expected a full circle as on a {FIRST_CLASS}"
     return None
 
 

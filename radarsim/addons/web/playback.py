@@ -104,7 +104,7 @@ class RecordedLines:
         self.robots = _find_robots(self._calls(TO_SERVER, None, None), self.end)
         first = next(self._calls(TO_CLIENT, None, None), None)
         if first is None:
-            text = f"{self._path} has no data for clients, expected a robot"
+            text = f"{self._path}: nothing was sent to clients, expected data of robots"
             raise RecordingError(text)
         self.start = seconds(first.tick)
 
@@ -153,7 +153,7 @@ class RecordedLines:
 
     def _describe(self, problem: str) -> str:
         command = f"radarsim recording repair {self._path.parent}"
-        return f"{self._path} {problem}; {command!r} keeps what can be read"
+        return f"{self._path} {problem}; {command!r} keeps its readable part"
 
 
 def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
@@ -244,7 +244,7 @@ class Playback(Link):
         """See ``Link.seek``."""
         start, end = self._recording.start, self._recording.end
         if not start <= request.t <= end:
-            raise BadRequest(f"t {request.t}, expected {start:g} to {end:g} s")
+            raise BadRequest(f"time {request.t} s, expected {start:g} to {end:g} s")
         self._go(request.t)
         self.on_time()
 

@@ -64,7 +64,7 @@ class RecordingSwitch:
             if self.state["on"] and self._task is not None:
                 self._task.cancel()
         elif self._server is None:
-            raise BadRequest("a recording is played, expected a server to record")
+            raise BadRequest("a recording is being played; only servers are recorded")
         elif self._task is None:
             check_installed()
             self._task = asyncio.ensure_future(self._record(self._server))
@@ -127,7 +127,7 @@ class RecordingSwitch:
             process = await asyncio.to_thread(RecordingProcess, folder, info)
             recorder = WatchRecorder(process.add)
             try:
-                self._send_state(True, f"Records to {folder}")
+                self._send_state(True, f"Recording to {folder}")
                 while not process.has_ended:
                     asked = map(recorder.take, await client.read(math.inf))
                     await client.send(b"".join(asked))

@@ -185,7 +185,7 @@ class RobotView(RobotState):
         # A radar cannot become a laser, because most settings would change their
         # meaning.
         if key == "medium":
-            raise BadRequest("medium: cannot be changed here")
+            raise BadRequest("the setting 'medium' cannot be changed here")
         settings = {"medium": scanner.medium, **scanner.settings, key: value}
         try:  # strict JSON mode takes arrays for tuples, but no texts for numbers
             changed = SensorSettings.model_validate_json(

@@ -228,7 +228,7 @@ class Robots:
                 self._forget(robot)
                 # The browser that drives the robot gets an error, and all other
                 # browsers a notice.
-                text = f"the robot {robot.name!r} is gone: {error}"
+                text = f"the robot {robot.name!r} was lost: {error}"
                 for viewer in self._viewers:
                     op = "error" if robot.driver == viewer.name else "notice"
                     viewer.send({"op": op, "text": text})

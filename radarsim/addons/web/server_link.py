@@ -29,8 +29,8 @@ RETRY: Final = 1.0  # s between two attempts to connect
 ASK_AGAIN: Final = 5.0  # s before the next request, if the server refuses to be watched
 ANSWER: Final = 5.0  # s; timeout for an answer of the server
 FOREIGN: Final = (
-    "this page has not started the server; 'radarsim serve MAP --web PORT' has a page"
-    " that can"
+    "this page did not start the server; the page of 'radarsim serve MAP --web PORT'"
+    " can change it"
 )
 
 
@@ -112,7 +112,7 @@ class Link:
         Raises:
             BadRequest: If this is no recording.
         """
-        raise BadRequest("only a recording can be played from another time")
+        raise BadRequest("only a recording can jump to another time")
 
     def watch(self, echoes: Iterable[str] | None) -> None:
         """Watch all robots from now on, or stop watching.

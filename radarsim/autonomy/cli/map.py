@@ -115,7 +115,7 @@ def _check_combination(
         raise click.UsageError("missing: one of MAP and --connect")
     is_random = plan.strategy is StrategyName.TURN_AWAY
     if where.seed and where.map is None and not is_random:
-        text = "expected MAP or --strategy turn_away with it"
+        text = "needs MAP or --strategy turn_away"
         raise click.BadParameter(text, param_hint="--seed")
     if where.watch is not None:
         default = ExplorationPlan()
@@ -129,7 +129,7 @@ def _check_combination(
             "--plot": files.plot,
             "--foliage-density": plan.foliage_density,
         }
-        text = "expected no --watch with it, where another client drives"
+        text = "cannot be combined with --watch, where another client drives"
         for name, value in driving.items():
             if value:
                 raise click.BadParameter(text, param_hint=name)

@@ -135,8 +135,8 @@ class MapFiles:
             check_writable(path, "OUT")
             is_served = _is_same(path, served)
             if is_served or (path.is_file() and not _is_ours(path)):
-                what = "the simulated map" if is_served else "of another program"
-                text = f"would overwrite {path}, which is {what}, expected -o OUT"
+                what = "the simulated map" if is_served else "another program's file"
+                text = f"would overwrite {path}, which is {what}, expected another OUT"
                 raise click.BadParameter(text, param_hint="-o")
         check_film(self.options.film)
         check_picture(self.options.plot)

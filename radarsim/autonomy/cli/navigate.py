@@ -66,7 +66,7 @@ class NavigationFiles(RunFiles):
         if self.trace is not None:
             check_writable(self.trace, "--trace")
             if self.trace.exists() and not _is_trace(self.trace):
-                text = f"{self.trace} is not a trace by radarsim, expected another file"
+                text = f"{self.trace} exists and is not a trace, expected another name"
                 raise click.BadParameter(text, param_hint="--trace")
         check_picture(self.plot)
         check_film(self.film)

@@ -33,7 +33,7 @@ def _read_names(text: str) -> tuple[str, ...]:
     """Read names separated by commas, without duplicates."""
     names = [name.strip() for name in text.split(",")]
     if not all(names):
-        raise ValueError(f"{text!r}, expected names")
+        raise ValueError(f"{text!r}, expected names separated by commas")
     return tuple(dict.fromkeys(names))
 
 
@@ -87,7 +87,7 @@ def trials(
         return
     Console().print(_table(scores))
     click.echo(
-        "path in truth, ratio to the shortest; means, but touches are all that were"
+        "means of the true path and its ratio to the shortest; touches are totals"
     )
     for score in scores:
         if not score.is_correct:
@@ -111,7 +111,7 @@ def _check(
         except MapError as error:
             if name in MAPS or Path(name).exists():
                 raise
-            text = f"{error}; those made for trials are {list(MAPS)}"
+            text = f"{error}; maps made for trials are {list(MAPS)}"
             raise MapError([text]) from None
     for hint, names, enum in (
         ("--algorithms", algorithms, Algorithm),

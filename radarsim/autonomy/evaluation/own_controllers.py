@@ -116,8 +116,8 @@ class _TrialSimulation(LocalSimulation):
         self._commands += 1
         if self._commands > MOST_COMMANDS:
             raise ValueError(
-                f"{MOST_COMMANDS} commands and no time has passed, expected a call of"
-                " robot.simulation.step"
+                f"{MOST_COMMANDS} commands at the same simulated time, expected a call"
+                " of robot.simulation.step"
             )
         return super().receive(number, data)
 
@@ -269,7 +269,7 @@ def _check_seeds(seeds: int | Sequence[int]) -> Sequence[int]:
     if isinstance(seeds, int):
         return range(seeds)
     if not isinstance(seeds, Sequence | np.ndarray):
-        text = "expected their number, or a list of them"
+        text = "expected a number of seeds, or a list of seeds"
         raise TypeError(f"seeds {seeds!r}, {text}")
     for seed in seeds:
         generator_for(seed)

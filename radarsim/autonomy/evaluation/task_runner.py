@@ -254,7 +254,7 @@ def count_threads(client: Any, address: str, report: Callable[[str], None]) -> i
             client.wait_for_workers(1, timeout=_WITHOUT_WORKERS)
         return sum(client.nthreads().values())
     except TimeoutError:
-        why = f"no workers for {_WITHOUT_WORKERS} s, expected some"
+        why = f"no workers for {_WITHOUT_WORKERS} s, expected at least one"
     except (OSError, RuntimeError) as error:
         why = f"the connection is lost: {error}"
     kept = "results so far are kept for --resume"

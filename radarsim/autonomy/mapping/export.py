@@ -145,7 +145,7 @@ def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
     """
     sensed = grid.sensed_cells()
     if not sensed.size:
-        raise ValueError("a map without cells, expected at least one scan in it")
+        raise ValueError("an empty map, expected a map of at least one scan")
     near = grid.short_range_cells() | (grid.classes() > CellClass.FREE)
     size = grid.frame.resolution
     return _sensed_span(sensed, near, 0, size), _sensed_span(sensed, near, 1, size)

@@ -227,7 +227,7 @@ class Mapper(ScanReader):
         if self.missing != self._missing_pose:
             return ""
         others = self._sources - {self.slam.motion_source}
-        return f"expected motion from {' or '.join([*sorted(others), 'none'])}"
+        return f"set the motion source to {' or '.join([*sorted(others), 'none'])}"
 
     def finish(self) -> None:
         """Complete the map, if it is being rebuilt after a loop closure."""

@@ -196,7 +196,7 @@ class OccupancyGrid:
         # Infinite numbers and nan would give arbitrary
         # cells, and the map would grow to contain them.
         if not np.isfinite(ends).all():
-            raise ValueError("beams with angles or ranges that are no finite numbers")
+            raise ValueError("angles or ranges of beams are not finite numbers")
         self._extend(sensor.x, sensor.y, ends)
         size = self.frame.resolution
         hits = scan.hits

@@ -64,7 +64,7 @@ def trajectory_errors(
     if len(known):
         inside = (times >= known.min()) & (times <= known.max())
     if not inside.any():
-        raise ValueError("estimate and ground truth have no time in common")
+        raise ValueError("estimate and ground truth do not overlap in time")
     poses, true = estimate.rows()[inside], _interpolated(truth, times[inside])
     off = np.hypot(poses[:, 0] - true[:, 0], poses[:, 1] - true[:, 1])
     turned = _wrapped(poses[:, 2] - true[:, 2])

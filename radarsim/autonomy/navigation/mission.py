@@ -116,7 +116,7 @@ def safety_distance_for(
     if wanted is None:
         return least + MARGIN
     if wanted < least:
-        foliage = f" and {penetration_depth:.2f} m seen into foliage"
+        foliage = f" plus the view of {penetration_depth:.2f} m into foliage"
         foliage *= penetration_depth > 0
         raise NavigationError(
             f"safety distance {wanted:g} m, expected at least {least:.3f} m,"
@@ -146,5 +146,5 @@ def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
         raise NavigationError(
             f"scanner {scanner.name!r} sees {math.degrees(scanner.fov):.0f} degrees, so"
             f" the bumpers {', '.join(blind)} are blind;"
-            f" expected a full circle, as {ROBOT} has it"
+            f" expected a full circle, as on a {ROBOT}"
         )

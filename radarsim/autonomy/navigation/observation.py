@@ -315,7 +315,7 @@ class ObservationBuilder(ScanReader):
         names = [source.value for source in PoseSource if source in self._others]
         if self._pose is not None or not names:
             return ""
-        return f"expected poses from {' or '.join(names)}"
+        return f"set the pose source to {' or '.join(names)}"
 
     def _take_other(self, report: Report) -> None:
         if isinstance(report, Touch):

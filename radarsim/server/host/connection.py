@@ -199,7 +199,7 @@ class Client:
             return "an HTTP request, expected commands"
         is_deaf = self.send_queue.overflowed or self.watch_queue.overflowed
         if self.lines.overflow is not None or is_deaf:
-            return "endless line or unread answers"
+            return "a line without end, or answers not read by the client"
         return ""
 
 

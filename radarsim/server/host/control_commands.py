@@ -30,7 +30,7 @@ def control(
     """
     if not client.controls:
         expected = f"expected INIT of {CONTROLLER}"
-        text = f"CONTROL by a client that is no controller, {expected}"
+        text = f"CONTROL by a client that is not a controller, {expected}"
         return Diagnostic("no controller", text)
     crates, problem = simulation.crates, None
     match command.action:

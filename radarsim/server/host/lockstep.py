@@ -108,4 +108,4 @@ class InProcessTransport:
 
     def _require_open(self) -> None:
         if not self._open:
-            raise ConnectionError("the link is closed")
+            raise ConnectionError("the connection is closed")

@@ -172,7 +172,7 @@ class Spawner:
         pose, scene = vehicle.robot.pose, self.simulation.scene
         if (pose.x, pose.y) != (requested.x, requested.y):
             moved = f"from {_place(requested)} to {_place(pose)}"
-            text = f"INIT moved {moved}, the nearest free place"
+            text = f"INIT: robot moved {moved}, the nearest free place"
             return Diagnostic("moved", text)
         (x_min, y_min), (x_max, y_max) = scene.bounds[:, :2].tolist()
         is_inside = x_min <= pose.x <= x_max and y_min <= pose.y <= y_max
@@ -205,7 +205,7 @@ class Spawner:
         if start is not None:
             return Pose2(start.pose.x, start.pose.y, start.pose.yaw), None
         names = [start.name for start in scene.starts]
-        text = f"start {expected_one_of(command.start, names)}; taken as the origin"
+        text = f"start {expected_one_of(command.start, names)}; the origin is used"
         return Pose2(0.0, 0.0), Diagnostic("start", text)
 
 

@@ -120,7 +120,7 @@ def test_images_without_notes_have_the_bins_of_their_readers(tmp_path: Path) -> 
         Image.fromarray(np.eye(576, 400, dtype=np.uint8)).save(
             tmp_path / "Navtech_Polar" / name
         )
-    with pytest.raises(ValueError, match=r"no line of the image 000002\.png"):
+    with pytest.raises(ValueError, match=r"no line for the image 000002\.png"):
         next(load_turns(tmp_path, "radiate"))
     (tmp_path / "Navtech_Polar" / "000002.png").unlink()
     (read,) = load_turns(tmp_path, "radiate")

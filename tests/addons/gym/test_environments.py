@@ -174,13 +174,13 @@ def test_wrong_masks_are_reported(mask: Any) -> None:
 def test_step_before_reset_is_an_error() -> None:
     single, vector = GoToEnv(**FAST), VectorEnv(2, map=["empty_room"] * 2, **FAST)
     ahead = np.ones(2, np.float32)
-    with pytest.raises(ResetNeeded, match="step before reset"):
+    with pytest.raises(ResetNeeded, match="called before reset"):
         single.step(ahead)
-    with pytest.raises(ResetNeeded, match="step before reset"):
+    with pytest.raises(ResetNeeded, match="called before reset"):
         vector.step(np.ones((2, 2), np.float32))
-    with pytest.raises(ResetNeeded, match="expected reset of all first"):
+    with pytest.raises(ResetNeeded, match="before the first reset of all"):
         vector.reset(options={"reset_mask": np.array([True, False])})
-    with pytest.raises(ResetNeeded, match="step before reset"):
+    with pytest.raises(ResetNeeded, match="called before reset"):
         ParallelEnv(2, **FAST).step({"robot_0": ahead, "robot_1": ahead})
     vector.reset(options={"reset_mask": np.array([True, True])})
     vector.step(np.ones((2, 2), np.float32))
@@ -296,7 +296,7 @@ def test_random_places_are_free_and_can_be_reached(two_rooms: str) -> None:
         ({"goal": "map", "map": "empty_room"}, "no trial"),
         ({"decision_period": 0.0}, "period"),
         ({"decision_period": 20_000.0}, "period"),
-        ({"robot": "Sedan"}, "steers as a car does"),
+        ({"robot": "Sedan"}, "has car-like steering"),
         ({"max_steps": 0}, "max_steps"),
         ({"beam_values": ["colour"]}, "beam_values"),
         ({"render_mode": "ansi"}, "'ansi', expected rgb_array, human or None"),

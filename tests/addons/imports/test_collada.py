@@ -106,7 +106,7 @@ def test_wrong_file_is_reported(name: str) -> None:
     with pytest.raises(MeshError) as caught:
         read_collada(WRONG[name].encode())
     assert "\n" not in str(caught.value)
-    assert ("document type" in str(caught.value)) == (name in DOCTYPES)
+    assert ("DOCTYPE" in str(caught.value)) == (name in DOCTYPES)
 
 
 def test_number_of_elements_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -107,7 +107,7 @@ def test_unread_extras_are_reported(import_file: Import, tmp_path: Path) -> None
     )
     path.write_text(json.dumps(tree(*materials)))
     lines = import_file(path).text.splitlines()
-    for word in ("'season'", "'B'", "without a name"):
+    for word in ("'season'", "'B'", "unnamed"):
         assert sum(word in line for line in lines) == 1
     assert len(lines) == 3
 

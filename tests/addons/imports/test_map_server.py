@@ -112,10 +112,10 @@ def test_picture_may_be_below_the_model_path(
     path.write_text(KEYS.replace("plan.pgm", image))
     refused = import_file(path)
     assert refused.code == 1
-    assert f"{path}:1: no picture '{image}' below '{tmp_path}/site'" in refused.err
+    assert f"{path}:1: no picture '{image}' in '{tmp_path}/site'" in refused.err
     assert "--model-path" in refused.err
     other = import_file(path, "--model-path", str(tmp_path / "site"))
-    assert f"below '{tmp_path}/site', '{tmp_path}/site', expected" in other.err
+    assert f"in '{tmp_path}/site', '{tmp_path}/site', expected" in other.err
     assert import_file(path, "--model-path", str(tmp_path / model_path)).code == 0
 
 
@@ -160,8 +160,8 @@ def test_unknown_cells_and_unread_keys_are_reported(
     path = write_plan(tmp_path, PLAN.replace("..", ".?"), KEYS + "floor: 2\n")
     assert import_file(path, "--strict").code == 1
     done = import_file(path)
-    assert "7: the key 'floor' is not read" in done.text
-    assert "cells that are unknown become free" in done.text
+    assert "7: the key 'floor' is ignored" in done.text
+    assert "unknown cells become free" in done.text
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -183,5 +183,5 @@ def test_command_on_a_map_of_map_server_names_the_import(
     path = write_plan(tmp_path)
     run = run_in_process(command, str(path), *["--port", "0"] * (command == "serve"))
     assert run.code == 1
-    text = "a map of map_server, expected one that 'radarsim import' makes of it"
+    text = "a map of ROS map_server, which 'radarsim import' can convert"
     assert f"{path}:1:8: image: {text}" in run.err + run.text

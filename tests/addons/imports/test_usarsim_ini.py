@@ -99,9 +99,9 @@ def test_omissions_are_reported(tmp_path: Path) -> None:
     words = ("import", str(path), "-o", str(tmp_path / "b.yaml"))
     printed = run_in_process(*words).text.splitlines()
     assert printed == [
-        f"{path}:1: Tarantula gets the body of a P3AT",
+        f"{path}:1: Tarantula has the size and wheels of a P3AT",
         f"{path}:6: a part of class 'USARCamera' is left out",
-        f"{path}:9: the key 'MaxSpeed' is not read",
+        f"{path}:9: the key 'MaxSpeed' is ignored",
     ]
 
 

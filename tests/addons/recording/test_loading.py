@@ -142,7 +142,7 @@ def test_other_messages_are_refused(tmp_path: Path) -> None:
     message = string("/R1/laser/scan", "no scan")
     writer.write(BagMessage(message.topic, message.type, encode(message), 0))
     writer.close()
-    with pytest.raises(RecordingError, match="expected topics of radarsim"):
+    with pytest.raises(RecordingError, match="expected topics of a radarsim run"):
         radarsim.load_recording(tmp_path / "run")
 
 

@@ -119,7 +119,7 @@ def test_recording_of_another_radar_model_says_why_it_differs(
     assert done.code == 1
     printed = " ".join(done.err.split())
     assert "differs at" in printed
-    is_reported = "what FMCW radars detect is different" in printed
+    is_reported = "FMCW radars detect different targets" in printed
     assert is_reported is (revision != RADAR_MODEL)
 
 

@@ -68,7 +68,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_run_over_tcp_is_repeated_to_the_byte(recorded: Path) -> None:
     done = run_in_process("replay", str(recorded), "--verify")
     assert done.code == 0, done.err
-    assert "all the same" in done.text
+    assert "identical" in done.text
 
 
 def test_other_map_is_refused(recorded: Path) -> None:

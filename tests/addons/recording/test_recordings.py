@@ -231,7 +231,7 @@ def test_wrong_folder_suggests_its_neighbours(bag: Path, tmp_path: Path) -> None
     for wrong, expected in {
         runs / "munday": r"no such recording \(did you mean 'monday'\?\), .* \*\.mcap$",
         runs / "friday_noon": r"no such recording, .* \*\.mcap$",
-        runs: "no recording in it, expected one of .*'monday', 'tuesday'",
+        runs: "not a recording, expected one of .*'monday', 'tuesday'",
         next(
             right.glob("*.mcap")
         ): rf"no such recording \(did you mean '{right}'\?\), ",
@@ -248,8 +248,8 @@ def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_other_files_are_no_recordings(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="no recording in it, expected the folder"):
+    with pytest.raises(RecordingError, match="not a recording, expected the folder"):
         BagReader(tmp_path)
     (tmp_path / file_name(tmp_path)).write_bytes(b"not MCAP")
-    with pytest.raises(RecordingError, match="expected a recording of radarsim"):
+    with pytest.raises(RecordingError, match="not a recording of radarsim"):
         BagReader(tmp_path)

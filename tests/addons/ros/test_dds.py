@@ -196,7 +196,7 @@ def test_unknown_interface_is_refused() -> None:
     pytest.importorskip("cyclonedds")
     from radarsim.addons.ros.dds import DdsParticipant
 
-    with pytest.raises(ServerError, match="no DDS on interface 'no_such_0'"):
+    with pytest.raises(ServerError, match="no DDS on 'no_such_0'"):
         DdsParticipant(DOMAIN, "no_such_0")
 
 

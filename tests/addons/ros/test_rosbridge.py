@@ -278,7 +278,7 @@ def test_subscriptions_of_a_topic_end_by_their_ids() -> None:
     assert not client.wants("/a")
     client.waiting.clear()
     client.receive(json.dumps({"op": "subscribe", "topic": "/a", "id": "x" * 1000}))
-    assert "an id of 1002 characters" in client.waiting[0]
+    assert "id of 1002 characters" in client.waiting[0]
 
 
 def test_pages_of_other_sites_are_refused() -> None:

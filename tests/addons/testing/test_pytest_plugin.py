@@ -193,7 +193,7 @@ def test_server_that_cannot_start_fails_the_setup_with_one_line(
             f"{start}dialect: None, expected 'compat' or 'udk'",
             f"{start}settings.lms200: 5, expected keys with values",
             f"{start}settings: 'max_range=5', expected keys with values",
-            f"{start}mark usarsim('forest',), expected options by name",
+            f"{start}mark usarsim('forest',), expected keyword arguments",
         ]
     )
     result.stdout.no_fnmatch_line("*another exception*")
@@ -358,7 +358,7 @@ def test_closed_connection_is_a_connection_error(peer: Peer) -> None:
 def test_line_is_sent_with_crlf_and_has_no_line_end_itself(peer: Peer) -> None:
     end, client = peer
     for line in ("DRIVE\r\n", "A\nB", "\r"):
-        with pytest.raises(ValueError, match="expected no line end in it"):
+        with pytest.raises(ValueError, match="expected no line break in it"):
             client.send(line)
     client.send("DRIVE {Left 1}")
     assert end.recv(100) == b"DRIVE {Left 1}\r\n"

@@ -148,7 +148,7 @@ async def test_impossible_values_are_reported(page: Page) -> None:
         ({"op": "nonsense"}, "nonsense"),
         ({"op": "record", "on": "x"}, "on"),
         ({"op": "spawn", "class": "P3AT", "start": "a", "pose": [0, 0, 0]}, "only one"),
-        ({"op": "hello", "token": "again"}, "not possible here"),
+        ({"op": "hello", "token": "again"}, "not possible on"),
     ]
     for message, text in cases:
         await page.send(**message)

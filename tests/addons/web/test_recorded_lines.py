@@ -110,7 +110,7 @@ def test_a_run_in_which_nobody_was_sent_anything_is_refused(
     events = [event for event in run.events if event.type >= EventType.WAIT]
     events = [event for event in events if event.type <= EventType.END]
     recorded_runs.write_run(run._replace(events=events), tmp_path / "run")
-    expected = pytest.raises(RecordingError, match="expected a robot")
+    expected = pytest.raises(RecordingError, match="nothing was sent")
     with expected, opened(tmp_path / "run"):
         pass
 

@@ -90,7 +90,7 @@ async def test_a_foreign_server_cannot_be_paused_and_the_page_says_why(
     page: Page,
 ) -> None:
     time = await page.hear("time")
-    assert "has not started the server" in time["refusal"]
+    assert "did not start the server" in time["refusal"]
     assert (time["paused"], time["speed"], time["end"]) == (False, 1.0, None)
     await page.send("pace", paused=True)
     assert "cannot be changed" in (await page.hear("error"))["text"]

@@ -125,7 +125,7 @@ def test_robot_without_odometry_is_reported_with_what_it_has(empty_room: Scene) 
             motion_source="odometry",
             drive_unit="rev_per_s",
         )
-    assert str(error.value).endswith("; expected motion from ins or none")
+    assert str(error.value).endswith("; set the motion source to ins or none")
 
 
 def test_laser_maps_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:

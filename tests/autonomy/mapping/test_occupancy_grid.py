@@ -228,7 +228,7 @@ def test_occupancy_is_a_probability_where_cells_are_known() -> None:
 @pytest.mark.filterwarnings("ignore:invalid value")
 def test_beam_without_a_direction_is_an_error(angle: float) -> None:
     report = RangeScan(0.0, "lms200", 0.1, angle, np.ones(3))
-    with pytest.raises(ValueError, match="beams with angles or ranges"):
+    with pytest.raises(ValueError, match="angles or ranges of beams"):
         OccupancyGrid().add(HERE, read_scan(report, max_range=9.0))
 
 

@@ -99,7 +99,7 @@ def test_only_times_covered_by_both_are_compared() -> None:
 def test_trajectories_without_common_times_are_an_error(truth: Trajectory) -> None:
     guess = Trajectory()
     guess.add(5.0, Pose2(0, 0))
-    with pytest.raises(ValueError, match="no time in common"):
+    with pytest.raises(ValueError, match="do not overlap in time"):
         trajectory_errors(guess, truth)
 
 

@@ -102,7 +102,7 @@ def test_start_is_not_checked_if_the_server_announces_none(foliage_room: Scene) 
         (
             {"safety_distance": 1.3, "foliage_density": 1.0},
             NavigationError,
-            r"1\.371 m, .* 1\.00 m seen into foliage",
+            r"1\.371 m, .* the view of 1\.00 m into foliage",
         ),
     ],
 )

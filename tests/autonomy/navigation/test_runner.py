@@ -238,14 +238,14 @@ def test_slam_needs_the_motion_of_an_ins(empty_room: Scene) -> None:
     link = FaultyTransport(Host(empty_room), b"{Type INS}", since=ALWAYS)
     with pytest.raises(ClientError, match="no pose from ins within 2 s") as error:
         go(link, pose_source=PoseSource.SLAM)
-    assert str(error.value).endswith("expected poses from odometry or ground_truth")
+    assert str(error.value).endswith("set the pose source to odometry or ground_truth")
 
 
 @pytest.mark.parametrize(
     ("lines", "hint"),
     [
-        pytest.param(b"nothing", "; expected poses from ins or ground_truth", id="two"),
-        pytest.param(b"{Type INS}", "; expected poses from ground_truth", id="one"),
+        pytest.param(b"nothing", " pose source to ins or ground_truth", id="two"),
+        pytest.param(b"{Type INS}", "; set the pose source to ground_truth", id="one"),
     ],
 )
 def test_robot_without_odometry_is_reported_with_what_it_has(

@@ -170,7 +170,7 @@ def test_fractions_are_clipped_to_zero_and_one() -> None:
 
 
 def test_number_that_no_line_can_hold_is_clipped() -> None:
-    with pytest.warns(RuntimeWarning, match="is clipped"):
+    with pytest.warns(RuntimeWarning, match="was clipped"):
         line = WRITER.write(1e10, "lms200", echoes_of([(90, 0)]), COMPAT)
     assert b"{Time 2147483520.00}" in line
 

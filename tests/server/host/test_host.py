@@ -282,7 +282,7 @@ def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
     assert diagnostic.kind == "start"
     assert diagnostic.text == (
         "start 'Nowhere', expected one of ['RobotStart1', 'RobotStart2', 'RobotStart3']"
-        "; taken as the origin"
+        "; the origin is used"
     )
     assert host.simulation.vehicles[0].robot.pose.x == 0
 
@@ -295,7 +295,7 @@ def test_misspelt_field_is_reported_with_its_effect(host: Host) -> None:
     (diagnostic,) = host.receive(number, init)
     assert diagnostic.kind == "INIT fields, moved"
     assert "INIT field 'Strat' (did you mean 'Start'?), expected" in diagnostic.text
-    assert "]; INIT moved from (0.00, 0.00)" in diagnostic.text
+    assert "]; INIT: robot moved from (0.00, 0.00)" in diagnostic.text
 
 
 def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
@@ -305,7 +305,7 @@ def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
     )
     assert diagnostic.kind == "moved"
     assert re.fullmatch(
-        r"INIT moved from \(10\.40, -1\.00\) to \([0-9.]+, -[0-9.]+\), "
+        r"INIT: robot moved from \(10\.40, -1\.00\) to \([0-9.]+, -[0-9.]+\), "
         "the nearest free place",
         diagnostic.text,
     )

@@ -57,7 +57,7 @@ def record_a_drive(page: CommanderPage) -> Path:
     """Record a robot that drives, by the page, and return the folder."""
     page.add_robot("R1", place=(-8, 0, 0))
     page.page.click("#record")
-    page.until(lambda: "Records to" in page.text("notice"), "for the recording")
+    page.until(lambda: "Recording to" in page.text("notice"), "for the recording")
     # The robot stands at first, so that who plays the recording sees it at its start.
     begun = time_of(page)
     page.until(lambda: time_of(page) > begun + 1.0, "for a second of it")
