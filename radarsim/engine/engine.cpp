@@ -1,5 +1,4 @@
 // The engine: all computations that are too slow in Python. The headers are compiled together, which takes seconds.
-#include "corners.hpp"
 #include "directions.hpp"
 #include "echoes.hpp"
 #include "lines.hpp"

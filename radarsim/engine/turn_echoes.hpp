@@ -10,6 +10,7 @@ constexpr float FAINT = 1e-5f; // in units of the noise; bins with less power ge
 constexpr float BRIGHT = 10.0f;  // in units of the noise; bins with less power are added only to main lobes
 constexpr double SHOULDER = 2e-3; // two-way pattern; where it is weaker, only bins brighter than BRIGHT are added
 constexpr int64_t HASH_LEVELS = 1024;
+constexpr double TEXTURE_CELL = 0.25; // m, side of a cell of the texture; a power of two
 
 struct HashLevel { // the random numbers for one of the levels of a hash
     float amplitude;       // square root of an exponentially distributed power with mean 1
@@ -40,6 +41,44 @@ inline uint64_t mixed(uint64_t word) {
     word = (word ^ (word >> 27)) * 0x94D049BB133111EB;
     return word ^ (word >> 31);
 }
+
+// Find the scatterers at azimuths, which are given by their cosines and negative sines; see speckle.py. The value
+// which[i] is the index of the viewpoint at azimuth i. The array turns has the cosine and the sine of the angle of each
+// direction, with angle 0 in the middle. Keys are the first key of the hash, and the first cell of the texture. Returns
+// whether all indices are valid.
+inline bool find_scatterers(Array<const double[2]> azimuths, Array<const int64_t> which, Array<const Vector> positions,
+                            Array<const Vector[3]> rotations, Array<const Vector> velocities, Array<const double> times,
+                            Array<const double[2]> turns, int64_t directions, double width, double repeat,
+                            double bin_size, double wavelength, double per_speed, double tone,
+                            Array<const uint64_t> keys, Array<Scatterers> found) {
+    for (int64_t i = 0; i < found.size(); i++) {
+        if (which[i] < 0 || which[i] >= times.size()) return false;
+        const Vector &place = positions[which[i]], &velocity = velocities[which[i]];
+        const auto& rows = rotations[which[i]];
+        Vector ahead;
+        for (int j = 0; j < 3; j++) ahead[j] = rows[j][0] * azimuths[i][0] + rows[j][1] * azimuths[i][1];
+        int64_t number = whole_of(rint(atan2(ahead[1], ahead[0]) / width)), middle = turns.size() / 2;
+        if (number < -middle || number >= turns.size() - middle) return false;
+        auto& [x, y, z] = place.numbers;
+        auto& [cosine, sine] = turns[number + middle];
+        double along = x * cosine + y * sine, beside = y * cosine - x * sine;
+        uint64_t key = mixed(keys[0] + uint64_t(number < 0 ? number + directions : number));
+        // While the antenna moves, the scatterers of each direction are replaced at different positions, so that not
+        // all sets change at once.
+        key = mixed(key + HASH_STEP * uint64_t(floor_of(beside / repeat + double(key) / 0x1p64)));
+        // The order of the sum is that of numpy.einsum, which computed it before.
+        double speed = ahead[0] * velocity[0] + ahead[2] * velocity[2] + ahead[1] * velocity[1];
+        double shift = per_speed * speed, start = rint((along - shift) / bin_size);
+        // The phase is given for the middle of the sweep. It includes the phase that the beat component accumulates
+        // until then.
+        double phase = start * tone - 2.0 * along / wavelength, step = bin_size / TEXTURE_CELL;
+        found[i] = {key, whole_of(start), uint64_t(floor_of((phase - floor(phase)) * HASH_LEVELS)) % HASH_LEVELS,
+                    2.0 * HASH_LEVELS * times[which[i]] / wavelength, (x - shift * cosine) / TEXTURE_CELL + keys[1],
+                    (y - shift * sine) / TEXTURE_CELL + keys[2], cosine * step, sine * step};
+    }
+    return true;
+}
+BIND(find_scatterers, "n n v v v v t 3 n")
 
 // Compute the amplitudes of consecutive bins, real and imaginary parts, from their mean power. Moved is the power of
 // objects that the wind moves, and speed is moved times their rms speed, m/s; both are null if nothing moves.

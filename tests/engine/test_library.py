@@ -176,9 +176,7 @@ def test_packed_structure_is_not_copied() -> None:
 
 
 def test_lengths_that_do_not_belong_together_are_rejected() -> None:
-    with pytest.raises(
-        EngineError, match=r"^turn_directions .* with inconsistent lengths"
-    ):
+    with pytest.raises(EngineError, match=r"^turn_directions .*inconsistent lengths"):
         turn(vectors(), which=1)
 
 

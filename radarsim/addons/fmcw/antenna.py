@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3, wrap_angle
@@ -126,7 +126,7 @@ class Viewpoints(NamedTuple):
     velocities: Floats
     times: Floats
 
-    def of(self, which: NDArray[np.int64] | slice) -> "Viewpoints":
+    def of(self, which: slice) -> "Viewpoints":
         """Return the states of the antenna at the given indices."""
         return Viewpoints._make(column[which] for column in self)
 
@@ -139,7 +139,7 @@ def fixed_viewpoints(
     return Viewpoints(
         np.tile(pose.position(), (count, 1)),
         np.tile(pose.rotation(), (count, 1, 1)),
-        np.tile(velocity, (count, 1)),
+        np.tile(np.array(velocity, np.float64), (count, 1)),
         times,
     )
 
@@ -167,5 +167,5 @@ def moving_viewpoints(
     poses = first + shares[:, None] * change
     rotations = np.zeros((len(times), 3, 3))
     engine.fill_rotations(poses[:, 3:].copy(), rotations)
-    velocities = np.tile(velocity, (len(times), 1))
+    velocities = np.tile(np.array(velocity, np.float64), (len(times), 1))
     return Viewpoints(poses[:, :3].copy(), rotations, velocities, times)

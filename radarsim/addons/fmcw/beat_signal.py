@@ -131,9 +131,14 @@ def beat_rows(
     block = max(1, BINS_AT_ONCE // settings.bins)
     starts = range(0, len(field), block)
 
+    window = window_of(settings).astype(np.float32)
+
     def fill(start: int) -> None:
-        rows = slice(start, start + block)
-        _fill_power(settings, first + start, field[rows], tones, streams, power[rows])
+        own, rows = first + start, slice(start, start + block)
+        sweep = sample_sweeps(settings, own, field[rows], tones, streams, window)
+        spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
+        fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
+        engine.square_spectra(fields, noise_shape(settings), power[rows])
 
     threads = min(thread_count(), len(starts))
     if threads > 1:
@@ -143,22 +148,6 @@ def beat_rows(
         for start in starts:
             fill(start)
     return power
-
-
-def _fill_power(
-    settings: FmcwSettings,
-    first: int,
-    field: Power,
-    tones: Tones,
-    streams: NumberedStreams,
-    power: Power,
-) -> None:
-    """Compute the power in all bins of azimuths, with arguments as in ``beat_rows``."""
-    window = window_of(settings).astype(np.float32)
-    sweep = sample_sweeps(settings, first, field, tones, streams, window)
-    spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
-    fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
-    engine.square_spectra(fields, noise_shape(settings), power)
 
 
 def sample_sweeps(

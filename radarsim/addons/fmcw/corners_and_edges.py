@@ -46,10 +46,14 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.special import erf
 
-from radarsim.addons.fmcw.point_echoes import NO_POINTS, Points, head_on_reflection
+from radarsim.addons.fmcw.point_echoes import (
+    NO_POINTS,
+    Points,
+    fresnel_reflections,
+    head_on_reflection,
+)
 from radarsim.addons.fmcw.round_metal import fresnel_square
-from radarsim.addons.fmcw.scattering import lobe_of, mirror_area
-from radarsim.engine import engine
+from radarsim.addons.fmcw.scattering import DENT_AREA, lobe_of, mirror_area
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.tracer import Tracer
@@ -89,7 +93,19 @@ class Facet(NamedTuple):
     slope: float
 
 
-# Corners are rows of the engine's ``Corner``.
+# A line at which two facets meet at a right angle.
+_CORNER: Final = np.dtype(
+    [
+        ("foot", np.float64, 3),  # m, a point on the line, map frame
+        ("along", np.float64, 3),  # unit vector of the line
+        ("ends", np.float64, 2),  # m, ends of the common line, along it from the foot
+        ("normals", np.float64, (2, 3)),  # unit normals of the facets
+        ("depths", np.float64, 2),  # m, widths of the facets from the line
+        ("reflected", np.float64, 2),  # share of power reflected at normal incidence
+        ("is_mirror", np.bool_, 2),  # whether that share is the same at all angles
+        ("slopes", np.float64, 2),  # variances of the facets' slopes, rad^2
+    ]
+)
 _corners: WeakKeyDictionary[Tracer, NDArray[np.void]] = WeakKeyDictionary()
 
 
@@ -104,26 +120,90 @@ def corner_points(tracer: Tracer, origin: Floats, settings: FmcwSettings) -> Poi
     corners = _corners.get(tracer)
     if corners is None:
         corners = _corners[tracer] = _find_corners(tracer)
-    widths = settings.beamwidth_az_deg, settings.beamwidth_el_deg
-    beam = [math.radians(each) ** 2 / (16 * math.log(2)) for each in widths]
-    seen = np.zeros(len(corners), engine.rows["SeenCorner"])
-    count = engine.see_corners(corners, origin, settings.wavelength, *beam, seen)
-    if not count:
+    if not len(corners):
         return NO_POINTS
-    seen = seen[:count]
-    # The shares of the lobe that are both on the corner and in the beam.
-    within = erf(seen["angles"])
-    shares = np.sqrt(seen["lit"]) * (within[:, 1::2] - within[:, ::2]) / 2
-    rcs = seen["rcs"] * (shares[:, 0] * shares[:, 1])
-    order = np.argsort(-rcs / seen["distance"] ** 4, kind="stable")[:MOST_CORNERS]
+    way = origin - corners["foot"]
+    heights = np.einsum("nki,ni->nk", corners["normals"], way)  # above both facets
+    inside = heights.min(axis=1, initial=np.inf) > GAP
+    corners, way, heights = corners[inside], way[inside], heights[inside]
+    place = np.einsum("ni,ni->n", corners["along"], way)
+    distance = np.hypot(*heights.T)
+    rcs = _cross_sections(corners, heights, place, settings)
+    near = np.clip(place, *corners["ends"].T)
+    positions = corners["foot"] + near[:, None] * corners["along"]
+    positions = positions + OFF * corners["normals"].sum(axis=1)
+    order = np.argsort(-rcs / distance**4, kind="stable")[:MOST_CORNERS]
     strongest = order[rcs[order] > LEAST_CORNER]
-    return Points(seen["position"][strongest], rcs[strongest])
+    return Points(positions[strongest], rcs[strongest])
+
+
+def _cross_sections(
+    corners: NDArray[np.void], heights: Floats, place: Floats, settings: FmcwSettings
+) -> Floats:
+    """Return the radar cross sections of corners, (N,) m^2.
+
+    Args:
+        corners: N corners.
+        heights: Heights of the antenna above both facets, (N, 2) m.
+        place: Positions of the antenna along the lines, (N,) m.
+        settings: Settings of the radar.
+    """
+    distance = np.hypot(*heights.T)
+    cosines = heights / distance[:, None]
+    across, along = fresnel_reflections(corners["reflected"], cosines)
+    smooth = (across.prod(axis=1) + along.prod(axis=1)) / 2
+    mirrors = np.where(corners["is_mirror"], corners["reflected"], (across + along) / 2)
+    is_mixed = corners["is_mirror"].any(axis=1)
+    share = np.where(is_mixed, mirrors.prod(axis=1), smooth)
+    half = (corners["depths"] * cosines).min(axis=1)
+    length = np.ptp(corners["ends"], axis=1)
+    # On a facet that is smaller than a dent, slopes are smaller than on a large one.
+    dents = np.minimum(corners["depths"] * length[:, None] / DENT_AREA, 1.0)
+    slopes = corners["slopes"] * dents
+    wavelength = settings.wavelength
+    area = np.minimum(2 * half * length, wavelength * distance / 2)
+    waves = wavelength**2 / (8 * math.pi * area)
+    # Slopes across the common line deflect the wave fully. Slopes along it deflect the
+    # wave in proportion to the cosine of the angle of incidence on the facet.
+    beside, ahead = slopes.sum(axis=1), (slopes * cosines**2).sum(axis=1)
+    widths = [settings.beamwidth_az_deg, settings.beamwidth_el_deg]
+    azimuth, elevation = (
+        math.radians(each) ** 2 / (16 * math.log(2)) for each in widths
+    )
+    is_upright = np.abs(corners["along"][:, 2]) > math.sqrt(0.5)
+    seen = _share_of_lobe(
+        *(beside, waves),
+        np.where(is_upright, azimuth, elevation),
+        np.column_stack([-half, half]) / distance[:, None],
+    )
+    seen *= _share_of_lobe(
+        *(ahead, waves),
+        np.where(is_upright, elevation, azimuth),
+        (corners["ends"] - place[:, None]) / distance[:, None],
+    )
+    return np.asarray(math.pi * distance**2 * share * seen)
+
+
+def _share_of_lobe(
+    slopes: Floats, waves: Floats, beam: Floats, angles: Floats
+) -> Floats:
+    """Return the shares of lobes that are both on the corner and in the beam, (N,).
+
+    Args:
+        slopes: Variances of the reflection angles from slopes, (N,) rad^2.
+        waves: Variances from diffraction at the reflecting zone, (N,) rad^2.
+        beam: Variances of the two-way beam, (N,) rad^2.
+        angles: Lower and upper angle of the corner, (N, 2) rad.
+    """
+    lit = beam / (beam + slopes)
+    within = erf(angles / np.sqrt(2 * (lit * slopes + waves))[:, None])
+    return np.asarray(np.sqrt(lit) * np.ptp(within, axis=1) / 2)
 
 
 def _find_corners(tracer: Tracer) -> NDArray[np.void]:
-    facets, kind = _find_facets(tracer), engine.rows["Corner"]
+    facets = _find_facets(tracer)
     if not facets:
-        return np.zeros(0, kind)
+        return np.zeros(0, _CORNER)
     normals = np.array([each.normal for each in facets])
     low = np.array([each.vertices.min(axis=0) for each in facets]) - GAP
     high = np.array([each.vertices.max(axis=0) for each in facets]) + GAP
@@ -133,7 +213,7 @@ def _find_corners(tracer: Tracer) -> NDArray[np.void]:
         meet &= low[None, :, axis] <= high[:, None, axis]
     pairs = np.argwhere(np.triu(meet))
     found = (_corner_of(facets[i], facets[j]) for i, j in pairs.tolist())
-    return np.array([corner for corner in found if corner is not None], kind)
+    return np.array([corner for corner in found if corner is not None], _CORNER)
 
 
 def _corner_of(first: Facet, second: Facet) -> tuple[object, ...] | None:
@@ -157,9 +237,9 @@ def _corner_of(first: Facet, second: Facet) -> tuple[object, ...] | None:
     low, high = max(ends[0][0], ends[1][0]), min(ends[0][1], ends[1][1])
     if high - low < NARROWEST:
         return None
-    both, normals = (first, second), np.concatenate([first.normal, second.normal])
+    both = (first, second)
     return (
-        *(foot, along, (low, high), normals, depths),
+        *(foot, along, (low, high), [each.normal for each in both], depths),
         [each.reflected for each in both],
         [each.is_mirror for each in both],
         [each.slope for each in both],

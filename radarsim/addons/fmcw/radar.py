@@ -366,7 +366,7 @@ class FmcwRadar:
         columns = np.arange(rows.start * parts, rows.stop * parts + 1)
         azimuths = np.asarray(columns * (self.settings.step / parts), np.float64)
         row = np.minimum(columns // parts - rows.start, len(rows) - 1)
-        found = scatterers_in(self.settings, azimuths, view.of(row), key, _IN_BEAMS)
+        found = scatterers_in(self.settings, azimuths, view, row, key, _IN_BEAMS)
         # After the last column of a revolution the first column follows again. The
         # powers of both passes add up, so their scatterers must be independent.
         found["key"][-1] ^= ~np.uint64(0)
@@ -390,8 +390,9 @@ class FmcwRadar:
             key: Key of the random amplitudes of scatterers; see ``speckle``.
         """
         power = turn.sidelobes()
-        azimuths = self.settings.step * np.array(rows)
-        found = scatterers_in(self.settings, azimuths, view, key, _IN_SIDELOBES)
+        azimuths, settings = self.settings.step * np.array(rows), self.settings
+        own = np.arange(len(rows))
+        found = scatterers_in(settings, azimuths, view, own, key, _IN_SIDELOBES)
         np.add(echoes.power, power, out=echoes.power)
         pairs = echoes.field.reshape(len(rows), len(power), 2)
         engine.add_amplitudes(found, hash_levels(), power, pairs)

@@ -56,67 +56,55 @@ from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import generator_for
 
-Words = NDArray[np.uint64]
-
 TEXTURE_CELLS: Final = 512  # cells along each side of the repeated texture
 TEXTURE_CELL: Final = 0.25  # m, side of a cell
 TEXTURE_LENGTH: Final = 1.0  # m, width of the Gaussian filter of the texture; estimate
 _LEVELS: Final = 1024  # number of levels of amplitudes, phases and speeds
-_MASK: Final = np.uint64(_LEVELS - 1)
-# Increment and factors of the generator SplitMix64 (Steele, Lea and Flood, 2014).
-_STEP: Final = np.uint64(0x9E3779B97F4A7C15)
-_FIRST_FACTOR: Final = np.uint64(0xBF58476D1CE4E5B9)
-_SECOND_FACTOR: Final = np.uint64(0x94D049BB133111EB)
+_STEP: Final = 0x9E3779B97F4A7C15  # distance between the keys of different sets
 # The scatterers in columns of the ray fan as seen from the antenna, as rows for the
 # engine.
 Scatterers: TypeAlias = NDArray[np.void]
 
 
 def scatterers_in(
-    settings: FmcwSettings, azimuths: Floats, view: Viewpoints, key: int, salt: int
+    settings: FmcwSettings,
+    azimuths: Floats,
+    view: Viewpoints,
+    which: NDArray[np.int64],
+    key: int,
+    salt: int,
 ) -> Scatterers:
     """Return the scatterers at N azimuths, (N,).
 
     Args:
         settings: Settings of the radar.
         azimuths: Azimuths, clockwise from straight ahead, (N,) rad.
-        view: Viewpoints of the antenna at these azimuths.
+        view: Viewpoints of the antenna.
+        which: Index of the viewpoint at each azimuth, (N,).
         key: Key of the hash; different keys give independent amplitudes.
         salt: Number of a set of scatterers; different sets are independent.
     """
-    width = settings.step / settings.rays_across
     level = np.stack([np.cos(azimuths), -np.sin(azimuths)], axis=-1)
-    ahead = np.einsum("nij,nj->ni", view.rotations[:, :, :2], level)
-    number = np.rint(np.arctan2(ahead[:, 1], ahead[:, 0]) / width).astype(np.int64)
-    angle = number * width
-    number %= settings.azimuths * settings.rays_across
-    x, y = view.positions[:, 0], view.positions[:, 1]
-    along = x * np.cos(angle) + y * np.sin(angle)
-    beside = y * np.cos(angle) - x * np.sin(angle)
-    base = np.uint64((key + (salt + 1) * int(_STEP)) % 2**64)
-    keys = _mixed(base + number.astype(np.uint64))
-    # While the antenna moves, the scatterers of each direction are replaced at
-    # different positions, so that not all sets change at once.
-    repeat = settings.wavelength / (2 * width)
-    strips = np.floor(beside / repeat + keys / 2.0**64).astype(np.int64)
-    keys = _mixed(keys + _STEP * strips.astype(np.uint64))
-    shift = doppler_shift(settings, np.einsum("ni,ni->n", ahead, view.velocities))
-    starts = np.rint((along - shift) / settings.bin_size).astype(np.int64)
-    # The phase is given for the middle of the sweep. It includes the phase that the
-    # beat component accumulates until then.
-    tone = 0.5 * sample_count(settings) / fft_length(settings)
-    turns = np.remainder(starts * tone - 2 * along / settings.wavelength, 1.0)
-    found = np.zeros(len(keys), engine.rows["Scatterers"])
-    found["key"], found["start"] = keys, starts
-    found["phase"] = (turns * _LEVELS).astype(np.uint64) & _MASK
-    found["drift"] = _LEVELS * 2 * view.times / settings.wavelength
+    first = (key + (salt + 1) * _STEP) % 2**64
     # The key determines the offset of the texture.
     begin = key % TEXTURE_CELLS, key // TEXTURE_CELLS % TEXTURE_CELLS
-    for axis, turned in enumerate((np.cos(angle), np.sin(angle))):
-        place = view.positions[:, axis] - shift * turned
-        found["xy"[axis]] = place / TEXTURE_CELL + begin[axis]
-        found[("dx", "dy")[axis]] = turned * settings.bin_size / TEXTURE_CELL
+    keys = np.array([first, *begin], np.uint64)
+    found = np.zeros(len(azimuths), engine.rows["Scatterers"])
+    engine.find_scatterers(level, which, *view, *_lattice(settings), keys, found)
     return found
+
+
+@lru_cache(maxsize=16)
+def _lattice(settings: FmcwSettings) -> tuple[Floats | float, ...]:
+    """Return the arguments of the engine that describe the lattice of scatterers."""
+    count = settings.azimuths * settings.rays_across
+    width = settings.step / settings.rays_across
+    angles = np.arange(-(count // 2) - 1, count // 2 + 2) * width
+    turns = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    tone = 0.5 * sample_count(settings) / fft_length(settings)
+    wavelength, per_speed = settings.wavelength, float(doppler_shift(settings, 1.0))
+    repeat = wavelength / (2 * width)
+    return turns, count, width, repeat, settings.bin_size, wavelength, per_speed, tone
 
 
 @lru_cache(maxsize=4)
@@ -128,12 +116,6 @@ def clutter_texture(shape: float) -> NDArray[np.float32]:
     smooth = gaussian_filter(noise, TEXTURE_LENGTH / TEXTURE_CELL, mode="wrap")
     factors = gammaincinv(shape, ndtr(smooth / smooth.std()))
     return np.asarray(factors / factors.mean(), np.float32)
-
-
-def _mixed(words: Words) -> Words:
-    words = (words ^ (words >> np.uint64(30))) * _FIRST_FACTOR
-    words = (words ^ (words >> np.uint64(27))) * _SECOND_FACTOR
-    return words ^ (words >> np.uint64(31))
 
 
 @lru_cache(maxsize=1)

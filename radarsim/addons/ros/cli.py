@@ -33,8 +33,9 @@ class BridgeOptions:
     """Options for the protocol and the address at which ROS programs reach the bridge.
 
     Attributes:
-        bridge: Protocol: rosbridge, for clients such as roslibpy; foxglove, which needs
-            the extra 'record'; or dds, for ROS 2 nodes, which needs the extra 'dds'.
+        bridge: Protocol: rosbridge, for roslibpy and roslib (JavaScript); foxglove, the
+            protocol of Foxglove, which needs the extra 'record'; or dds, for ROS 2
+            nodes, which needs the extra 'dds'.
         web: WebSocket port of rosbridge or Foxglove, by default 9090 or 8765; 0 selects
             a free port.
         web_host: Address on which the WebSocket of rosbridge or Foxglove is served.

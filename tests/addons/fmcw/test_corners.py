@@ -20,8 +20,6 @@ from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.beat_signal import Tones
 from radarsim.addons.fmcw.corners_and_edges import corner_points
 from radarsim.addons.fmcw.radar_equation import noise_power
-from radarsim.engine import engine
-from radarsim.errors import EngineError
 from radarsim.geometry import rotation_matrix
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material, library_material
@@ -220,33 +218,3 @@ def test_walls_that_are_not_at_right_angles_send_the_wave_elsewhere() -> None:
         "first", METAL, (first.vertices - middle) @ turn.T + middle, first.faces
     )
     assert cross_section(scene_of(opened, second), 30.0) < -20
-
-
-def test_only_corners_that_open_to_the_antenna_are_seen() -> None:
-    """An antenna at 45 degrees sees both facets of a corner at the same angle."""
-    corners = np.zeros(2, engine.rows["Corner"])
-    corners["along"], corners["ends"] = (0, 0, 1), (-1, 2)
-    corners["normals"] = (1, 0, 0, 0, 1, 0), (-1, 0, 0, 0, 1, 0)
-    corners["depths"], corners["reflected"], corners["slopes"] = (3, 4), 0.5, 0.01
-    corners["is_mirror"] = True
-    seen = np.zeros(2, engine.rows["SeenCorner"])
-    numbers = 0.004, 1e-4, 1e-3  # wavelength, and the beam
-    assert engine.see_corners(corners, np.array([5.0, 5.0, 9.0]), *numbers, seen) == 1
-    # The nearest point of the line is its upper end.
-    assert seen["position"][0] == pytest.approx([0.002, 0.002, 2])
-    distance = 5 * math.sqrt(2)
-    assert seen["distance"][0] == pytest.approx(distance)
-    assert seen["rcs"][0] == pytest.approx(math.pi * distance**2 * 0.25)
-    # Facets have full slopes; along the line, half of their variance.
-    lit = 1e-4 / (1e-4 + 0.02), 1e-3 / (1e-3 + 0.01)
-    assert seen["lit"][0] == pytest.approx(lit)
-    waves = 0.004**2 / (8 * math.pi * 0.002 * distance)
-    across, along = (
-        math.sqrt(2 * (share * slopes + waves)) * distance
-        for share, slopes in zip(lit, (0.02, 0.01), strict=True)
-    )
-    half = 3 / math.sqrt(2)
-    expected = -half / across, half / across, -10 / along, -7 / along
-    assert seen["angles"][0] == pytest.approx(expected)
-    with pytest.raises(EngineError, match="expected an array"):
-        engine.see_corners(corners, np.zeros(3), *numbers, seen[:1])

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 import radarsim
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.speckle import clutter_texture
+from radarsim.addons.fmcw.speckle import clutter_texture, scatterers_in
+from radarsim.errors import EngineError
 from radarsim.geometry import Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
@@ -155,3 +156,31 @@ def test_clutter_has_a_texture_of_gamma_distribution(shape: float) -> None:
     texture = clutter_texture(shape)
     assert texture.mean() == pytest.approx(1, abs=1e-3)
     assert texture.var() == pytest.approx(1 / shape, rel=0.1)
+
+
+def test_scatterers_are_those_of_directions_in_the_map() -> None:
+    """An antenna that turns by nine columns sees the same nine columns earlier."""
+    settings = radar(clutter_shape=1.5).settings
+    count, key = settings.azimuths * settings.rays_across, 2**64 - 5
+    azimuths = np.arange(count) * 2 * math.pi / count
+    which = np.arange(count) % 7
+    found = []
+    for yaw in (0.3, 0.3 + 9 * 2 * math.pi / count):
+        view = fixed_viewpoints(Pose3(8, -5, 2, 0, 0, yaw), np.zeros(7))
+        found.append(scatterers_in(settings, azimuths, view, which, key, 1))
+    first, turned = found
+    assert np.roll(turned, -9).tobytes() == first.tobytes()
+    assert len(np.unique(first["key"])) == count
+    # Directions are whole columns; the nearest ones are those of the azimuths.
+    angles = np.rint((0.3 - azimuths) * count / (2 * math.pi)) * 2 * math.pi / count
+    x, y = np.cos(angles), np.sin(angles)
+    along = (8 * x - 5 * y) / settings.bin_size
+    assert np.abs(first["start"] - along).max() <= 0.5 + 1e-9
+    begin = key % 512 + 8 / 0.25, key // 512 % 512 - 5 / 0.25
+    assert first["x"] == pytest.approx(begin[0])
+    assert first["y"] == pytest.approx(begin[1])
+    assert first["dx"] == pytest.approx(x * settings.bin_size / 0.25, abs=1e-12)
+    assert first["dy"] == pytest.approx(y * settings.bin_size / 0.25, abs=1e-12)
+    for wrong in (-1, 7):
+        with pytest.raises(EngineError, match="do not belong together"):
+            scatterers_in(settings, azimuths, view, which + wrong, key, 1)

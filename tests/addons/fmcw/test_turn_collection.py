@@ -56,7 +56,7 @@ def test_turn_that_is_not_complete_is_no_spectrum(foliage_room: Scene) -> None:
         robot.spectrum("Navtech")
     robot.request_spectra("navtech")
     sim.step(0.3)  # the first turn is not received
-    with pytest.raises(ClientError, match="0.5 s before"):
+    with pytest.raises(ClientError, match="s before"):
         robot.spectrum("Navtech")
     sim.step(0.5)
     assert robot.spectrum("Navtech").power.max() > 0

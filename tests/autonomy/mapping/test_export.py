@@ -134,7 +134,7 @@ def test_open_floor_is_left_out_5_m_beyond_everything() -> None:
 
 def test_map_without_sensed_cells_is_one_unknown_cell() -> None:
     grid = OccupancyGrid()
-    with pytest.raises(ValueError, match="a map without cells"):
+    with pytest.raises(ValueError, match="an empty map"):
         export.commander_png(grid)
     blind = read_scan(RangeScan(0.0, "lms200", 0.1, 1.0, np.zeros(3)), max_range=9.0)
     grid.add(HERE, blind)
