@@ -243,7 +243,7 @@ def node_directions(angles: Floats, offsets: Floats) -> Floats:
 
 
 def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
-    """Return the angles of a beam's K rays to the left and up, rad, and the weights.
+    """Return the azimuths and elevations, rad, and the weights of a beam's K rays.
 
     The offsets of random rays are 0 here, since they are drawn for each scan.
     """

@@ -135,7 +135,7 @@ class RangeScanner:
         noisy = np.asarray(self.noise(ranges.copy(), child), np.float64)
         if noisy.shape != ranges.shape:
             expected = f"expected {ranges.shape}"
-            raise ValueError(f"noise returns ranges of shape {noisy.shape}, {expected}")
+            raise ValueError(f"noise function: shape {noisy.shape}, {expected}")
         return noisy
 
     @cached_property

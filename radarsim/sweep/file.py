@@ -171,13 +171,13 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
         if not path.is_file():
             path = shipped_sweeps().get(path_or_name, path)
         if not path.is_file() and path_or_name.partition("@")[0] in shipped_maps():
-            raise SweepError(f"{path}: a map, {expected}")
+            raise SweepError(f"{path}: is a map, {expected}")
         file = read_yaml(path)
     except OSError as error:
         reason = describe_os_error(error) + did_you_mean(path_or_name, known)
         raise SweepError(f"{path}: {reason}, {expected}") from error
     if isinstance(file.data, dict) and "objects" in file.data:
-        raise SweepError(f"{path}: a map, {expected}")
+        raise SweepError(f"{path}: is a map, {expected}")
     problems = list(file.problems)
     sweep = None
     if not problems:

@@ -244,7 +244,7 @@ def test_map_is_named_as_a_map(small: Path, name: str) -> None:
     run = sweep(name, "-o", small.parent / "out")
     assert run.code == 1
     expected = "expected a sweep file, whose 'map' names maps, or one of "
-    assert run.err.startswith(f"radarsim: {name}: a map, {expected}['foliage_thick")
+    assert run.err.startswith(f"radarsim: {name}: is a map, {expected}['foliage_thick")
 
 
 @pytest.mark.parametrize("by", ["map", "sensor.ray_weights", "sensor.name"])

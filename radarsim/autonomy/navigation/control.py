@@ -187,7 +187,7 @@ class ControlLoop:
                 self.drive(STOP)
                 stopped = True
             reports: list[Report] = []
-            # A single read may time out; only the timeout of all reads is an error.
+            # One read may time out; an error is raised if all reads time out.
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))

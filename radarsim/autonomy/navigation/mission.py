@@ -145,6 +145,6 @@ def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
     if blind := bumpers.blind(scanner.angles + scanner.mount.yaw):
         raise NavigationError(
             f"scanner {scanner.name!r} sees {math.degrees(scanner.fov):.0f} degrees, so"
-            f" the bumpers {', '.join(blind)} are blind;"
+            f" the bumpers {', '.join(blind)} have no beams;"
             f" expected a full circle, as on a {ROBOT}"
         )

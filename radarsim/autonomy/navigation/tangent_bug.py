@@ -134,7 +134,7 @@ class TangentBug(BoundaryController):
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # edge that the robot drives to
         self._shortest_way = math.inf  # m; shortest path over the best edge so far
-        # length, m, of the shortest path so far, and distance, m, driven since then
+        # m; length of the shortest path so far, and distance driven since it was found
         self._way, self._driven = math.inf, 0.0
         self._place: Point | None = None  # target position after leaving a boundary
         self._left_at = math.inf  # m; new edges have to be closer to the goal

@@ -329,5 +329,5 @@ def test_engine_adds_noise_clips_and_applies_the_window_as_numpy_does() -> None:
     engine.add_noise(sweeps, noise, amplitudes, -1.5, 2.5, window)
     assert sweeps[:, :33].tobytes() == expected.tobytes()
     assert not sweeps[:, 33:].any()
-    with pytest.raises(EngineError, match="do not belong together"):
+    with pytest.raises(EngineError, match="inconsistent lengths"):
         engine.add_noise(sweeps, noise, amplitudes, -1.5, 2.5, np.ones(41, np.float32))

@@ -90,5 +90,5 @@ def test_solid_angles_of_divided_cells_add_up() -> None:
 
 def test_columns_beyond_the_circle_are_refused() -> None:
     for first in (-1, COLUMNS):
-        with pytest.raises(EngineError, match="do not belong together"):
+        with pytest.raises(EngineError, match="inconsistent lengths"):
             divided(posts(1, 0), first)

@@ -182,5 +182,5 @@ def test_scatterers_are_those_of_directions_in_the_map() -> None:
     assert first["dx"] == pytest.approx(x * settings.bin_size / 0.25, abs=1e-12)
     assert first["dy"] == pytest.approx(y * settings.bin_size / 0.25, abs=1e-12)
     for wrong in (-1, 7):
-        with pytest.raises(EngineError, match="do not belong together"):
+        with pytest.raises(EngineError, match="inconsistent lengths"):
             scatterers_in(settings, azimuths, view, which + wrong, key, 1)
