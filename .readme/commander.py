@@ -23,7 +23,7 @@ BEHIND = 8.0  # m, beyond the hedge
 
 def add_robot(page: Page) -> None:
     """Add a robot that has a radar and a laser, and select a beam of the radar."""
-    page.locator("#spawn [name=where]").select_option("at a place")
+    page.locator("#spawn [name=where]").select_option("at a pose")
     for key, value in PLACE.items():
         page.locator(f"#spawn [name={key}]").fill(value)
     page.locator("#spawn button.main").click()

@@ -152,7 +152,7 @@ inline bool divide_cells(Array<const Vector[2]> bounds, Array<const Vector> posi
         double low = row_at(seen.low), high = row_at(seen.high), wide = seen.width / width, tall = high - low;
         // Only the part of an object inside the beam counts for an azimuth.
         bool is_thin = minimum(wide, beam) * tall < ENOUGH_RAYS && tall > 0.0 && low >= 0.0 && high <= rows;
-        if (!is_thin || !(seen.width < M_PI) || !isfinite(wide)) continue;
+        if (!is_thin || !(seen.width < M_PI) || !isfinite(seen.azimuth)) continue;
         // The first column may be negative, and the last one beyond the full circle.
         double begin = floor(seen.azimuth / width), end = floor((seen.azimuth + seen.width) / width);
         double aside = parts_of(RAYS_ACROSS, wide), above = parts_of(RAYS_UP, tall);

@@ -62,7 +62,7 @@ inline bool find_scatterers(Array<const double[2]> azimuths, Array<const int64_t
         auto& [x, y, z] = place.numbers;
         auto& [cosine, sine] = turns[number + middle];
         double along = x * cosine + y * sine, beside = y * cosine - x * sine;
-        uint64_t key = mixed(keys[0] + uint64_t(number < 0 ? number + directions : number));
+        uint64_t key = mixed(keys[0] + uint64_t(number) + (number < 0 ? uint64_t(directions) : 0));
         // While the antenna moves, the scatterers of each direction are replaced at different positions, so that not
         // all sets change at once.
         key = mixed(key + HASH_STEP * uint64_t(floor_of(beside / repeat + double(key) / 0x1p64)));
