@@ -96,13 +96,15 @@ export function writeFinding(world, view) {
 function sentence(world) {
   const { robot, scan } = world;
   const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
+  let verb = "pass through objects";
   const parts = scans.map((one) => {
     const { beams, through, returned } = world.countBeams(one);
     if (!returned) return `no ${one.kind} readings${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
     const told = robot.echoes?.some((echoes) => echoes.scanner === one.scanner && echoes.objects.length);
     if (!told) return `${sensorName(one)}: ${returned} of ${beams} beams have a reading`; // echoes have not arrived yet
-    const count = through || "none";
-    return `${count} of ${beams} ${one.kind} beams pass through objects`;
+    const text = `${through || "none"} of ${beams} ${one.kind} beams ${verb}`;
+    verb = "do";
+    return text;
   });
   if (!parts.length) return `${robot.name} has no scan yet.`;
   const rest = world.hello.watch ? "" : "; this server does not report echoes";
