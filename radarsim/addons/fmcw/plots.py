@@ -157,7 +157,7 @@ def _draw_outlines(axes: Axes, lines: Floats) -> None:
     limits = axes.get_xlim(), axes.get_ylim()
     # The lines are thin, so that they do not hide the echoes.
     style: dict[str, Any] = {"colors": TRUTH, "linewidths": 0.6, "alpha": 0.8}
-    outlines = LineCollection(list(lines), **style, label="what is truly there")
+    outlines = LineCollection(list(lines), **style, label="true outlines")
     axes.add_collection(outlines, autolim=False)
     axes.set(xlim=limits[0], ylim=limits[1])
     place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
@@ -175,7 +175,7 @@ def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> No
     ranges = (x0 + share * (x1 - x0))[(share >= 0) & (share <= 1)]
     ranges = ranges[(ranges > 0) & (ranges < reach)]
     for number, one in enumerate(np.unique(np.round(ranges, 3)).tolist()):
-        text = "what is truly there" if number == 0 else None
+        text = "true outlines" if number == 0 else None
         axes.axvline(one, color=TRUTH, linewidth=1.0, label=text, zorder=0)
 
 

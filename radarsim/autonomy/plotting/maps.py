@@ -230,7 +230,7 @@ def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
         if each in classes
     ]
     path = Line2D([], [], **PATH, label="path")
-    outline = Line2D([], [], **_TRUTH, label="what is truly there")
+    outline = Line2D([], [], **_TRUTH, label="true outlines")
     return [*cells, path, outline] if truth else [*cells, path]
 
 

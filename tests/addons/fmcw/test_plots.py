@@ -31,7 +31,7 @@ def outlines(axes: Axes) -> LineCollection:
     (lines,) = (
         each
         for each in axes.findobj(LineCollection)
-        if each.get_label() == "what is truly there"
+        if each.get_label() == "true outlines"
     )
     assert isinstance(lines, LineCollection)
     return lines
@@ -75,7 +75,7 @@ def test_ascope_has_an_axis_in_decibels_and_marks_surfaces(turn: Spectrum) -> No
     assert "dBm" in axes.get_ylabel()
     marks = [line for line in axes.lines if line.get_color() == TRUTH]
     assert [line.get_xdata()[0] for line in marks] == pytest.approx([9.0, 11.0])  # type: ignore[index]
-    assert len([m for m in marks if m.get_label() == "what is truly there"]) == 1
+    assert len([m for m in marks if m.get_label() == "true outlines"]) == 1
 
 
 def test_map_lies_over_both_pictures(turn: Spectrum) -> None:

@@ -68,7 +68,7 @@ def legend(figure: Figure) -> set[str]:
 
 def test_legend_lists_what_is_there() -> None:
     known = legend(maps.map_figure([view_of(grid_of(5.0), outlines=PLAN)]))
-    assert known == {"not sensed", "free", "solid", "path", "what is truly there"}
+    assert known == {"not sensed", "free", "solid", "path", "true outlines"}
     empty = legend(maps.map_figure([view_of(grid_of(2.0, ends=False))]))
     assert empty == {"not sensed", "free", "path"}
 
@@ -168,7 +168,7 @@ def test_legend_of_a_film_lists_what_the_scene_has() -> None:
     known = maps.MapFrames(view_of(grid, outlines=(*PLAN, bush)))
     unknown = maps.MapFrames(view_of(grid))
     always = {"not sensed", "free", "solid", "path"}
-    assert legend(known.figure) == {*always, "foliage", "what is truly there"}
+    assert legend(known.figure) == {*always, "foliage", "true outlines"}
     assert legend(unknown.figure) == {*always, "foliage", "smoke or dust"}
 
 
