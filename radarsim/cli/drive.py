@@ -31,7 +31,7 @@ def drive(
         server: The server.
         robot: Class of the robot to spawn.
         start: Name of a start pose of the map; by default the first free one.
-        speed: Initial speed; the keys + and - change it.
+        speed: Initial speed, at most the robot's; + and - change it.
         scanner: Name of the scanner to show; by default the first one.
         drive_unit: Unit of wheel speeds that the server expects.
 

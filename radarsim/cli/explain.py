@@ -200,7 +200,7 @@ def as_text(report: dict[str, Any]) -> list[str]:
     else:
         lines.append(f"followed to a loss of {full:.1f} dB one way")
     if report["air"]:
-        taken = f"{report['air']:.6f} {'of it' if full is None else 'dB'} per metre"
+        taken = f"{report['air']:.6f} {'of power' if full is None else 'dB'} per metre"
         lines.append(f"everywhere: the air takes {taken}")
     met = [(row["entry"], _crossing_text(row, full)) for row in report["crossings"]]
     met += [(row["at"], _mirror_text(row, full)) for row in report["mirrors"]]

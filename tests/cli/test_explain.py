@@ -198,7 +198,7 @@ def test_attenuation_of_air_is_printed(tmp_path: Path) -> None:
     (tmp_path / "fog.yaml").write_text(BLACK.replace("starts:", "air: fog\nstarts:"))
     ahead = ("--sensor", "physical", "--pose", "0,0,0", "--beam", "90")
     run = radarsim("explain", tmp_path / "fog.yaml", *ahead)
-    assert "everywhere: the air takes 0.055000 of it per metre" in run.text
+    assert "everywhere: the air takes 0.055000 of power per metre" in run.text
     assert "reads 4.5000 m, its first echo" in run.text
 
 
