@@ -6,6 +6,7 @@ import asyncio
 import gc
 import logging
 import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -390,6 +391,8 @@ async def serve(
         # would take some 90 ms and delay scans.
         gc.collect()
         gc.freeze()
+        # Computing an FMCW radar in a thread would otherwise delay ticks by up to 5 ms.
+        sys.setswitchinterval(0.001)
         await server.start(address, port)
         for companion in companions:
             await companion.start(address)
