@@ -96,7 +96,7 @@ def test_start_is_not_checked_if_the_server_announces_none(foliage_room: Scene) 
         (
             {"robot_class": "P3AT"},
             NavigationError,
-            "so the bumpers back_left, back, back_right have no beams",
+            "sees 180 degrees, so the bumpers back_left, back, back_right have no beam",
         ),
         ({"safety_distance": 0.36}, NavigationError, r"expected at least 0\.371 m"),
         (
